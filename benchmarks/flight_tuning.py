@@ -75,7 +75,7 @@ def tuned(axis: Axis, scheme: str) -> Qualified:
 
 
 PAGES = Path(__file__).parents[1] / "docs" / "guides"
-HEADS = ("scheme", "numbers", "RMS e", "delay borne [ms]", "over asked", "gain up", "gain down")
+HEADS = ("scheme", "numbers", "RMS e", "tolerated delay [ms]", "over required", "gain up", "gain down")
 
 
 def row(scheme: str, found: Qualified, rule: Rule) -> list[str]:

@@ -17,7 +17,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "laboratory" / "quadrotor-flights.tx
 def table(document: dict[str, Any]) -> str:
     """In Markdown: a row for each scheme, with its rotors' activity without a failure and the delay that it tolerates."""
     names = list(document["failures"])
-    heads = ["scheme", *(f"`{name}`" for name in names), "rotors, `none` [N/s]", "delay borne [ms]"]
+    heads = ["scheme", *(f"`{name}`" for name in names), "rotors, `none` [N/s]", "tolerated delay [ms]"]
     rows = [heads, ["---"] * len(heads)]
     for scheme, flights in document["controllers"].items():
         rotors, delay = flights["none"]["rotor_travel"], 1e3 * document["delay_borne"][scheme]

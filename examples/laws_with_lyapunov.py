@@ -18,9 +18,9 @@ from barbalat.interfaces import EstimateSet, Known, Lyapunov, Role, Value
 
 
 def require_one_input(name: str, known: Known) -> None:
-    """InputError for a plant that these laws do not take."""
+    """InputError for a plant that these laws do not support."""
     if known.inputs > 1 or known.matched.gain_unknown:
-        raise InputError(f"{name} takes plants with one input of known gain")
+        raise InputError(f"{name} supports only plants with one input of known gain")
 
 
 class Tuned(NamedTuple):
@@ -233,7 +233,7 @@ class ConcurrentLearning:
     """MRAC that adapts by the tracking error and by recorded data, which need no persistent excitation.
 
     Source: Chowdhary and Johnson, Concurrent learning for convergence in adaptive control without persistency of excitation,
-    CDC 2010, with an integral in the place of the stack of recorded points.
+    CDC 2010, with an integral in place of the stack of recorded points.
 
     gamma       adaptive gain > 0
     gamma_c     weight of the recorded data > 0

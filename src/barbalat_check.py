@@ -928,11 +928,15 @@ def worst_V(c: Controller, line: dict[str, Any]) -> arb:
 def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """|e|^2 <= V/lambda_min, and e_i^2 <= V (P^-1)_ii, which the bound under the command uses.
 
-    Over intervals of omega V(0) of the direct MRAC is largest at their ends.
+    Over intervals of omega V(0) of the direct MRAC is largest at their ends. What holds for every command holds for the case's.
     """
     of_command = line["key"] == "error_bound_command"
+    if of_command and line.get("witness", {}).get("follows_from") == "error_bound_worst":
+        at_least(value, c.earlier("error_bound_worst"), "the bound for this command")
+        return
     if c.scheme in ("l1", "linear", "adrc"):
         at_least(value, along_the_command(c, line) if of_command else for_all_commands(c, line), "the bound of |e|")
+        c.proven[line["key"]] = arb(number(value))
         return
     theta, least = c.require_theta_known(), 1 / widest(c.P) if of_command else c.earlier("lambda_min")
     if c.scheme != "mrac-direct":

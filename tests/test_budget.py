@@ -125,8 +125,8 @@ def test_long_work_is_told_once_and_short_work_never():
             require("n", 1, lambda _, seconds=seconds: Estimate(2.0**30, seconds), what=f"{seconds} s of work")
         require("n", 1, lambda _: Estimate(seconds=1000.0))  # without a word for it nothing is reported
     assert told == [
-        "40.0 s of work: about 40 s of computing and 1 GiB of memory by estimate",
-        "100.0 s of work: about 100 s of computing and 1 GiB of memory by estimate",
+        "40.0 s of work: estimated at about 40 s of computing and 1 GiB of memory",
+        "100.0 s of work: estimated at about 100 s of computing and 1 GiB of memory",
     ]
 
 
@@ -284,7 +284,7 @@ for name, size in t.SIZES.items():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit a process's memory so")
 def test_no_refusal_takes_memory():
-    """Each of them in one process that gets no more than 3 GiB, addresses of libraries included."""
+    """Every refusal is raised in one process that may use at most 3 GiB of address space, libraries included."""
     script = LIMITED.format(tests=str(Path(__file__).parent))
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=300)
     assert run.stdout.splitlines() == list(SIZES), run.stderr[-2000:]

@@ -51,7 +51,7 @@ def test_what_does_not_apply_says_why(problems):
     from foreign import Plain
 
     values = certify(problems[2], [Plain(5.0)], SIMULATION)["plain"].values
-    assert said(values, "error_bound") == "error_bound does not apply to this case: none known"
+    assert said(values, "error_bound") == "error_bound does not apply to this case: no proof is known for this controller"
     assert values.get("error_bound") is None and "error_bound" not in values
 
 

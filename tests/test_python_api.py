@@ -75,7 +75,7 @@ def test_a_plant_in_every_form():
         np.testing.assert_allclose(plant.A_m, A_m, atol=1e-12)
         np.testing.assert_allclose(plant.theta, [4.0, -3.0], atol=1e-12)
     assert "either A_m or poles" in refusal(lambda: barbalat.Plant(A=A, b=b))
-    assert "state space" in refusal(lambda: barbalat.Plant.from_system(control.tf([1.0], [1.0, 1.0]), poles=[-1.0]))
+    assert "state-space model" in refusal(lambda: barbalat.Plant.from_system(control.tf([1.0], [1.0, 1.0]), poles=[-1.0]))
 
 
 def test_an_output_plant_of_other_packages():

@@ -121,7 +121,7 @@ def test_who_waits_for_a_pipe_is_told(tmp_path, monkeypatch, given):
     with Budget(told=tell):
         assert contents(pipe, "the file", BYTE) == given + b" = 1"
     writer.join()
-    here = "4 bytes of it are here" if given else "nothing of it is here yet"
+    here = "4 bytes of it received" if given else "nothing received yet"
     assert told == [f"waiting for the file {str(pipe)!r}: {here}; Ctrl-C ends the wait"]
 
 
@@ -206,7 +206,7 @@ def test_a_matlab_file_that_is_cut_short_is_no_matlab_file(tmp_path, cut):
     file = tmp_path / "cut.mat"
     savemat(file, {"t": np.arange(1000.0), "r": np.ones(1000)}, do_compression=True)
     file.write_bytes(file.read_bytes()[:cut])
-    with pytest.raises(InputError, match=r"cannot be read: it is no MATLAB file|has no variable"):
+    with pytest.raises(InputError, match=r"cannot be read: it is not a MATLAB file|has no variable"):
         Recorded.from_mat(file)
 
 

@@ -1,4 +1,4 @@
-"""The finished pages are mended for screen readers, and read once more.
+"""The finished pages are corrected for screen readers, and read once more.
 
 Links inside the site must lead somewhere, nothing may be fetched from outside, no picture may be missing. A build has no network,
 so of a link to outside only its form is looked at.
@@ -86,7 +86,7 @@ def keep_reproduction(app: Sphinx, exception: Exception | None) -> None:
 
 
 def mend(app: Sphinx, exception: Exception | None) -> None:
-    """Give the finished pages what accessibility asks for."""
+    """Add to the finished pages what accessibility requires."""
     if exception is not None or app.builder.format != "html":
         return
     for path in Path(app.outdir).rglob("*.html"):

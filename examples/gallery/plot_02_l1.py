@@ -3,8 +3,8 @@ L1 adaptive control, at two steps
 =================================
 
 The same controller, with a gain of 10000, at the step of the paper's Figure 3 and at that of Figure 4. The oscillation
-of the estimates belongs to the solver, and the run says so. Shaded: from the least to the greatest value of every step between
-two recorded instants.
+of the estimates belongs to the solver, and the run says so. Shaded: from the smallest to the largest value over every step
+between two recorded instants.
 """
 
 import matplotlib.pyplot as plt

@@ -2,7 +2,7 @@
 Robust MRAC and its auxiliary input
 ===================================
 
-The error that is left shrinks in proportion to the time constant tau of the auxiliary input.
+The remaining error shrinks in proportion to the time constant tau of the auxiliary input.
 """
 
 from barbalat import RobustMrac, Simulation, load_case, simulate

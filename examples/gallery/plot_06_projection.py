@@ -2,7 +2,8 @@
 Projection onto a box and onto a ball
 =====================================
 
-The path of the estimates in the plane of the parameters. Both sets contain the true parameters; neither is ever left.
+The path of the estimates in the plane of the parameters. Both sets contain the true parameters, and the estimates never leave
+them.
 """
 
 from dataclasses import replace

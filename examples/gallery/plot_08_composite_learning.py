@@ -2,8 +2,8 @@
 Composite learning
 ==================
 
-A command that excites the plant for five seconds only. The memory of past data keeps learning after that, the law
-without memory stops.
+A command that excites the plant for five seconds only. The law with a memory of past data keeps learning after that; the law
+without one stops.
 """
 
 from dataclasses import replace

@@ -2,7 +2,7 @@
 A sampled law that no gain destabilises numerically
 ===================================================
 
-How much the estimates move per second, over the gain, at a sample time of 1 ms: explicit Euler steps chatter, the
+How much the estimates move per second, over the gain, at a sample time of 1 ms: explicit Euler steps chatter; the
 midpoint form does not.
 """
 

@@ -2,7 +2,7 @@
 An input with limits
 ====================
 
-Where the actuator saturates, a law that ignores the saturation learns from an error that no estimate can remove. With the
+When the actuator saturates, a law that ignores the saturation learns from an error that no estimate can remove. With the
 modified error it does not.
 """
 

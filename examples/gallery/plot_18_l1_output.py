@@ -2,7 +2,7 @@
 L1 output feedback is a linear controller
 =========================================
 
-Inside its projection bounds it can be replaced by a transfer function. The difference of the two runs is rounding.
+Inside its projection bounds it can be replaced by a transfer function. The two runs differ only by rounding.
 """
 
 import matplotlib.pyplot as plt

@@ -1,6 +1,6 @@
 """
-A linear robust design beside the adaptive ones
-===============================================
+A linear robust design and the adaptive ones
+============================================
 
 A PI controller and an H-infinity design on the same plant, with 10 ms of delay that no design knows.
 """

@@ -2,7 +2,7 @@
 A law of your own
 =================
 
-Two small classes of plain NumPy run beside the built-in ones: here a law that adapts on the sign of the error's
+Two small classes of plain NumPy run together with the built-in ones: here a law that adapts on the sign of the error's
 direction, smoothed.
 """
 

@@ -2,7 +2,7 @@
 Commands and disturbances
 =========================
 
-All kinds of signals can be a command or a disturbance. Those that jump say when, and the solver cuts its steps there.
+All kinds of signals can be a command or a disturbance. Signals that jump declare when, and the solver divides its steps there.
 """
 
 import matplotlib.pyplot as plt

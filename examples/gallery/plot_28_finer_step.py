@@ -2,7 +2,7 @@
 Whose oscillation is it?
 ========================
 
-A run that left its solver's region of stability is repeated at a finer step, and the sentence says whether the
+A run that left its solver's region of stability is repeated at a finer step, and the report says whether the
 oscillation was the solver's or the loop's.
 """
 

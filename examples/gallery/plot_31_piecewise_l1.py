@@ -2,8 +2,8 @@
 The L1 law that flies
 =====================
 
-The disturbance of a quadrotor's pitch, and its estimate by the piecewise-constant law at 400 Hz: from 4 s on a mass hangs beside
-the centre. The estimate is the difference of two measurements; the law is a linear controller, whose margins are exact.
+The disturbance of a quadrotor's pitch, and its estimate by the piecewise-constant law at 400 Hz: from 4 s on a mass hangs off
+centre. The estimate is the difference of two measurements; the law is a linear controller, whose margins are exact.
 """
 
 import matplotlib.pyplot as plt

@@ -10,7 +10,7 @@ def main() -> int:
 
         return command_line()
     except KeyboardInterrupt:  # before the command has begun, or after its end
-        if sys.stderr is not None:  # as where it is closed
+        if sys.stderr is not None:  # None if it is closed
             sys.stderr.write("interrupted\n")
         exec("")  # see barbalat.cli
         return 130

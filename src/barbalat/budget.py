@@ -14,9 +14,12 @@ import re
 from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Self, TypeVar
 
 from barbalat.validate import InputError, positive, show
+
+Given = TypeVar("Given")
+Found = TypeVar("Found")
 
 KIB, MIB, GIB = 2.0**10, 2.0**20, 2.0**30
 MINUTE, HOUR, DAY, YEAR = 60.0, 3600.0, 86400.0, 365.25 * 86400.0
@@ -90,7 +93,7 @@ class Budget:
             return
         self.announced.append(cost.seconds)
         memory = f" and {in_bytes(cost.memory)} of memory" if cost.memory >= GIB / 4 else ""
-        self.told(f"{what}: about {in_time(cost.seconds)} of computing{memory} by estimate")
+        self.told(f"{what}: estimated at about {in_time(cost.seconds)} of computing{memory}")
 
 
 QUANTITY = re.compile(r"(\d+(?:\.\d*)?(?:e\d{1,2})?)\s*([a-z]+)", re.IGNORECASE)
@@ -117,6 +120,20 @@ _DEFAULT = Budget()
 def in_force() -> Budget:
     """The innermost budget around the caller, or the default budget."""
     return (_IN_FORCE.get() or (_DEFAULT,))[-1]
+
+
+def carried(work: Callable[[Given], Found]) -> Callable[[Given], Found]:
+    """The function for other threads, with the budget that is in force here."""
+    budgets = _IN_FORCE.get()
+
+    def inside(given: Given) -> Found:
+        token = _IN_FORCE.set(budgets)
+        try:
+            return work(given)
+        finally:
+            _IN_FORCE.reset(token)
+
+    return inside
 
 
 def require(

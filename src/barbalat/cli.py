@@ -36,25 +36,25 @@ from barbalat.commands.progress import say
 from barbalat.commands.streams import OutputLost, notes, results
 
 COMMANDS = (
-    reproduce,
+    new,
+    cases,
     run,
     certify,
-    sweep,
+    explore,
+    design,
     tune,
     contest,
-    design,
     tradeoff,
+    sweep,
     identify,
-    explore,
     export,
     fly,
     claims,
-    cases,
-    new,
+    reproduce,
     schema,
     completion,
 )
-"""The commands in the order of the help."""
+"""The commands in the order of the help, in which a new user needs them."""
 FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
 """Exit codes; the last three are the shell's codes for an end by SIGINT, SIGPIPE and SIGTERM."""
 COLLECT_EVERY = 50_000
@@ -120,7 +120,7 @@ def _budget(options: argparse.Namespace) -> contextlib.AbstractContextManager[ob
 
 
 def _parser() -> Parser:
-    description = "Design, certify, simulate adaptive controllers, and find out which claims about them are true."
+    description = "Design, certify, simulate and deploy adaptive controllers, and find out which claims about them are true."
     parser = Parser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

@@ -145,7 +145,7 @@ class Lyapunov:
     """A Lyapunov function of the loop, for ``certify`` to check: V' <= -W along (1), (2) and the law's own equations.
 
     V            a quadratic form in e, the state and theta
-    W            the least decrease of V, nowhere negative; 0 by default
+    W            the smallest decrease of V, nowhere negative; 0 by default
     zero         quantities that are zero at t = 0 and stay zero, such as z - theta'phi_f of a filtered model: a number or an
                  array
     nonnegative  symmetric matrices in the state that stay positive semidefinite, such as the integral of phi phi': one or a tuple

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from barbalat import budget
 from barbalat.budget import Estimate
-from barbalat.validate import InputError
+from barbalat.validate import InputError, counted
 
 PART_BYTES = 1 << 20
 """Bytes that are requested at once, whatever the budget allows."""
@@ -54,7 +54,7 @@ def _announced(name: str, found: bytearray) -> Iterator[None]:
         return
 
     def tell() -> None:
-        here = f"{len(found)} bytes of it are here" if found else "nothing of it is here yet"
+        here = f"{counted(len(found), 'byte')} of it received" if found else "nothing received yet"
         told(f"waiting for {name}: {here}; Ctrl-C ends the wait")
 
     timer = threading.Timer(WAITED_SECONDS, tell)
@@ -67,4 +67,4 @@ def _announced(name: str, found: bytearray) -> Iterator[None]:
 
 
 def _require(name: str, size: int, each: Estimate, given: str) -> None:
-    budget.require(name, size, each.times, given=given, fits=lambda n: f"at most {n} bytes", what=f"reading {name}")
+    budget.require(name, size, each.times, given=given, fits=lambda n: f"at most {counted(n, 'byte')}", what=f"reading {name}")

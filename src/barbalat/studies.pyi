@@ -17,9 +17,9 @@ from .comparison.tune.result import Tuning as Tuning
 from .comparison.tune.tune import tune as tune
 from .explorer.explorer import Explorer as Explorer
 from .explorer.explorer import explore as explore
-from .identify.identification import Identification as Identification
 from .identify.identification import identify as identify
 from .identify.recording import Recording as Recording
+from .identify.result import Identification as Identification
 from .judge.specification import Specification as Specification
 from .run.engine.check_numerics import check_numerics as check_numerics
 from .study.delay_margin import DelayMargins as DelayMargins

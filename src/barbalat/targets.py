@@ -1,6 +1,6 @@
 """Requirements of commands on a case beyond those of simulation: declared here, checked by commands, shown in the docs.
 
-A scheme itself declares which plants it does not take (``Scheme.beyond``) and, by its ``knobs``, which settings are tuned; the
+A scheme itself declares which plants it does not support (``Scheme.beyond``) and, by its ``knobs``, which settings are tuned; the
 protocols of a signal determine how a page represents it. Classes from outside the package are asked in the same way.
 """
 
@@ -51,7 +51,7 @@ NO_CLOCK = Need(
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """A command, or one of its options, that does not take every case.
+    """A command, or one of its options, that does not accept every case.
 
     command  the command as it is typed
     called   its name in sentences
@@ -67,7 +67,7 @@ class Target:
     tunable: bool = False
 
     def require(self, problem: TrackingProblem) -> None:
-        """InputError for a problem that the target does not take."""
+        """InputError for a problem that the target does not accept."""
         for need in self.problem:
             if not need.met(problem):
                 raise InputError(f"{self.called} needs {need.otherwise}")
@@ -88,8 +88,8 @@ def require_sampled(name: str, *, sampled: bool) -> None:
     """InputError for a controller that does not act at samples if a target requires samples."""
     if not sampled:
         raise InputError(
-            f"{name} is continuous, and a flight computer runs from sample to sample: give it a sample_time in "
-            "the case file, or wrap it as Sampled(controller=..., sample_time=...)"
+            f"{name} is continuous, but a flight computer works from sample to sample: give it a sample_time [s] in its "
+            "[[controller]] table, or wrap it as Sampled(controller=..., sample_time=...)"
         )
 
 
@@ -116,9 +116,9 @@ def in_pages(signal: object) -> str:
 
 
 def left_out(scheme: type) -> str:
-    """What a scheme does not take, and which targets do not take it, in sentences; empty if there is nothing to say."""
+    """What a scheme does not support, and which targets do not accept it, in sentences; empty if there is nothing to say."""
     beyond = beyond_of(scheme)
-    said = [f"Takes no plant with {' or '.join(beyond)}."] if beyond else []
+    said = [f"Does not support plants with {' or '.join(beyond)}."] if beyond else []
     of_output = getattr(scheme, "feedback", "state") == "output"
     closed = [one for one in TARGETS if (one.tunable and not is_tunable(scheme)) or (of_output and MEASURED_STATE in one.problem)]
     if closed:

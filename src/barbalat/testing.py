@@ -73,7 +73,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
     problems  problems by name, instead of ``problem_kinds``
 
     Raises CheckFailed with all failures, and InputError for an object that is neither a controller nor a law. A problem that
-    ``bind`` refuses with an InputError is no failure if another one is accepted.
+    ``bind`` refuses with an InputError does not count as a failure if another one is accepted.
     """
     controller = _controller(law)
     kinds = problem_kinds(feedback_of(controller)) if problems is None else problems
@@ -101,7 +101,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
         wrong.extend(["none of the problems can be used", *told])
     if wrong:
         listed = "\n".join(f"  {sentence}" for sentence in wrong)
-        raise CheckFailed(f"{controller.name} does not keep what a controller has to:\n{listed}")
+        raise CheckFailed(f"{controller.name} does not do what a controller must do:\n{listed}")
     return Report(controller.name, tuple(told))
 
 
@@ -174,9 +174,9 @@ def _checks(problem: TrackingProblem) -> Iterator[Check]:
 
 
 def _traces(problem: TrackingProblem, controller: Controller) -> str:
-    """The equations give the same on numbers and on symbols."""
+    """The equations give the same results for numbers and for symbols."""
     check_controller(controller, problem)
-    return "its equations say the same on numbers and on symbols"
+    return "its equations give the same results on numbers and on symbols"
 
 
 def _agrees_with_scipy(problem: TrackingProblem, controller: Controller) -> str:
@@ -195,7 +195,7 @@ def _agrees_with_scipy(problem: TrackingProblem, controller: Controller) -> str:
             f"after {simulation.t_end:g} s its run differs by {apart:.2g} from SciPy's integration, and with half the step by "
             f"{then:.2g}: does limit move states of which derivative knows nothing?"
         )
-    return f"its run is what SciPy integrates, to {apart:.1g} at states up to {size:.2g}"
+    return f"its run agrees with SciPy's integration to within {apart:.1g} at states up to {size:.2g}"
 
 
 def _simulation(problem: TrackingProblem, controller: Controller) -> Simulation:
@@ -289,8 +289,8 @@ def _is_alone_what_it_is_among_others(problem: TrackingProblem, controller: Cont
     together = simulate_ensemble(members, simulation).metrics.max_abs_e
     alone = [simulate(one, [controller], simulation)[controller.name].metrics.max_abs_e[0] for one, _ in members]
     if not np.array_equal(together, np.array(alone), equal_nan=True):
-        raise CheckFailed("a member of an ensemble is another run than it is alone: something is remembered outside the state")
-    return "the members of an ensemble have the bits of single runs"
+        raise CheckFailed("a member of an ensemble differs from the same run alone: something is remembered outside the state")
+    return "the members of an ensemble equal single runs bit for bit"
 
 
 def _sampled(problem: TrackingProblem, controller: Controller) -> Controller:
@@ -339,4 +339,4 @@ def _has_the_bits_of_its_export(problem: TrackingProblem, controller: Controller
         raise CheckFailed(f"the exported C refuses {found.refused} of its samples")
     if differs := found.differs_from(origin):
         raise CheckFailed(f"the exported C is not the simulation: {differs}")
-    return "the exported C has the bits of the simulation"
+    return "the exported C equals the simulation bit for bit"

@@ -104,7 +104,7 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     except (TypeError, ValueError, OverflowError):
         raise InputError.of(field, f"must be an array of numbers, got {show(value)}") from None
     if np.ma.is_masked(value):
-        raise InputError.of(field, f"must be without masked entries, got {show(value)}")
+        raise InputError.of(field, f"must not have masked entries, got {show(value)}")
     if given.dtype.kind not in "iuf":
         raise InputError.of(field, f"must be an array of real numbers, got {show(value)}")
     with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is refused below
@@ -160,11 +160,11 @@ def is_instance(value: Any, kind: type | tuple[type, ...]) -> bool:
     return found
 
 
-def instance(field: str, value: Any, kind: type | tuple[type, ...], such_as: str = "") -> None:
-    """InputError for an object of another type; the message names the right types and, if given, examples."""
+def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
+    """InputError for an object of another type; the message names the right types."""
     if not is_instance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol requires
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
-        raise InputError.of(field, f"must be a {names}{such_as and f' such as {such_as}'}, got {show(value)}")
+        raise InputError.of(field, f"must be a {names}, got {show(value)}")
 
 
 UNSHOWABLE = ("Cc", "Cs", "Cn", "Zl", "Zp")
@@ -176,9 +176,9 @@ TURNING = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
 def line(field: str, value: Any) -> str:
     """Text that every page, picture and terminal can show on one line; it may be empty."""
     if not isinstance(value, str):
-        raise InputError.of(field, f"must be a text, got {show(value)}")
-    if any(map(_controls, value)):
-        raise InputError.of(field, f"must be without control characters, got {value!a}")
+        raise InputError.of(field, f"must be a string, got {show(value)}")
+    if _may_control(value) and any(map(_controls, value)):
+        raise InputError.of(field, f"must not contain control characters, got {value!a}")
     return value
 
 
@@ -268,7 +268,11 @@ class Named(dict[str, V]):
 
 def printable(text: str) -> str:
     """The text with its control characters escaped, so that they have no effect on a terminal."""
-    return "".join(ascii(c)[1:-1] if _controls(c) else c for c in text)
+    return "".join(ascii(c)[1:-1] if _controls(c) else c for c in text) if _may_control(text) else text
+
+
+def _may_control(text: str) -> bool:
+    return not (text.isascii() and text.isprintable())
 
 
 def _controls(character: str) -> bool:
@@ -278,7 +282,7 @@ def _controls(character: str) -> bool:
 def label(field: str, value: Any) -> str:
     """Return the value if it is a non-empty text; InputError otherwise."""
     if not isinstance(value, str) or not value:
-        raise InputError.of(field, f"must be a text that is not empty, got {show(value)}")
+        raise InputError.of(field, f"must be a string that is not empty, got {show(value)}")
     return line(field, value)
 
 

@@ -60,7 +60,7 @@ def test_the_kernel_does_what_plain_stepping_does(problems, scheme, variant, bal
 
 
 def written_out(problem, gamma, sigma, g_0, gamma_c, tau_f):
-    """x, x_m, theta_hat and the memory of the MRAC, from the equations in docs/laws.md, with the memory's z as W-filtered data.
+    """x, x_m, theta_hat and the memory of MRAC, from the equations in docs/laws.md, with the memory's z as W-filtered data.
 
     z here by its definition: the filter 1/(tau_f s + 1) on b^+ (x' - A_m x) - u, whose x' is known in this test.
     """

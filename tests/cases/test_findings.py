@@ -71,7 +71,7 @@ def test_the_nearest_thing_that_is_meant(old, new, meant):
         ("A_m = [[-1.0]]", "A_m = [[1]]", "plant.A_m must be Hurwitz, but its largest eigenvalue has real part 1: [[1]]"),
         ("theta = [1.0]", "theta = [1, 2.50]", "plant.theta must have shape 1, got 2: [1, 2.50]"),
         ("theta = [1.0]", "theta = [1.0], input = { delay = -1 }", "plant.input.delay must not be negative, got -1"),
-        ("theta = [1.0]", "theta = [1.0], input = { saturation = [3, -3.0] }", "lower < 0 < upper, got [3, -3.0]"),
+        ("theta = [1.0]", "theta = [1.0], input = { saturation = [3, -3.0] }", "lower <= 0 <= upper, got [3, -3.0]"),
         ('"step", amplitude = 1.0', '"square", amplitude = 1.0, frequency = 0', "reference: frequency must be positive, got 0"),
         ('"step", amplitude = 1.0', '"steps", times = [0, 0.0], values = [1, 2]', "must be increasing, got [0, 0.0]"),
         ("tau = 0.2", "tau = 0.2\nsample_time = 0", "controller 1 (robust-mrac): sample_time must be positive, got 0"),

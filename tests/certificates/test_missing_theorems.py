@@ -9,7 +9,7 @@ from barbalat.certificates import theorems
 from barbalat.certificates.certificates import column_of
 from barbalat.certificates.summary import five
 
-PAGE = Path(__file__).parents[2] / "docs" / "theorem-1.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "missing-theorems.md"
 SENTENCES = {value for name, value in vars(theorems).items() if name.isupper()}
 
 

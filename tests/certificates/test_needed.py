@@ -27,7 +27,7 @@ CHEAP = {"delay_margin", "condition", "error_bound", "gamma_max", "norms"}
 
 @pytest.mark.short(kept=lambda name: name == "paper")
 @pytest.mark.parametrize(
-    "name", ["paper", "astrom-wittenmark", "f16-short-period", "first-order", "wing-rock", "quadrotor-pitch"]
+    "name", ["paper", "third-order", "astrom-wittenmark", "f16-short-period", "first-order", "wing-rock", "quadrotor-pitch"]
 )
 def test_each_needed_key_is_that_of_the_whole_certificate(name, certified):
     case, whole = certified(name)
@@ -40,4 +40,8 @@ def test_each_needed_key_is_that_of_the_whole_certificate(name, certified):
         left_out = {entry.key for entry in one.entries} - {entry.key for entry in cheap[controller].entries}
         assert left_out <= COSTLY
         assert [cheap[controller].entry(key) for key in CHEAP] == [one.entry(key) for key in CHEAP]
+    for one in whole.values():
+        of_all, of_own = one.entry("error_bound_worst"), one.entry("error_bound_command")
+        if of_all is not None and of_own is not None and of_all.kind == "guaranteed" and of_all.value and of_own.value:
+            assert of_own.value <= of_all.value
     assert certify(case.problem, case.controllers, case.simulation) == whole  # nothing stays left out

@@ -67,7 +67,7 @@ def test_what_is_expected_to_take_long_is_told_beside_the_document(capsys, monke
     out, err = capsys.readouterr()
     assert set(json.loads(out)["controllers"]) == {"MRAC", "L1", "MRAC, sampled"}
     (told,) = [line for line in err.splitlines() if line.startswith("simulating: ")]
-    assert told.endswith(" of computing by estimate")
+    assert ": estimated at about " in told and told.endswith(" of computing")
 
 
 def test_the_refusal_that_the_documentation_shows_is_the_one_that_is_made(capsys):

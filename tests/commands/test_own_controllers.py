@@ -57,7 +57,7 @@ def documents(capsys, case, laws) -> tuple[dict, dict]:
 
 
 def test_a_list_joins_the_cases_own(folder, capsys):
-    """The same lines as the MRAC's give the same figures; the names keep their order."""
+    """The same lines as MRAC's give the same figures; the names keep their order."""
     case, laws = folder(CASE + KNOWN, LAWS + 'CONTROLLERS = [Plain(5.0), Bare(5.0, "second")]\nleft_out = Plain(1.0, "x")')
     run, certified = documents(capsys, case, laws)
     assert list(run) == list(certified) == ["MRAC", "plain", "second"]
@@ -99,7 +99,7 @@ def test_a_case_names_the_files_classes(folder, capsys):
         ("CONTROLLERS = 3", ["must be a list", "3"]),
         ("CONTROLLERS = [3]", ["a name and a method bind"]),
         (LAWS + "CONTROLLERS = [Plain]", ["Plain()", "gamma"]),
-        (LAWS + "a, b = Plain(1.0), Plain(2.0)", ["'plain' stands 2 times"]),
+        (LAWS + "a, b = Plain(1.0), Plain(2.0)", ["'plain' occurs 2 times"]),
         (LAWS + "class Wrong(Plain):\n    bind = 3\nwrong = Wrong(1.0)", ["Wrong 'plain': bind fails"]),
     ],
 )

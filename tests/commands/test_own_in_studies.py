@@ -120,7 +120,7 @@ def test_one_of_a_files_controllers_joins_alone(folder):
 
 @pytest.mark.full
 def test_a_trade_off_has_them_as_they_are_or_with_their_knobs(folder, capsys):
-    """Plain has the MRAC's lines, and so its error and its delays at the same gain."""
+    """Plain has MRAC's lines, and so its error and its delays at the same gain."""
     knobs = """
 import numpy as np
 from barbalat.controllers.tuning_grid import TuningGrid

@@ -140,7 +140,14 @@ def test_the_same_seed_gives_the_same_and_nobody_depends_on_who_else_is_there(fo
 def held(error: list[float]) -> Validation:
     values, nothing = np.array(error), np.zeros(len(error), dtype=bool)
     return Validation(
-        error=values, diverged=nothing, lost=np.isinf(values), delay=nothing, gain_up=nothing, gain_down=nothing, effort=values
+        error=values,
+        diverged=nothing,
+        lost=np.isinf(values),
+        delay=nothing,
+        gain_up=nothing,
+        gain_down=nothing,
+        effort=values,
+        unsound=nothing,
     )
 
 
@@ -263,6 +270,6 @@ def test_a_contest_of_many_short_runs_is_announced_with_its_time():
     rule = Rule(delay_margin=0.005, plants=3, trials=288)
     with Budget(told=told.append):
         _require_budget(Simulation(t_end=12.0, dt=1e-3), 4, rule, 64)
-    assert told == ["the contest: about 88.1 s of computing by estimate"]
+    assert told == ["the contest: estimated at about 88.1 s of computing"]
     with Budget(seconds=60.0), pytest.raises(InputError, match=r"plants = 3 would take about 88\.1 s of computing"):
         _require_budget(Simulation(t_end=12.0, dt=1e-3), 4, rule, 64)

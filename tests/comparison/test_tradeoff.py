@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from io import StringIO
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from rich.console import Console
 
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
@@ -29,6 +31,7 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
+from barbalat.report.terminal.layout import Screen
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
@@ -101,9 +104,10 @@ def test_every_bundled_case_with_measured_state(name):
     found = trade_off(case.problem, simulation, density=2, plants=1)
     assert [cloud.scheme for cloud in found.clouds][:2] == ["MRAC", "L1-AC"]
     takes_robust = case.problem.input_gain is None
-    assert (len(found.clouds) == 3) == takes_robust
+    third = found.clouds[2].scheme if len(found.clouds) == 3 else None
+    assert third == ("Robust MRAC" if takes_robust else "Baseline")
     assert any("Robust MRAC is omitted: robust-mrac takes" in sentence for sentence in found.notes) == (not takes_robust)
-    for cloud in found.clouds:
+    for cloud in [one for one in found.clouds if one.scheme != "Baseline"]:  # which need not follow on this plant
         assert (cloud.loss[np.isfinite(cloud.error)] > 0).any()
 
 
@@ -180,8 +184,9 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
     apart = replace(SMALL, plant=plant, uncertainty=ParameterBox(lower=[0.5], upper=[2.5]), input_gain=known)
     chosen, left_out = default_knobs(apart, BRIEF, density=2)
     assert {"MRAC", "L1-AC"} <= {one.scheme for one in chosen}
+    assert ("Baseline" in {one.scheme for one in chosen}) == (gain is not None)  # no other fixed loop takes an unknown gain
     assert any("estimates start in its middle, [1.5]" in sentence for sentence in left_out)
-    for one in chosen:
+    for one in [each for each in chosen if each.scheme != "Baseline"]:
         start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
         assert start[0] == 1.5
     assert grids.start_of(SMALL) is None  # otherwise each scheme starts as before
@@ -283,6 +288,21 @@ def test_the_sentence_on_the_ranking(section_v):
     rows = tradeoff.at_equal_error(_found(section_v, (0.0, 0.2), (0.5, 0.3)), "plant")
     assert rows[0] == ("0.001", *["no tuning"] * 4)
     assert rows[1] == ("0.01", "< 0.02", "0.2", "0.5", "0.3")
+
+
+def test_the_worst_of_several_plants_is_shown_before_the_case_s_own(section_v):
+    """One scheme is best on its own plant, and follows no other."""
+    own = _found(section_v, (0.5, 0.3), (0.5, 0.3))
+    elsewhere = ([[0.005, 0.5]], [[0.005, 0.005]])
+    clouds = [
+        replace(one, error=np.array(error), onset=np.repeat(one.onset, 2, axis=1), loss=np.repeat(one.loss, 2, axis=1))
+        for one, error in zip(own.clouds, elsewhere, strict=True)
+    ]
+    said = StringIO()
+    tradeoff.show(Screen(Console(file=said, width=80)), replace(own, clouds=tuple(clouds), thetas=np.zeros((2, 2))))
+    worst, case = said.getvalue().split("The case's own plant")
+    assert "Worst of the plants in the sample" in worst and "one, other" not in worst
+    assert "at an error of at most 0.01 one, other by both criteria" in case
 
 
 def test_labels_cover_neither_lines_nor_each_other():

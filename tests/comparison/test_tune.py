@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 import case_texts
-from barbalat import L1PiecewiseConstant, Mrac, Simulation, certify, input_filter, load_case, simulate
+from barbalat import L1Adaptive, L1PiecewiseConstant, Mrac, Simulation, certify, input_filter, load_case, simulate
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
+from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.search.aim import Aim, Trial
 from barbalat.comparison.search.quantity import TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
 from barbalat.comparison.tune.picture import draw
 from barbalat.comparison.tune.tune import Tuner
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.report import tuning
 from barbalat.studies import Budget, delay_margins, sweep, trade_off, tune
 from barbalat.study.reference_motion import ReferenceMotion
@@ -192,13 +194,31 @@ law = { kind = "least-squares", covariance0 = 500.0 }
 )
 
 
+def _with_the_cases_filter(knobs):
+    """L1's knobs with (6), exactly, and the highest gain: tune varies the numbers of a case's filter, not its shape.
+
+    At gains near MRAC's a valley, a hundredth of the gain's range wide and 3 % lower, may be missed by 384 trials.
+    """
+    highest = float(knobs.values["gamma"][-1])
+    return TuningGrid(
+        scheme=knobs.scheme,
+        values={"kappa": knobs.values["kappa"]},
+        make=lambda kappa: L1Adaptive(gamma=highest, filter=input_filter(kappa)),
+    )
+
+
 @pytest.mark.full
 def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
     path = tmp_path / "section-v.toml"
     path.write_text(SECTION_V)
     case = load_case(path)
     assert case.simulation == Simulation(t_end=20.0, dt=1e-3)
-    clouds = trade_off(case.problem, case.simulation, density=4, plants=2).clouds
+    knobs = tuple(
+        one if one.scheme != "L1-AC" else _with_the_cases_filter(one)
+        for one in default_knobs(case.problem, case.simulation, density=4)[0]
+        if one.scheme in {controller.name for controller in case.controllers}
+    )
+    clouds = trade_off(case.problem, case.simulation, knobs=knobs, plants=2).clouds
     scale = ReferenceMotion.of(case.problem, case.simulation).rms
     for cloud in clouds:
         error, margin = cloud.at("worst", "onset")
@@ -252,7 +272,7 @@ def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
     [
         ({"objective": "rms"}, "'rms' is neither a figure"),
         ({"subject_to": ["condition 1"]}, "a requirement must be"),
-        ({"subject_to": ["delay_onset_simulated < 0.1"]}, "needs a least delay above 0"),
+        ({"subject_to": ["delay_onset_simulated < 0.1"]}, "needs a lower limit of the delay above 0"),
         ({"subject_to": ["delay_onset_simulated >= 1e-3"]}, "less than can be simulated, two steps, 0.002 s"),
         ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a figure"),
         (
@@ -289,7 +309,7 @@ def test_a_figure_that_nobody_knows_is_refused_before_any_time_is_announced(driv
         assert not told
         with pytest.raises(InterruptedError):
             tune(drive, "rms_e", plants=4, trials=30_000, controller="MRAC", progress=_interrupted)
-    assert any(one.startswith("tuning: about") for one in told)
+    assert any(one.startswith("tuning: estimated at about") for one in told)
 
 
 def _interrupted(_: float) -> None:

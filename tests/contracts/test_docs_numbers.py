@@ -55,6 +55,13 @@ def test_the_condition_of_a_wider_set_fails_where_the_page_says():
         assert found["condition"]["holds"] is holds
 
 
+def test_the_length_of_the_checker():
+    """docs/proofs.md rounds it to hundreds of lines."""
+    (said,) = re.findall(r"a program of about ([\d,]+) lines", page("proofs"))
+    source = Path(__file__).parents[2] / "src" / "barbalat_check.py"
+    assert f"{round(len(source.read_text(encoding='utf-8').splitlines()), -2):,}" == said
+
+
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 MEASURED = re.compile(r"\*Measured on \d{4}-\d\d-\d\d, commit [0-9a-f]{7}")
 OF_FAULTS = {"tests"}  # the heading names the commit and the seed

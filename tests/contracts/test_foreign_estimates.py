@@ -193,7 +193,7 @@ def test_names_that_are_not_as_many_as_the_estimates(linear):
         def bind(self, known):
             return Misnamed(**vars(Weighing(1.0).bind(known)))
 
-    assert "a tuple of 16 texts" in refusal(lambda: simulate(linear, [Law()], SIMULATION))
+    assert "a tuple of 16 strings" in refusal(lambda: simulate(linear, [Law()], SIMULATION))
 
 
 def test_ideal_values_are_the_laws_own_to_know(linear):

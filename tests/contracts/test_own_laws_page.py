@@ -46,11 +46,11 @@ def test_it_is_the_standard_mrac_whatever_the_regressor(problems, law):
 def test_what_the_pages_law_does_not_take_it_refuses(problems, law):
     """The checker reports an input gain, which the page's standard MRAC does not estimate, and a second input."""
     message = refusal(lambda: check_controller(law, replace(problems[2], input_gain=(0.5, 2.0))))
-    assert "takes plants with one input of known gain" in message
+    assert "supports only plants with one input of known gain" in message
     kinds = {
         name: one for name, one in problem_kinds().items() if name in ("one input", "several inputs", "an unknown input gain")
     }
-    assert str(check(law, kinds)).count("takes plants with one input of known gain") == 2
+    assert str(check(law, kinds)).count("supports only plants with one input of known gain") == 2
 
 
 def test_the_pages_roles_are_those_of_a_state_like_it():

@@ -144,7 +144,7 @@ def test_contests_start_where_the_first_layer_does(linear):
     [
         ({"theta": Role.estimates()}, "names 'theta', but PlainState does not have it; it has theta_hat"),
         ({"theta_hat": "estimate"}, "a mapping from the names of fields to roles"),
-        ({"theta_hat": Role.estimates("W", names=("W_1",))}, "a tuple of 2 texts"),
+        ({"theta_hat": Role.estimates("W", names=("W_1",))}, "a tuple of 2 strings"),
         (["theta_hat"], "a mapping from the names of fields to roles"),
     ],
 )

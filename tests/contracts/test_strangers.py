@@ -86,7 +86,7 @@ def test_the_form_of_a_class_from_outside_does_not_matter(problems):
 
 
 def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
-    """They equal those of the MRAC with the same equations; margins are accessed by name, like results."""
+    """They equal those of MRAC with the same equations; margins are accessed by name, like results."""
     problem, simulation = problems[2], Simulation(t_end=5.0, dt=1e-2)
     controllers = [Mrac(gamma=10.0, projection=False), Plain(10.0), Bare(10.0), Proportional([1.0, 1.0])]
     found = delay_margins(problem, controllers, simulation, scan=4, resolution=0.2)

@@ -107,7 +107,7 @@ INPUTS = {
     "quantization": 0.01, "saturation": [-2.0, 4.0], "rate_limit": 50.0, "actuator": TransferFunction([1.0], [0.05, 1.0]),
     "multiplicative": TransferFunction([0.1, 0.0], [0.05, 1.0]), "gain": 0.7, "delay": 1.5 * T, "history": 0.2,
 }  # fmt: skip
-SENSORS = {"lag": 0.02, "noise": Noise(std=0.01, sample_time=T)}
+SENSORS = {"lag": 0.02, "noise": Noise(std=0.01, sample_time=T), "quantization": 0.01}
 FEATURED = {
     "several inputs": replace(SEVERAL, plant=replace(SEVERAL.plant, input=LIMITED)),
     "an unknown input gain": replace(GAIN, plant=PLAIN.plant, sensor=None),
@@ -118,7 +118,7 @@ FEATURED = {
         ),
         uncertainty=None,
     ),
-    "another regressor than x": replace(POLYNOMIAL, plant=replace(POLYNOMIAL.plant, input=LIMITED), sensor=None),
+    "a regressor other than x": replace(POLYNOMIAL, plant=replace(POLYNOMIAL.plant, input=LIMITED), sensor=None),
 }
 
 
@@ -183,7 +183,8 @@ def with_plants(scheme: str) -> Iterator[Cell]:
             made |= {feature: one for feature, one in FEATURED.items() if feature not in kind.beyond}
         else:
             made["output_disturbance"] = replace(problem, output_disturbance=wave)
-        yield from (Cell(name, beside, one, fitted(controller, one)) for beside, one in made.items())
+        sampled = {"sensor-quantization": at_samples(Cell(name, "", problem, controller))}
+        yield from (Cell(name, beside, one, fitted(sampled.get(beside, controller), one)) for beside, one in made.items())
 
 
 def input_of(problem: Any, key: str, value: Any) -> Any:
@@ -361,10 +362,10 @@ def test_the_schema_says_where_a_scheme_and_a_signal_do_not_go():
     said = [one.get("description", "") for table in tables for one in table["properties"].values() if "const" in one]
     for kind in [*SCHEMES.values(), *OUTPUT_SCHEMES.values()]:
         assert any(left_out(kind) in one for one in said)
-    assert left_out(SCHEMES["linear"]) == "Takes no plant with several inputs or another regressor than x."
+    assert left_out(SCHEMES["linear"]) == "Does not support plants with several inputs or a regressor other than x."
     assert (
         left_out(SCHEMES["mit-rule"])
-        == "Takes no plant with several inputs or a baseline. Not for contest, tradeoff and tune without --vary."
+        == "Does not support plants with several inputs or a baseline. Not for contest, tradeoff and tune without --vary."
     )
     assert left_out(OUTPUT_SCHEMES["l1-output-piecewise"]) == "Not for contest and tradeoff."
     assert sum("A page of explore keeps" in one for one in said) >= len(SIGNALS)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from barbalat import BaselineAlone, L1Adaptive, Mrac, Plant, Problem, Sampled, Simulation, input_filter, simulate
+from barbalat import BaselineAlone, L1Adaptive, Mrac, Plant, Problem, Sampled, Simulation, certify, input_filter, simulate
 from barbalat.cases.load import parse_case
 from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.in_the_loop import simulate_export
@@ -253,5 +253,45 @@ def test_other_targets_say_which_one_takes_it(target, tmp_path):
     case = parse_case(CASE)
     given = case.problem, case.controllers[0], case.simulation
     assert f"the target c99 alone; got {target}" in refusal(lambda: export_controller(*given, out=tmp_path, target=target))
-    assert "no existing loop in it" in refusal(lambda: export_controller(*given, out=tmp_path, closed_loop=True))
+    assert "does not contain the existing loop" in refusal(lambda: export_controller(*given, out=tmp_path, closed_loop=True))
     assert not list(tmp_path.iterdir())
+
+
+AT_A_LIMIT = """
+name = "Motor"
+[plant]
+A = [[-2.0]]
+b = [4.0]
+[plant.input]
+delay = 0.02
+saturation = [-5.0, LIMIT]
+[baseline]
+kind = "pi"
+k_p = 1.0
+k_i = 2.0
+ANTI_WINDUP
+[reference_model]
+follow = "x_1"
+[reference]
+kind = "constant"
+amplitude = 1.0
+[simulation]
+t_end = 4.0
+dt = 1e-3
+[[controller]]
+scheme = "baseline"
+sample_time = 0.02
+"""
+
+
+@pytest.mark.parametrize("limit", ["0.2", "0.0"])
+def test_the_linear_margins_ignore_anti_windup_where_u_rests_beyond_a_limit(limit):
+    """At rest under the command u is 0.5: the loop that is cut off there has other margins, and is no linear loop."""
+    margins = []
+    for winds, at in (("anti_windup = 0.5", limit), ("", limit), ("anti_windup = 0.5", "5.0")):
+        case = parse_case(AT_A_LIMIT.replace("LIMIT", at).replace("ANTI_WINDUP", winds))
+        (found,) = certify(case.problem, case.controllers, case.simulation).values()
+        margins.append(
+            found.values["delay_margin_adapting"] if "delay_margin" not in found.values else found.values["delay_margin"]
+        )
+    assert margins[0] == pytest.approx(margins[1], rel=1e-9) == pytest.approx(margins[2], rel=1e-9)

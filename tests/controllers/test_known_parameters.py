@@ -9,7 +9,11 @@ import pytest
 from scipy.signal import lsim, lti
 
 from barbalat import KnownParameters, certify
+from barbalat.cases.load import load_case
 from barbalat.certificates.certificates import table_1
+from barbalat.comparison.grids import reach_of
+from barbalat.controllers import LinearFeedback
+from barbalat.linear.systems import TransferFunction
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Terms
@@ -70,3 +74,12 @@ def test_table_1_claims_it_where_the_parameters_are_the_plants(problems):
         found = certify(problem, [controller], Simulation(t_end=20.0, dt=1e-3))
         (column,) = table_1(problem, [controller], found).columns
         assert column.cells["transient"].kind == kind
+
+
+def test_controllers_without_estimates_assume_the_declared_values_of_the_parameters_and_not_the_middle_of_the_set():
+    case = load_case("flexible-joint")
+    known, plant = case.problem.known, case.problem.plant
+    assert np.abs(known.theta_set.middle - plant.nominal_theta).max() > 0.1
+    fixed = LinearFeedback(controller=TransferFunction([1.0], [1.0, 1.0])).bind(known)
+    np.testing.assert_array_equal(fixed.theta_0, plant.nominal_theta)
+    np.testing.assert_array_equal(reach_of(case.problem, case.simulation)[0].nominal, plant.nominal_theta)

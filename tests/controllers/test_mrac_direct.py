@@ -184,7 +184,7 @@ def test_what_does_not_fit_is_refused(problems):
     assert "fit the 4 parameters" in refusal(lambda: DirectMrac(gamma=[1.0, 1.0], gamma_r=1.0).bind(known))
     assert DirectMrac(gamma=1.0).bind(known).initial().k_r_hat.tolist() == [1.0, 0.0]
     said = refusal(lambda: MitRule(gamma=1.0).bind(known))
-    assert said.startswith("mit-rule takes plants with one input, got 2; ") and said.endswith(" take several")
+    assert said.startswith("mit-rule supports only plants with one input, got 2; ") and said.endswith(" support several")
     two_commands = {"reference_model": ReferenceModel(k_0=[[1.0, 2.0]]), "reference": several().reference}
     assert "one command for a plant with one input, got 2" in refusal(lambda: Problem(plant=problems[1].plant, **two_commands))
     assert "gamma_r is missing" in refusal(lambda: DirectMrac(gamma=[1.0, 2.0]))

@@ -44,6 +44,7 @@ from barbalat.plants import (
     LqiBaseline,
     LuenbergerObserver,
     Noise,
+    PiBaseline,
     PlantInput,
     Sensor,
     Shell,
@@ -460,6 +461,65 @@ def test_a_baseline_takes_the_estimate_too():
     np.testing.assert_allclose(run.x, s[:4].T, atol=1e-8)
 
 
+def with_pi(kind, **more):
+    """The first cart's measured position is held by a PI controller; the plant is damped, so that it can be."""
+    damped = A + np.outer(B, [-1.0, -0.5, -2.0, 0.5])
+    plant = Plant(A=damped, b=B, x0=X0, baseline=PiBaseline(k_p=0.8, k_i=0.3, output=C[0]), input=more.pop("input", None))
+    return Problem(plant=plant, reference=COMMAND, observer=OBSERVERS[kind], truth=Truth(A=TRUE_A - A + damped), **more)
+
+
+@pytest.mark.parametrize("kind", ["luenberger", "kalman"])
+def test_a_pi_controller_acts_on_the_measured_state_itself(kind):
+    """Whatever the observer estimates: SciPy integrates the plant and the integral alone."""
+    problem = with_pi(kind)
+    run, true_A = simulate(problem, [BaselineAlone()], SIMULATION)["Baseline"], problem.simulated.A
+
+    def rates(t, s):
+        error = COMMAND(np.array(t)) - s[0]
+        return np.concatenate([true_A @ s[:4] + B * (0.8 * error + 0.3 * s[4]), [error]])
+
+    s = solve_ivp(rates, (0.0, 4.0), [*X0, 0.0], t_eval=run.t, rtol=1e-10, atol=1e-12).y
+    np.testing.assert_allclose(run.x, s[:4].T, atol=1e-8)
+    alone = replace(problem, observer=None)
+    margins = [certify(one, [BaselineAlone()], SIMULATION)["Baseline"].values["delay_margin"] for one in (problem, alone)]
+    np.testing.assert_allclose(*margins, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["luenberger", "kalman"])
+def test_a_measured_state_is_sampled_or_predicted_in_simulation_and_c(kind):
+    """With lost samples, a shell and a delay in the observer; without losses PI and margins are those without an observer."""
+    sampled = Sampled(controller=BaselineAlone(), sample_time=T)
+    problem = with_pi(
+        kind, input=PlantInput(saturation=[-1.0, 1.2], delay=1.7 * T), shell=Shell(longest_outage=0.2, fallback="hold")
+    )
+    alone = replace(problem, observer=None)
+    one, other = (simulate(each, [sampled], SIMULATION)["Baseline"] for each in (problem, alone))
+    np.testing.assert_allclose(one.x, other.x, atol=1e-12)
+    margins = [certify(each, [sampled], SIMULATION)["Baseline"].values["delay_margin"] for each in (problem, alone)]
+    np.testing.assert_allclose(*margins, rtol=1e-6)
+    lossy = replace(problem, faults=(Dropout(share=0.3, burst=0.04, seed=1),))
+    for controller in (sampled, Sampled(controller=Mrac(gamma=3.0), sample_time=T)):
+        result = simulate(lossy, [controller], SIMULATION)[controller.name]
+        flown = simulate_export(lossy, controller, SIMULATION)
+        assert flown.refused > 100 and not flown.differs_from(result)
+        assert np.abs(result.x - one.x).max() > 1e-4
+
+
+def test_a_measured_state_continues_as_predicted_through_a_lost_sample():
+    """Its component of x_hat is the sample where there is one, and else the model's prediction."""
+    made = with_pi("kalman").observer.equations(X0, None, T)
+    plain = posed("kalman").observer
+    unchanged = replace(with_pi("kalman").observer, direct=()).equations(X0, None, T)
+    z, y, u = made.start, np.array([0.3, 0.1]), np.array([0.2])
+    assert plain.direct == () and made.H[0] @ z == X0[0]
+    taken = made.estimate(made.advance(z, u, y, False), y)
+    filtered = unchanged.advance(unchanged.start, u, y, False)
+    assert taken[0] == 0.3 and abs(filtered[0] - 0.3) > 1e-3
+    np.testing.assert_array_equal(taken[1:], filtered[1:])
+    lost = made.estimate(made.advance(z, u, y, True), y)
+    np.testing.assert_allclose(lost, unchanged.advance(unchanged.start, u, y, True), rtol=1e-14)
+
+
 PLANT = Plant(A_m=[[0.0, 1.0], [-1.0, -1.0]], b=[0.0, 1.0], theta=[0.0, 0.0])
 LABELS = Labels(names=["angle", "rate"])
 
@@ -507,7 +567,10 @@ def test_why_there_is_no_filter_is_told():
         (LuenbergerObserver([-5.0], measured=["angle"]), "observer.poles must place 2 poles (a complex one counts twice), got 1"),
         (LuenbergerObserver([-5.0, 1.0], measured=["angle"]), "observer.poles must lie in Re s < 0, got 1"),
         (LuenbergerObserver([-5.0, -6.0]), "observer.measured is missing: give plant.C, or the labels"),
-        (LuenbergerObserver([-5.0, -6.0], measured=["angel"]), "observer.measured names no state, got 'angel'; there are angle"),
+        (
+            LuenbergerObserver([-5.0, -6.0], measured=["angel"]),
+            "observer.measured names no state, got 'angel'; the states are angle",
+        ),
         (LuenbergerObserver([-5.0, -6.0], measured=[[1.0]]), "observer.measured must have 2 columns, one for each state, got 1"),
         (LuenbergerObserver([-5.0, -6.0], measured=[[1.0, 0], [2.0, 0]]), "observer.measured must have independent rows"),
         (LuenbergerObserver([-5.0, -5.0, -5.0], measured=["angle"]), "observer.poles must place 2 poles"),

@@ -206,7 +206,7 @@ def test_an_aircraft_beside_the_others():
     assert run.diverged_at is None
     column = judged(case.problem, controller)
     assert "actuator" in column.cells["stability"].why
-    assert column.cells["modelling_error"].why == "none known: Theorem 2 is for one input"
+    assert column.cells["modelling_error"].why == "not known: Theorem 2 is for one input"
     column = judged(two_inputs(), controller)
     assert column.cells["stability"].kind == column.cells["tracking"].kind == "guaranteed"
 

@@ -12,8 +12,9 @@ import pytest
 
 from barbalat import Mrac, Simulation, load_case
 from barbalat.cases.load import CaseText, bundled, parse_case
+from barbalat.cli import main
 from barbalat.explorer.commands import Grid, smooth_module
-from barbalat.explorer.describe import Described, outputs
+from barbalat.explorer.describe import Described, outputs, page_members
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
@@ -195,7 +196,8 @@ def test_what_the_page_varies_around_an_observer_is_the_truth_in_the_copied_file
 def test_estimates_are_called_what_they_are():
     """As in pictures and tables: feedback and feedforward of direct MRAC; the textbook's ideal gains are 2 and 4."""
     described = Described.of(TextSource(CaseText.read("astrom-wittenmark")))
-    found = outputs(described.case, described.variants[0].target.family.members)
+    case = described.case
+    found = outputs(case, page_members(case, described.variants[0].target, case.simulation.solver))
     assert found["estimates"] == ["k\u0302ₓ"] and found["true"] == [2.0]
     assert found["beside"] == [{"label": "k\u0302ᵣ", "row": found["reported"]["k_r_hat"][0], "true": 4.0}]
 
@@ -246,10 +248,16 @@ def test_a_simulation_that_is_none_is_told() -> None:
         explore(case.problem, Mrac(gamma=2.0), 5)  # type: ignore[arg-type]
 
 
-def test_a_case_with_a_tolerance_gets_no_page() -> None:
+def test_the_page_of_a_case_with_a_tolerance_has_fixed_steps(tmp_path, capsys) -> None:
     text = re.sub(r"(?m)^dt = .*$", "tolerance = 1e-6", bundled()["first-order"].read_text())
     with pytest.raises(InputError, match=r"= 1e-06 does not fix a step, and a page that simulates needs one"):
         _ = Explorer(TextSource(CaseText(text))).html
+    path, page = tmp_path / "case.toml", tmp_path / "page.html"
+    path.write_text(text)
+    assert main(["explore", str(path), "--out", str(page), "--no-open"]) == 0
+    assert "all runs here use fixed steps, rk4 with h = 0.002 s" in capsys.readouterr().err
+    path.write_text(re.sub(r"(?m)^tolerance = .*$", "dt = 0.002", text))
+    assert page.read_text() == Explorer(TextSource(CaseText.read(str(path), None))).html
 
 
 @pytest.mark.full

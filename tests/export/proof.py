@@ -24,8 +24,8 @@ OPTIONS = (
 LARGEST = {"double": sys.float_info.max.hex(), "float": "0x1.fffffep+127f"}
 STATES = 2000
 """Kept apart at a line, at the most: enough for the checks of some twenty entries; more of them cost minutes elsewhere."""
-SECONDS = 300
-"""For one step; the largest takes a minute."""
+SECONDS = 2400
+"""For one step, at the most: that with a shell takes some ten minutes."""
 MEMBER = re.compile(r"^\s+(double|float|long|int) (\w+)(?:\[(\w+)\])?;", re.MULTILINE)
 ANY = {
     "double": "Frama_C_double_interval(-DBL_MAX, DBL_MAX)",

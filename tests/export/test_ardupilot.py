@@ -14,10 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from barbalat import InputError
+from barbalat import InputError, KnownParameters, Mrac, ParameterBox, Sampled
 from barbalat.exports import export_controller
 from barbalat.plants import Labels, Shell
-from export.examples import SIMULATION
+from barbalat.signals import Sine
+from export.examples import SIMULATION, STATE, T
 from export.targets import ISO, needs_gxx
 from export.test_bit_identical import EXAMPLES
 from export.test_shell import surrounded
@@ -116,6 +117,80 @@ def test_what_is_measured_has_the_units_of_the_cases_labels(tmp_path) -> None:
         export_controller(heights, controller, SIMULATION, out=tmp_path / "no", target="ardupilot", name="pitch")
 
 
+SOUTH = (
+    """\
+#include "AC_CustomControl_Pitch.h"
+#define CHECK(x) if (!(x)) { std::printf("%s at sample %d\\n", #x, k); return 1; }
+
+struct Open : AC_CustomControl_Pitch {
+    using AC_CustomControl_Pitch::AC_CustomControl_Pitch;
+    void set(int axis, int fade) { _axis.value = int8_t(axis); _fade.value = int16_t(fade); }
+    const pitch_controller &inside() const { return _controller; }
+};
+
+"""
+    + VEHICLE
+    + """\
+    made.state = AP_Motors::SpoolState::THROTTLE_UNLIMITED;
+    Open backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
+    backend.set(2, 100);
+    static pitch_controller c;
+    pitch_input in;
+    pitch_output expected;
+    float command = 0.0f, before;
+    int k = 0;
+    for (; k < 7500; ++k) { /* nearly three turns to the right, and back; twice a sample without a number */
+        const float rate = k < 4500 ? 0.4f : -0.6f, angle = command - 0.1f * rate;
+        attitude.target.angles.z = k == 2000 ? NAN : wrap_PI(command);
+        view.attitude.angles.z = k == 5000 ? NAN : wrap_PI(angle);
+        view.gyro.z = rate;
+        if (k == 0) {
+            const float x[2] = {angle, rate}, u_now[1] = {0.0f};
+            pitch_init(&c);
+            CHECK(pitch_start(&c, x, u_now, 100, 0) == PITCH_OK)
+        }
+        in.x[0] = k == 2000 || k == 5000 ? NAN : angle;
+        in.x[1] = rate;
+        in.r[0] = k == 2000 ? NAN : command;
+        in.sample_time = PITCH_SAMPLE_TIME;
+        in.freeze = 0;
+        pitch_step(&c, &in, &expected);
+        CHECK(std::fabs(backend.update().z - expected.u_limited[0]) < 1e-3f)
+        CHECK(std::fabs(backend.inside().last_u[0] - expected.u[0]) < 1e-3f)
+        CHECK(std::fabs(backend.inside().theta_hat[0] - expected.theta_hat[0]) < 1e-3f)
+        command += rate * PITCH_SAMPLE_TIME;
+    }
+    attitude.target.angles.z = 0.0f;
+    view.gyro.z = 0.0f;
+    for (int turned = 0; turned == 0; ++k) { /* the angle falls behind by half a turn, from where the other way is shorter */
+        view.attitude.angles.z = wrap_PI(view.attitude.angles.z + 0.02f);
+        before = backend.inside().held_measured[0];
+        const float u = backend.inside().last_u[0], learnt = backend.inside().theta_hat[0];
+        const float out = backend.update().z;
+        if (std::fabs(backend.inside().held_measured[0] - before) > 1.0f) {
+            turned = 1;
+            CHECK(std::fabs(out - u) < 1e-4f && std::fabs(u) < 1.0f)
+            CHECK(std::fabs(backend.inside().theta_hat[0] - learnt) < 1e-6f && std::fabs(learnt) > 0.01f)
+            CHECK(backend.inside().held_measured[0] < -3.0f && backend.inside().x_hat[0] < -3.0f)
+        }
+    }
+    return 0;
+}
+"""
+)
+
+
+@needs_gxx
+def test_a_heading_passes_south_without_a_jump(tmp_path) -> None:
+    """1e-3: angles of up to 18 rad that are wrapped and unwrapped in 32 bits, 2e-6 at each of 7500 samples, at a gain of 5."""
+    slight = replace(STATE, uncertainty=ParameterBox(lower=[-0.1, -0.1], upper=[0.1, 0.1]))
+    slight = replace(slight, plant=replace(STATE.plant, theta=[0.05, -0.05]))
+    export_controller(
+        slight, Sampled(controller=Mrac(gamma=5.0), sample_time=T), SIMULATION, out=tmp_path, target="ardupilot", name="pitch"
+    )
+    compile_and_run(SOUTH, tmp_path)
+
+
 SET = (
     """\
 #include "AC_CustomControl_Pitch.h"
@@ -151,7 +226,10 @@ struct Open : AC_CustomControl_Pitch {
     CHECK(backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0) == low)
     backend.set(PITCH_SET_UNCERTAINTY_UPPER_0, high + 2.0f, 0);
     backend.update(); backend.update();
-    CHECK(backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0) == high + 1.0f)  /* tried again, beside the other bound */
+    CHECK(backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0) == low)  /* the initial estimate would be outside the set */
+    backend.set(PITCH_SET_THETA_HAT0_0, high + 1.5f, 0);
+    for (int k = 0; k < 3; ++k) { backend.update(); }
+    CHECK(backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0) == high + 1.0f)  /* tried again, beside the other two */
     return 0;
 }
 """
@@ -201,7 +279,21 @@ TIMED = (
         AP_HAL::micros64() += period;
     }
     AP_HAL::micros64() += period / 2;
-    CHECK(backend.update().y == 0.0f)  /* one and a half periods: the fallback acts at once */
+    CHECK(backend.update().y == 0.125f)  /* one and a half periods: the main controller takes over at once */
+    for (int k = 0; k < 3; ++k) {
+        AP_HAL::micros64() += period;
+        CHECK(std::fabs(backend.update().y - 0.125f) < 0.01f)  /* and hands back without a bump */
+    }
+    made.pitch = -0.5f;
+    attitude.target.angles.y = 1.0f; /* a command beyond the shell's range */
+    backend.reset();
+    CHECK(backend.update().y == -0.5f)
+    AP_HAL::micros64() += period;
+    made.pitch = -0.25f;
+    CHECK(backend.update().y == -0.25f)  /* is no start: the main controller acts */
+    AP_HAL::micros64() += period;
+    attitude.target.angles.y = 0.25f;
+    CHECK(std::fabs(backend.update().y + 0.25f) < 0.01f)
     backend.reset();
     AP_HAL::micros64() += 100 * period + period / 2;
     CHECK(backend.update().y != 0.0f)  /* what lies before a start is no time between two updates */
@@ -213,9 +305,32 @@ TIMED = (
 
 @needs_gxx
 def test_a_shells_timer_is_given_the_time_between_two_updates(tmp_path) -> None:
-    problem, controller = surrounded("Mrac-state-euler", Shell(longest_outage=0.05, fallback="zero", jitter=0.1))
+    problem, controller = surrounded(
+        "Mrac-state-euler", Shell(range={"command": [-0.5, 0.5]}, longest_outage=0.05, fallback="zero", jitter=0.1)
+    )
+    problem = replace(problem, reference=Sine(amplitude=0.4, frequency=0.7))
     export_controller(problem, controller, SIMULATION, out=tmp_path, target="ardupilot", name="pitch")
-    compile_and_run(TIMED, tmp_path)
+    told = compile_and_run(TIMED, tmp_path)
+    assert told.count("the main controller acts") == 1
+    assert "takes over, whichever `fallback`" in (tmp_path / "ARDUPILOT.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "labels", "axis"),
+    [
+        ("roll", ("pitch", "pitch rate"), 0),
+        ("inner_yaw", (), 2),
+        ("l1", ("phi", "roll rate"), 0),
+        ("l1", ("roll", "yaw"), 1),
+        ("scroll", (), 1),
+    ],
+)
+def test_the_axis_is_that_of_the_name_or_the_labels(name, labels, axis, tmp_path) -> None:
+    known = Sampled(controller=KnownParameters(theta=[1.0, -0.5]), sample_time=T, discretization="euler")
+    labelled = replace(STATE, labels=Labels(names=labels))
+    out = export_controller(labelled, known, SIMULATION, out=tmp_path, target="ardupilot", name=name)
+    (source,) = out.glob("AC_CustomControl_*.cpp")
+    assert re.search(rf'AP_GROUPINFO\("AXIS", 1, \w+, _axis, {axis}\)', source.read_text())
 
 
 def compile_and_run(main, tmp_path) -> str:

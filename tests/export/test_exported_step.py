@@ -150,7 +150,7 @@ def test_flights_are_counted_together() -> None:
     ("choice", "sentence"),
     [
         ("no-such-cc -O1", "CC names 'no-such-cc', which is not on this machine's PATH"),
-        ("'cc", "a quotation mark is open"),
+        ("'cc", "a quotation mark is not closed"),
         ("true", "true does not compile the export: it left no library"),
         ("false", "exit code 1"),
     ],

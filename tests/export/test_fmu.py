@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, Sampled, Simulation
+from barbalat.cases.load import load_case
 from barbalat.cli import main
+from barbalat.export.acceptance import Order
 from barbalat.export.c99.files import files
 from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
@@ -331,17 +333,14 @@ def test_parameters_are_what_enters_as_it_is() -> None:
         "plant.x0[1]",
     } <= set(names)
     assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
-    bounds_of = {one.name: one.bound for one in opened.parameters}
-    assert bounds_of["controller[0].gamma"] == "> 0"
-    assert [bounds_of[name] for name in sorted(LIMITS)] == ["< 0", "> 0"]
-    pairs = {(opened.parameters[low].name, opened.parameters[high].name, strict) for low, high, strict in opened.ordered}
-    assert pairs == {(f"uncertainty.lower[{i}]", f"uncertainty.upper[{i}]", False) for i in (0, 1)}
-    assert not {name for name, bound in bounds_of.items() if bound} & {
-        "plant.theta[0]",
-        "plant.x0[1]",
-        "controller[0].theta_hat0[0]",
-        *bounds,
-    }
+    place = {one.name: i for i, one in enumerate(opened.parameters)}
+    lower, upper = (place[f"plant.input.saturation[{side}]"] for side in (0, 1))
+    of_limits = {Order(lower, 0.0, strict=False), Order(0.0, upper, strict=False), Order(lower, upper, strict=True)}  # not [0, 0]
+    estimates = [place[f"controller[0].theta_hat0[{i}]"] for i in (0, 1)]
+    of_set = {Order(place[f"uncertainty.lower[{i}]"], estimates[i], strict=False) for i in (0, 1)}
+    of_set |= {Order(estimates[i], place[f"uncertainty.upper[{i}]"], strict=False) for i in (0, 1)}
+    others = {Order(0.0, place["plant.input.rate_limit"], strict=True)} & set(opened.conditions)
+    assert set(opened.conditions) == of_limits | of_set | others | {Order(0.0, place["controller[0].gamma"], strict=True)}
     assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
     others = {
         "Mrac-gain": "controller[0].theta_hat0[2]",
@@ -357,15 +356,16 @@ def test_parameters_are_what_enters_as_it_is() -> None:
 @needs_gcc
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.short(kept=lambda version: version == 3)
-def test_bounds_that_cross_are_refused_and_can_be_moved_past_each_other_together(version, tmp_path) -> None:
+def test_bounds_that_exclude_the_initial_estimate_are_refused_and_all_three_can_be_moved_together(version, tmp_path) -> None:
     path = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)["controller"]
     with pytest.raises(Exception, match=r"[Ff]ail|error|status"):  # where the start is left
         Slave(path, tmp_path, {"uncertainty.lower[0]": 3.0})
     slave = Slave(path, tmp_path, {"uncertainty.lower[0]": 3.0, "uncertainty.upper[0]": 4.0, "controller[0].theta_hat0[0]": 3.5})
-    slave.set({"uncertainty.lower[0]": 5.0, "uncertainty.upper[0]": 6.0})
-    with pytest.raises(Exception, match=r"[Ff]ail|error|status"):
-        slave.set({"uncertainty.lower[0]": 7.0})
-    assert slave.get("uncertainty.lower[0]", "uncertainty.upper[0]") == [5.0, 6.0]
+    slave.set({"uncertainty.lower[0]": 3.25, "uncertainty.upper[0]": 6.0})
+    for beyond in ({"uncertainty.lower[0]": 7.0}, {"uncertainty.lower[0]": 5.0, "uncertainty.upper[0]": 6.0}):
+        with pytest.raises(Exception, match=r"[Ff]ail|error|status"):
+            slave.set(beyond)
+    assert slave.get("uncertainty.lower[0]", "uncertainty.upper[0]") == [3.25, 6.0]
     slave.step(0.0, T)
     assert slave.whole("status") == 0
     slave.close()
@@ -436,6 +436,10 @@ def test_units_have_units(tmp_path) -> None:
             assert (found["alpha"], found["q"], found["u"], found["controller[0].gamma"]) == ("rad", "rad/s", "deg", None)
             meant = {one.name: one.description for one in described.modelVariables}
             assert meant["alpha"] == "measured state x[1]" and "x[1]" not in found
+            states = [one for one in ("state.held_x_m[2]", "state.held_measured[2]", "plant.x[2]") if one in found]
+            assert states and all(found[one] == "rad/s" and meant[one].endswith(": q") for one in states)
+            if "plant.x0[1]" in found:
+                assert (found["plant.x0[1]"], meant["plant.x0[1]"]) == ("rad/s", "initial state: q")
             bases = {one.name: one.baseUnit for one in described.unitDefinitions}
             assert (bases["rad"].rad, bases["rad/s"].rad, bases["rad/s"].s, bases["deg"].rad) == (1, 1, -1, 1)
             assert math.isclose(bases["deg"].factor, math.pi / 180)
@@ -448,6 +452,21 @@ def test_units_have_units(tmp_path) -> None:
     (tmp_path / "spaced.fmu").write_bytes(content)
     meant = {one.name: one.description for one in fmpy.read_model_description(str(tmp_path / "spaced.fmu")).modelVariables}
     assert meant["pitch"] == "measured state x[1]" and meant["pitch_rate"] == "measured state x[2], pitch rate"
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_the_integral_of_a_baseline_has_no_label(version, tmp_path) -> None:
+    """It is a state of the problem beside those of the plant, which the labels name."""
+    import fmpy
+
+    case, seen = load_case("aircraft-lqi"), dict[str, set[tuple[str | None, str]]]()
+    made = units(case.problem, case.controllers[0], case.simulation, version=version, closed_loop=True, compiled=False)
+    for name, content in made.items():
+        (tmp_path / name).write_bytes(content)
+        for one in fmpy.read_model_description(str(tmp_path / name)).modelVariables:
+            seen.setdefault(one.name, set()).add((one.unit, one.description))
+    assert seen["plant.x0[0]"] == {("rad", "initial state: alpha")} and seen["plant.x0[1]"] == {("rad/s", "initial state: q")}
+    assert seen["plant.x0[2]"] == {(None, "initial state")}
 
 
 @needs_gcc

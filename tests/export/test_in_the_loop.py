@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from barbalat import Mrac, Sampled, Simulation, simulate
 from barbalat.cli import main
+from barbalat.commands.run import show_exported
 from barbalat.export import in_the_loop
 from barbalat.export.in_the_loop import simulate_export
+from barbalat.plants import Dropout, PlantInput, Shell
+from barbalat.run.engine.simulate import with_missed_samples
+from barbalat.signals import Step
 from export.examples import SIMULATION, STATE, T, sampled_examples
 from export.targets import needs_gcc
 from independent import refusal
@@ -55,6 +60,44 @@ def test_float32_parts_from_float64_and_stays_near() -> None:
     found = simulate_export(STATE, controller, simulation, float32=True)
     assert found.differs_from(origin)
     assert abs(found.result.x - origin.x).max() < 2e-3
+
+
+LATE = replace(STATE, reference=Step(amplitude=5e6, start=12.0), plant=replace(STATE.plant, input=PlantInput(delay=0.007)))
+ESCAPES = replace(LATE, plant=replace(LATE.plant, theta=[3.0, 40.0]), uncertainty=None, reference=Step(amplitude=1.0, start=11.0))
+MISSES = Shell(longest_outage=0.05, fallback="zero", fade=0.1)
+
+
+@pytest.mark.parametrize(
+    ("problem", "controller"),
+    [
+        (LATE, Mrac(gamma=1e-9)),
+        (replace(LATE, shell=MISSES, faults=[Dropout(channel="x_1", share=0.2, burst=0.1)]), Mrac(gamma=1e-9)),
+        (replace(ESCAPES, plant=replace(ESCAPES.plant, x0=[0.0, 0.0]), sensor=None), Mrac(gamma=1e-9)),
+    ],
+    ids=["late command", "and outages", "diverges"],
+)
+def test_nothing_is_refused_that_comes_after_the_test_vectors(problem, controller) -> None:
+    """Each grows beyond the least range, 10^6, after the 1000 samples that the self-test replays, at t = 10 s."""
+    controller, simulation = Sampled(controller=controller, sample_time=T), Simulation(t_end=20.0 + T / 2, dt=T / 2)
+    run = simulate(problem, [controller], simulation)[controller.name]
+    assert abs(run.x[run.t < 10]).max() < 1e5 < 1e-1 * abs(run.x).max()
+    missed = with_missed_samples({controller.name: run})[controller.name].missed
+    found = simulate_export(problem, controller, simulation)
+    assert found.differs_from(run) == ""
+    assert found.refused == (0 if missed is None else missed.missed)
+
+
+def test_what_is_counted_is_said(capsys) -> None:
+    """Samples at which a measurement or a command was lost: more than the missed samples, which have no good measurement."""
+    faults = (Dropout(channel="x_1", share=0.1), Dropout(channel="command", share=0.2))
+    problem, controller = replace(STATE, faults=faults), Sampled(controller=Mrac(gamma=5.0), sample_time=T)
+    simulation = Simulation(t_end=3.0 + T / 2, dt=T / 2)
+    run = with_missed_samples(simulate(problem, [controller], simulation))[controller.name]
+    found = simulate_export(problem, controller, simulation).refused
+    assert max(run.missed.missed, run.missed.commands) < found < run.missed.missed + run.missed.commands
+    show_exported({controller.name: {"equal": True, "refused": found, "difference": ""}})
+    told = f"every bit; at {found} samples a measurement, a command or a result was lost or refused"
+    assert told in " ".join(capsys.readouterr().out.split())
 
 
 def test_command(tmp_path, capsys, monkeypatch) -> None:

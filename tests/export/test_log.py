@@ -119,3 +119,16 @@ def test_the_case_names_and_its_units_head_the_log() -> None:
     wanted = ["alpha [rad]", "q [rad/s]", "r", "u [deg]", "u_limited [deg]", "x_tilde of alpha [rad]", "x_tilde of q [rad/s]"]
     assert re.findall(r'"([^"]*)"', labelled)[:7] == wanted
     assert "double measured_1; /* alpha [rad]: last good measurement" in text
+
+
+@pytest.mark.parametrize("beginning", ["Mrac-state-midpoint", "L1Adaptive-several"])
+def test_rows_between_two_samples_have_what_the_law_keeps(beginning) -> None:
+    problem, controller = EXAMPLES[next(name for name in EXAMPLES if name.startswith(beginning))]
+    run, kept = simulate(problem, [controller], SHORT)[controller.name], recorded(problem, controller, SHORT, 1000)
+    own, places = kept.states.shape[1], kept.loop.unpack(np.arange(kept.loop.size))
+    u = np.reshape(places.held.u, -1) - kept.loop.size + own
+    (estimates,) = (part for part in kept.loop.parts if part.role.kind == "estimates")
+    theta_hat = np.reshape(getattr(places.controller, estimates.path), -1) - kept.loop.size + own
+    assert len(run.t) == 2 * len(kept.states) + 1  # two steps to a sample
+    for column, rows in ((run.u.reshape(len(run.t), -1), u), (run.theta_hat, theta_hat)):
+        assert same_bits(column[1::2], kept.states[:, rows])

@@ -73,19 +73,25 @@ class Losses:
         return np.where(self.measured, MEASUREMENT_LOST, OK) | np.where(self.command, COMMAND_LOST, OK)
 
 
-def through_losses(act, losses: Losses, run) -> list[tuple[np.ndarray, np.ndarray]]:
+def through_losses(act, losses: Losses, run, held_r: range) -> list[tuple[np.ndarray, np.ndarray]]:
     """u and the whole state after each sample: ``act`` is one good sample of a state, of y, r, freeze, and the u that is then
     held.
 
-    A lost measurement is the last good one, frozen, with u as it was; a lost command is the last good one; nothing starts before
-    a sample with both.
+    A lost measurement is the last good one, frozen, with u as it was; a lost command is the last good one, or 0; nothing but
+    the held command moves before the first measurement.
+
+    held_r  the command's rows in the state
     """
-    found, y, r, u, state = [], None, None, np.zeros(len(np.atleast_1d(act.u))), act.state
+    found, y, u, state = [], None, np.zeros(len(np.atleast_1d(act.u))), act.state
+    r = np.zeros(len(held_r))
     for k in range(len(run.measured)):
-        lost = bool(losses.measured[k])
-        if y is not None or not (lost or losses.command[k]):
-            y, r = y if lost else run.measured[k], r if losses.command[k] else run.commands[k]
+        lost, r = bool(losses.measured[k]), r if losses.command[k] else run.commands[k]
+        if y is not None or not lost:
+            y = y if lost else run.measured[k]
             u, state = act(y, r, lost or losses.freeze[k], u if lost else None)
+        else:
+            state = state.copy()
+            state[list(held_r)] = r
         found.append((u, state))
     return found
 
@@ -132,7 +138,7 @@ def test_through_random_losses_the_c_is_the_list_in_every_bit_and_an_outage_brin
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
-    expected = through_losses(Listed(*EXAMPLES[name]), losses, run)
+    expected = through_losses(Listed(*EXAMPLES[name]), losses, run, printed.contents.layout.r.rows)
     assert (found.status == losses.status).all()
     assert same_bits(found.u, np.array([u for u, _ in expected]))
     assert same_bits(found.kept, np.array([state for _, state in expected])[:, printed.contents.layout.rows])
@@ -170,7 +176,7 @@ def test_through_random_losses_the_c_is_the_equations(name, tmp_path) -> None:
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
-    expected = through_losses(Numbers(printed.contents), losses, run)
+    expected = through_losses(Numbers(printed.contents), losses, run, printed.contents.layout.r.rows)
     np.testing.assert_allclose(found.u, [u for u, _ in expected], rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(
         found.kept, np.array([state for _, state in expected])[:, printed.contents.layout.rows], rtol=1e-7, atol=1e-7

@@ -82,7 +82,7 @@ def test_no_step_can_go_wrong(name, tmp_path) -> None:
 
 
 EVERYTHING = Shell(
-    range={"x_1": [-2.0, 2.0]}, rate={"x_1": 10.0, "x_2": 60.0}, stuck={"x_2": 0.05},
+    range={"x_1": [-2.0, 2.0], "command": [-2.0, 2.0]}, rate={"x_1": 10.0, "x_2": 60.0, "command": 5.0}, stuck={"x_2": 0.05},
     jitter=0.1, longest_outage=0.05, fallback="fade", fade=0.2,
 )  # fmt: skip
 
@@ -96,7 +96,7 @@ def with_a_shell() -> Printed:
 @pytest.mark.full
 def test_no_step_with_a_shell_can_go_wrong(tmp_path) -> None:
     """With every option of a shell, from every count of misses and at every time that a timer may report."""
-    assert alarms(with_a_shell(), tmp_path) == []
+    assert alarms(with_a_shell(), tmp_path, 20 * STATES) == []
 
 
 @needs("frama-c")

@@ -219,7 +219,7 @@ FAULTS = [
     ("if (!in_range(in->x, {macro}_MEASURED)) {", "if (0) {"),
     ("    if (!state_is_usable(c)) {", "    if (0) {"),
     ("    advance(c, in);", "    if (measured != 0) {\n        advance(c, in);\n    }"),
-    ("    if (!result_is_usable(c)) {", "    if (0) {"),
+    ("\n    if (!result_is_usable(c)) {", "\n    if (0) {"),
 ]  # fmt: skip
 
 
@@ -255,7 +255,6 @@ AROUND = {
         "out->u_limited[i] = out->u[i];",
         "out->u_limited[i] = out->u[i] < -0.09 ? -3.0 : out->u[i];",
     ),
-    "the last control where none is put out": ("out->u_limited[i] = out->u[i];", "out->u_limited[i] = c->last_u[i];"),
     "no lower limit": ("if (out->u[0] < -0x1.8", "if (out->u[0] < -0x1.8p9 && out->u[0] < -0x1.8"),
     "another upper limit": ("out->u_limited[0] = 0x1.8000000000000p+1", "out->u_limited[0] = 0x1.8000000000001p+1"),
     "the bump is u_now": ("            c->bump[i] = c->bump[i] - c->held_u[i];\n", ""),
@@ -284,7 +283,6 @@ AROUND = {
         "        *status |= {macro}_COMMAND_LOST;\n        for",
         "        *status |= {macro}_COMMAND_LOST;\n        in->freeze = 1;\n        for",
     ),
-    "a loss before the first good sample begins": ("!= 0u && !(c->held_started[0] > 0)) {", "!= 0u && 0) {"),
     "a lost command is told as a lost measurement": ("*status |= {macro}_COMMAND_LOST;", "*status |= {macro}_MEASUREMENT_LOST;"),
     "a start anywhere": ("    if (!in_range(x, {macro}_MEASURED) || !in", "    if (!in"),
     "a start from any control": (" || !in_range(u_now, {macro}_INPUTS)) {", ") {"),
@@ -293,7 +291,7 @@ AROUND = {
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
     ),
-    "a refused result is put out": ("    if (!result_is_usable(c)) {", "    if (0) {"),
+    "a refused result is put out": ("\n    if (!result_is_usable(c)) {", "    if (0) {"),
     "a standstill is not told": ("        status |= {macro}_RESULT_REFUSED;\n", ""),
     "what was learnt is kept without being asked": ("    if (keep_estimates == 0) {", "    if (0) {"),
     "what was learnt is never kept": ("    if (keep_estimates == 0) {", "    if (1) {"),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from barbalat.cli import main
+from barbalat.export.acceptance import Order
 from barbalat.export.c99.files import files, made_of
 from barbalat.export.evaluation import evaluate
 from barbalat.export.settable import parameter_names
@@ -18,6 +19,7 @@ from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.export.vectors import chosen
 from barbalat.lowering.c99 import DOUBLE
+from barbalat.plants import Shell
 from export.examples import SIMULATION, sampled_examples
 from export.mutation import found_in_c
 from export.proof import alarms
@@ -54,20 +56,30 @@ def test_the_self_test_passes_and_looks_at_every_parameter(name, float32, tmp_pa
 
 FAULTS = {
     "a parameter that is none": ("if (which < 0 || which >= {M}_PARAMETERS) {", "if (which < 0 || which > {M}_PARAMETERS) {"),
-    "beyond its bounds": ("    if (!parameters_are_usable(&next)) {", "    if (0) {"),
-    "no sign": ("        && c->parameter[0] > 0\n", ""),
-    "0 is taken": ("        && c->parameter[0] > 0\n", "        && c->parameter[0] >= 0\n"),
-    "bounds that cross": ("        && c->parameter[3] <= c->parameter[5]\n", ""),
+    "beyond its bounds": ("    if (!parameters_are_usable(next)) {", "    if (0) {"),
+    "no sign": ("        && parameter[0] > 0\n", ""),
+    "0 is taken": ("        && parameter[0] > 0\n", "        && parameter[0] >= 0\n"),
+    "below the set": ("        && parameter[3] <= parameter[1]\n", ""),
+    "above the set": ("        && parameter[1] <= parameter[5]\n", ""),
     "of any size": ("if (!(values[i] >= -{M}_PARAMETER_RANGE && values[i] <= {M}_PARAMETER_RANGE)) {", "if (0) {"),
     "another one": ("    c->parameter[which] = value;\n", "    c->parameter[0] = value;\n"),
-    "a bump": (
-        "            c->bump[i] = c->last_u[i];\n        }\n        c->fade = samples;",
-        "        }\n        c->fade = samples;",
-    ),
-    "no matching": ("        c->matching = 1;\n    }\n    return {M}_OK;", "    }\n    return {M}_OK;"),
-    "before the first sample": (" && c->held_started[0] > 0\n            &&", " &&"),
+    "a bump": ("        c->bump[i] = u[i];\n", "        ;\n"),
+    "no matching": ("    c->matching = 1;\n    c->change = 0L;\n}", "    c->change = 0L;\n}"),
+    "the other fade ends at once": ("    fade(c);\n    for", "    for"),
+    "the new numbers twice": ("                exchange(c);\n", "                ;\n"),
+    "the old numbers for ever": ("    exchange(c);\n    for", "    for"),
+    "half of a step twice": ("    copy(c, before);\n    exchange", "    exchange"),
+    "a change for ever": ("    c->matching = 1;\n    c->change = 0L;\n}", "    c->matching = 1;\n}"),
+    "the first of two is forgotten": ("i < {M}_PARAMETERS && c->change == 0L; ++i", "i < {M}_PARAMETERS; ++i"),
+    "another length": ("    c->fade = c->change;\n", ""),
+    "no length": ("    c->fade_left = c->change;\n", ""),
+    "a refused result": ("        before.change = 0L;", "        "),
+    "a corrupted previous number": (" && parameters_are_usable(c->previous)", ""),
+    "a negative change": ("(c->change == 0L || (c->change > 0L &&", "(c->change <= 0L || (c->change > 0L &&"),
+    "from a corrupted number": ("\n            && parameters_are_usable(c->parameter)", ""),
+    "before the first sample": ("\n            && c->held_started[0] > 0", ""),
     "a fade for an initial estimate": ("\n            && which != {M}_SET_THETA_HAT0_0", ""),
-    "a parameter that was hit": ("\n        && parameters_are_usable(c)", ""),
+    "a parameter that was hit": ("\n        && parameters_are_usable(c->parameter)", ""),
     "a limit of the case": ("out->u[0] < c->parameter[9]", "out->u[0] < -0x1.8p+1"),
 }
 
@@ -190,21 +202,31 @@ class Opened:
 class Settable(Plain):
     """The shell in plain Python, with numbers that are set between two samples."""
 
-    length, matching = 0, False
+    length, change = 0, 0
 
     def set(self, which, value, samples) -> None:
+        if samples and self.begun:
+            self.previous = self.previous if self.change else [*self.act.values]
+            self.change = samples
         self.act.values[which] = value
-        if samples and self.y is not None:
-            self.bump, self.length, self.left, self.matching = self.u, samples, samples, True
 
     def good(self, y, r, freeze) -> None:
-        own, _ = self.act(y, r, freeze, None)
+        begins, before, new = None, self.act.state.copy(), self.act.values
+        if self.change:
+            self.act.values = self.previous
+            begins, fade = self.faded(self.act(y, r, freeze, None)[0]), self.change
+            self.act.values, self.act.state = new, before
         if self.ends and self.missed > self.longest:
-            self.bump, self.length, self.left, self.matching = self.u, self.fade, self.fade, True
-        self.bump = self.bump - own if self.matching else self.bump
-        self.u = own + self.bump * (self.left / self.length) if self.left else own
+            begins, fade = np.clip(self.u, *self.limits), self.fade
+        own, _ = self.act(y, r, freeze, None)
+        if begins is not None:
+            self.bump, self.length, self.left = begins - own, fade, fade
+        self.u = self.faded(own)
         self.act.step.state[self.act.u] = self.u
-        self.y, self.r, self.missed, self.left, self.matching = y, r, 0, max(self.left - 1, 0), False
+        self.begun, self.y, self.r, self.missed, self.left, self.change = True, y, r, 0, max(self.left - 1, 0), 0
+
+    def faded(self, own):
+        return own + self.bump * (self.left / self.length) if self.left else own
 
 
 @needs_gcc
@@ -221,14 +243,17 @@ def test_what_is_set_beside_a_shell_acts_as_in_plain_python(scheme, shell, tmp_p
     y, r = (np.ascontiguousarray(part[:K]) for part in (contents.vectors.measured, contents.vectors.commands))
     y[np.repeat(random.random(K // 8) < 0.3, 8), 0] = np.nan  # outages beyond the longest one
     y[random.random(K) < 0.05, 0] = np.nan
-    gains = [i for i, one in enumerate(contents.parameters) if one.bound == "> 0"]
+    gains = [i for i in range(len(contents.parameters)) if Order(0.0, i, strict=True) in contents.conditions]
     which = np.where(random.random(K) < 0.2, random.choice(gains, K), -1).astype(np.int32)
     value = np.array([contents.parameters[max(i, 0)].value for i in which]) * random.uniform(0.5, 2.0, K)
     fade = random.choice([0, 3, 10], K).astype(np.int64)
     status, u = np.zeros(K, np.uint32), np.zeros((K, contents.sizes[2]))
     arrays = (which, value, fade, y, r, status, u)
     called(K, *(ctypes.c_void_p(array.ctypes.data) for array in arrays))
-    plain, seen = Settable(Opened(contents), SHELLS[shell], problem.measured_names), {"outage": 0, "fallback": 0, "fade": 0}
+    plain, seen = (
+        Settable(Opened(contents), problem.shell, problem),
+        {"outage": 0, "fallback": 0, "fade": 0},
+    )
     for k in range(K):
         if which[k] >= 0:
             seen["outage"] += plain.missed > 0
@@ -268,23 +293,96 @@ def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) ->
 
 @needs_gcc
 def test_a_gain_that_is_doubled_in_flight_makes_no_bump(tmp_path) -> None:
-    """A linear controller's u follows its gain at once: with a fade u continues from its last value, without it u jumps."""
+    """A linear controller's u follows its gain at once: with a fade u goes on as without the change, at once it jumps."""
     made = printed(KINDS[5])
     drive = loaded(tmp_path, made, DRIVER, store="(void)kept;").drive
     which = next(i for i, one in enumerate(made.contents.parameters) if one.name.endswith("D"))
     y, r = np.zeros((80, 2)), np.ones((80, 1))
     found = []
-    for fade in (0, 20):
+    for factor, fade in ((1, 0), (2, 0), (2, 20)):
         u = np.zeros((80, 1))
         at = [ctypes.c_void_p(array.ctypes.data) for array in (y, r, u)]
-        value = 2 * made.contents.parameters[which].value
+        value = factor * made.contents.parameters[which].value
         assert drive(80, 40, which, ctypes.c_double(value), ctypes.c_long(fade), *at, ctypes.c_void_p(0)) == 0
         found.append(u[:, 0])
-    at_once, fading = found
+    never, at_once, fading = found
     jump = at_once[40] - at_once[39]
     assert abs(jump) > 5
-    assert fading[40] == pytest.approx(fading[39]) and np.abs(np.diff(fading)).max() < abs(jump) / 5
+    assert fading[40] == pytest.approx(never[40], rel=1e-12) and np.abs(np.diff(fading)).max() < abs(jump) / 5
     assert fading[60:] == pytest.approx(at_once[60:])
+
+
+FLOWN = """\
+#include "controller.h"
+
+void flown(int samples, double h, const double *stiffness, double b, int which, const double *value, long fade,
+           const double *commands, double *x, double *u)
+{{
+    static {name}_controller c;
+    double now[2] = {{ 0.0, 0.0 }};
+    {name}_init(&c);
+    for (int k = 0; k < samples; ++k) {{
+        {name}_input in = {{0}};
+        {name}_output out;
+        in.sample_time = {macro}_SAMPLE_TIME;
+        in.{measured}[0] = now[0];
+        in.{measured}[1] = now[1];
+        in.r[0] = commands[k];
+        if (which >= 0 && {name}_set(&c, which, value[k], fade) != {macro}_OK) return;
+        if ({name}_step(&c, &in, &out) != {macro}_OK) return;
+        u[k] = out.u[0];
+        for (int i = 0; i < 20; ++i) {{
+            const double rate = stiffness[0] * now[0] + stiffness[1] * now[1] + b * u[k];
+            now[0] = now[0] + h * now[1];
+            now[1] = now[1] + h * rate;
+        }}
+        x[2 * k] = now[0];
+        x[2 * k + 1] = now[1];
+    }}
+}}
+"""
+
+
+@needs_gcc
+@pytest.mark.parametrize(("scheme", "key"), [(KINDS[1], "gamma"), (KINDS[5], "D")])
+def test_a_number_that_is_set_at_every_sample_leaves_the_loop_closed(scheme, key, tmp_path) -> None:
+    """A plant in the loop with the C: with the same value at every sample the flight is that without, to rounding; with a gain
+    schedule u goes on with the law, in every bit as in plain Python, and the plant follows as with the schedule at once."""
+    problem, _ = EXAMPLES[scheme]
+    made = printed(scheme)
+    contents, K, fade = made.contents, 400, 40
+    A, b = np.array(problem.plant.A, dtype=float), np.array(problem.plant.b, dtype=float).reshape(-1)
+    assert A.shape == (2, 2) and (A[0] == [0, 1]).all() and b[0] == 0
+    flown = loaded(tmp_path, made, FLOWN).flown
+    which = next(i for i, one in enumerate(contents.parameters) if one.name.endswith(key))
+    case, stiffness, h = contents.parameters[which].value, np.ascontiguousarray(A[1]), contents.sample_time / 20
+    r = np.where(np.arange(K) // 100 % 2 == 0, 1.0, -1.0)
+
+    def flight(which, value, fade):
+        x, u = np.full((K, 2), np.nan), np.full(K, np.nan)
+        at = [ctypes.c_void_p(array.ctypes.data) for array in (stiffness, value, r, x, u)]
+        flown(K, ctypes.c_double(h), at[0], ctypes.c_double(b[1]), which, at[1], ctypes.c_long(fade), *at[2:])
+        assert np.isfinite(x).all()
+        return x, u
+
+    same, schedule = np.full(K, case), case * (1 + 0.3 * np.sin(np.arange(K) / 20))
+    without = flight(-1, same, 0)
+    assert np.ptp(without[1]) > 0.5
+    for found, expected in zip(flight(which, same, fade), without, strict=True):
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    at_once, (x, u) = flight(which, schedule, 0), flight(which, schedule, fade)
+    plain, now = Settable(Opened(contents), Shell(), problem), [0.0, 0.0]
+    for k in range(K):
+        plain.set(which, schedule[k], fade)
+        _, expected = plain.sample(np.array(now), r[k : k + 1], False, 1.0)
+        assert same_bits(u[k : k + 1], expected), k
+        for _ in range(20):
+            rate = stiffness[0] * now[0] + stiffness[1] * now[1] + b[1] * float(expected[0])
+            now = [now[0] + h * now[1], now[1] + h * rate]
+        assert same_bits(x[k], np.array(now)), k
+    assert np.unique(u).size > 0.95 * K
+    assert not same_bits(u, at_once[1])
+    assert np.abs(x[:, 0] - at_once[0][:, 0]).max() < 0.1 * np.ptp(without[0][:, 0])
 
 
 @needs_gcc
@@ -350,6 +448,16 @@ def test_what_is_refused_and_what_is_told(tmp_path, capsys) -> None:
     assert main([*asked, "--target", "fmu3", "--sources-only", "--out", str(tmp_path / "b")]) == 2
     assert "always have them" in capsys.readouterr().err
     assert not (tmp_path / "b").exists()
+
+
+def test_both_limits_of_the_control_are_not_0_together() -> None:
+    """As in the case, which refuses [0, 0]; one of them may be 0."""
+    name = next(name for name in KINDS if EXAMPLES[name][0].plant.paths[0].saturation is not None)
+    contents = printed(name).contents
+    (low,), (high,) = ([i for i, made in enumerate(contents.parameters) if made.limit == (0, side)] for side in (0, 1))
+    values = np.repeat(np.array([[made.value] for made in contents.parameters]), 4, axis=1)
+    values[[low, high], :] = [[-1.0, 0.0, -1.0, 0.0], [1.0, 1.0, 0.0, 0.0]]
+    assert contents.takes(values).tolist() == [True, True, True, False]
 
 
 def test_names_of_parameters_differ() -> None:

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from barbalat import KnownParameters, Sampled, Simulation, simulate
+from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
 from barbalat.export.fmu.base_units import base_unit
 from barbalat.export.source import header
-from barbalat.export.texts import Printed
+from barbalat.export.texts import Printed, comment, comments
+from barbalat.exports import export_controller
+from barbalat.judge.settings import Judge
 from barbalat.lowering.c99 import DOUBLE
+from barbalat.plants import Dropout, LuenbergerObserver, Shell
 from barbalat.problem.labels import Labels
-from export.examples import SIMULATION, STATE
+from barbalat.signals import Step
+from export.examples import SIMULATION, STATE, T
 from export.test_name import CONTROLLER
+
+KNOWN = Sampled(controller=KnownParameters(theta=[1.0, -0.5], name="known"), sample_time=T, discretization="euler")
 
 
 @pytest.mark.parametrize(
@@ -42,3 +52,85 @@ def test_the_header_has_the_cases_names_and_units() -> None:
     text = header(Printed(Contents.of(labelled, CONTROLLER, SIMULATION, DOUBLE)))
     assert "double x[L1_MEASURED]; /* measured state: alpha [rad], q [rad/s] */" in text
     assert "double u[L1_INPUTS]; /* control [deg] before the actuator, as simulated */" in text
+
+
+def test_the_readme_has_the_cases_names_and_units() -> None:
+    labelled = replace(STATE, labels=Labels(names=["alpha", "q"], units=["rad", "rad/s"], input_units=["deg"]))
+    text = files(labelled, KNOWN, SIMULATION)["README.md"]
+    assert re.search(r"in\.x\[0\] = \.\.\.; +/\* alpha \[rad\] \*/\n +in\.x\[1\] = \.\.\.; +/\* q \[rad/s\] \*/\n", text)
+    assert "apply out.u_limited[0] [deg] at once" in text
+    assert "units of the case: x[0] is alpha [rad], x[1] is q [rad/s], u is in deg." in text
+    plain = files(STATE, KNOWN, SIMULATION)["README.md"]
+    assert "/* 2 states measured */" in plain and "units of the case.\n" in plain
+
+
+def test_the_export_of_a_controller_that_is_lost_says_so(tmp_path) -> None:
+    run = simulate(STATE, [KNOWN], SIMULATION)[KNOWN.name]
+    bound = Judge(lost={"x_1": 0.99 * float(np.abs(run.x[:, 0]).max())})
+    told: list[str] = []
+    out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "lost", judge=bound, note=told.append)
+    (sentence,) = told
+    assert re.fullmatch(r"Do not fly this export as it is: in the case's own run known is lost at t = [\d.]+ s.*\.", sentence)
+    assert f"**{sentence}**" in (out / "README.md").read_text()
+    told.clear()
+    out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "kept", note=told.append)
+    assert not told and "Do not fly" not in (out / "README.md").read_text()
+
+
+def test_the_export_says_if_the_shell_refuses_the_own_run_after_the_test_vectors(tmp_path) -> None:
+    """The command, and the state after it, goes to 2 at t = 11 s; the 1000 samples that an export replays end at 10 s."""
+    late = replace(STATE, reference=Step(amplitude=2.0, start=11.0), faults=(Dropout(share=0.5),))
+    told: list[str] = []
+    for limit in (3.0, 1.5):
+        guarded = replace(late, shell=Shell(range={"x_1": [-limit, limit]}))
+        out = export_controller(guarded, KNOWN, Simulation(t_end=15.0, dt=5e-3), out=tmp_path / "out", note=told.append)
+    (sentence,) = told
+    assert sentence.startswith("In the case's own run without faults, ")
+    assert (
+        sentence.endswith(": widen the shell's limits.") and "% of the 1500 samples were lost or refused by the shell" in sentence
+    )
+    assert f"**{sentence}**" in (out / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Höhe (über Grund) [°]", "Hohe (uber Grund) [deg]"),
+        ("m/s²", "m/s^2"),
+        ("kg·m²·s⁻²", "kg*m^2*s^-2"),
+        ("µs", "us"),
+        ("V/Ω", "V/Ohm"),
+        ("α̇", "alpha_dot"),
+        ("Δφ₁", "Deltaphi1"),
+        ("高", "(U+9AD8)"),
+        ("a */ b \\", "a * / b /"),
+    ],
+)
+def test_labels_are_written_in_ascii_in_c(text, expected) -> None:
+    assert comment(text) == expected
+
+
+def test_different_labels_stay_different_in_c() -> None:
+    assert comments(["Ä", "Ö", "A", "q"]) == ["(U+00C4)", "O", "A", "q"]
+    assert comments(["é", "e", "é"]) == ["(U+00E9)", "e", "(U+00E9)"]
+
+
+def test_the_readme_has_the_labels_as_they_are() -> None:
+    names, units = ["Höhe (über Grund)", "Hohe (uber Grund)"], ["°", "m/s²"]
+    guarded = replace(STATE, labels=Labels(names=names, units=units, input_units=["N·m"]), name="Fläche")
+    guarded = replace(guarded, shell=Shell(range={names[0]: [-100.0, 100.0]}))
+    made = files(guarded, KNOWN, SIMULATION)
+    for text in ("Höhe (über Grund) [°]", "x[1] is Hohe (uber Grund) [m/s²]", "u is in N·m", "[N·m] at once", "Fläche", "100 °"):
+        assert text in made["README.md"], text
+    for name in ("controller.h", "controller.c", "selftest.c"):
+        assert made[name].isascii() and "?he" not in made[name] and "[?]" not in made[name]
+    labels = made["controller.h"].partition("_LOG_LABELS ")[2].partition("}")[0]
+    assert '"Hohe (uber Grund) [deg]", "Hohe (uber Grund) [m/s^2]"' in labels
+
+
+def test_what_is_a_single_state_keeps_its_unit_beside_what_is_none() -> None:
+    labels = Labels(names=["angle", "rate"], units=["deg", "deg/s"])
+    observer = LuenbergerObserver(poles=[-20.0, -30.0], measured=[[1.0, 0.0], [1.0, 1.0]])
+    seen = replace(STATE, labels=labels, observer=observer, sensor=None)
+    assert seen.measured_labels == replace(labels, names=("angle", "y_2"), units=("deg", ""))
+    assert "angle [deg], y_2" in header(Printed(Contents.of(seen, KNOWN, SIMULATION, DOUBLE)))

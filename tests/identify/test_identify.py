@@ -10,9 +10,10 @@ import pytest
 from scipy.linalg import expm
 
 from barbalat.identify import known_set
-from barbalat.identify.identification import identify, windows_of
-from barbalat.identify.known_set import Windows, enclose
+from barbalat.identify.identification import identify
+from barbalat.identify.known_set import Windows, enclose, least_factor
 from barbalat.identify.recording import Recording
+from barbalat.identify.windows import windows_of
 from barbalat.report import identification as report
 from barbalat.validate import InputError
 
@@ -102,7 +103,9 @@ def test_data_that_nothing_explains_are_refused():
     noise["x0"] = 1e-3
     far = recording.outputs.copy()
     far[50:] += 0.05
-    with pytest.raises(InputError, match="no row of x0' explains the data"):
+    with pytest.raises(
+        InputError, match="no parameters explain the data within the stated bounds: a row of x0' explains them only with"
+    ):
         identify(replace(recording, outputs=far), noise=noise, slope={"x0": 10.0}, held_out=0.0)
 
 
@@ -129,7 +132,7 @@ def _exact(x):
     return np.array(states)[:, None]
 
 
-def test_least_squares_finds_the_plant_and_its_interval_holds_it():
+def test_the_fit_finds_the_plant_and_its_interval_holds_it():
     rng = np.random.default_rng(8)
     A, B = np.array([[0.0, 1.0], [-3.0, -1.0]]), np.array([[0.0], [2.0]])
     recording, _, _ = recorded(rng, A, B, 0.01, 2000, 1e-4)
@@ -171,11 +174,11 @@ def test_outputs_that_are_not_the_whole_state_are_a_finding():
     rng = np.random.default_rng(0)
     recording, _, _ = recorded(rng, np.array([[0.0, 1.0], [-400.0, -0.4]]), np.array([[0.0], [30.0]]), 0.01, 800, 1e-5)
     position = replace(recording, outputs=recording.outputs[:, :1], output_names=("x0",))
-    assert any("predicts x0 worse than their mean does: the outputs may not be" in one for one in identify(position).findings)
-    assert not any("worse than their mean" in one for one in identify(recording, derivatives={"x0": "x1"}).findings)
+    assert any("perhaps the outputs are not the whole state" in one for one in identify(position).findings)
+    assert not any("whole state" in one for one in identify(recording, derivatives={"x0": "x1"}).findings)
 
 
-def test_exact_knowledge_leaves_least_squares_for_the_rest():
+def test_exact_knowledge_leaves_the_fit_for_the_rest():
     """A coefficient known exactly is removed from the regression; one known to lie elsewhere is clipped, and a message says
     so."""
     rng = np.random.default_rng(8)
@@ -191,7 +194,7 @@ def test_exact_knowledge_leaves_least_squares_for_the_rest():
     }  # with which a row that is wrong by a few per cent explains the data
     found = identify(recording, derivatives={"x0": "x1"}, within={("x1", "x1"): (-0.98, -0.9)}, noise=wide, slope=slope)
     nominal = found.rows[1].nominal
-    assert any("the least squares of x1' lie outside the known set" in said for said in found.findings)
+    assert any("the fit of x1' lies outside the known set" in said for said in found.findings)
     assert nominal[1] == pytest.approx(-0.98, abs=1e-3) and np.allclose(nominal, [0.0, -0.98, 1.97], atol=0.05)
 
 
@@ -228,13 +231,18 @@ def test_an_unstable_plant_is_validated_by_predictions_over_its_fastest_growth()
 
 
 def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
-    """A growing oscillation with only one state as output."""
+    """A growing oscillation with only one state as output, and a growth that has ended before the held-out samples."""
     t = 0.01 * np.arange(800)
-    q = np.exp(t) * (1 + 2 * np.sin(10 * t))
-    found = identify(Recording(t, unstable().inputs, q[:, None], ("u",), ("q",)))
-    assert found.restarted is not None and found.fit["q"] < found.held_fit["q"]
-    assert any("predicts q worse than a state that is held from the last restart" in said for said in found.findings)
-    assert "s ahead and fits q" in report.sentence(found) and "restarts from the measured state every" in report.caption(found)
+    turned = np.exp(t) * (1 + 2 * np.sin(10 * t))
+    ended = np.where(t < 6, np.exp(t), np.exp(6.0) * (1 - 0.05 * (t - 6)))
+    for q, worse in ((turned, False), (ended, True)):
+        found = identify(Recording(t, unstable().inputs, q[:, None], ("u",), ("q",)))
+        assert found.restarted is not None and (found.fit["q"] < found.held_fit["q"]) == worse
+        assert any("predicts q worse than a state that is held from the last restart" in said for said in found.findings) == worse
+        assert any("the ranges describe no plant" in said for said in found.findings)
+        assert "s ahead and fits q" in report.sentence(found) and "restarts from the measured state every" in report.caption(
+            found
+        )
 
 
 def test_within_is_honoured_without_noise_bounds():
@@ -245,8 +253,8 @@ def test_within_is_honoured_without_noise_bounds():
     row = found.rows[1]
     assert free.nominal[0] > 22 and row.nominal[0] == pytest.approx(22.0) and (row.estimate == free.estimate).all()
     assert row.ranges[0, 0] >= 20 and row.ranges[0, 1] <= 22 and 3 <= row.ranges[2, 0] <= row.nominal[2] <= row.ranges[2, 1] <= 6
-    assert any("the least squares of w' lie outside the bounds of within" in said for said in found.findings)
-    assert "within the bounds of within, which are not guaranteed" in found.findings[-1]
+    assert any("the fit of w' lies outside the bounds of within" in said for said in found.findings)
+    assert "within the bounds of within, without a guarantee" in found.findings[-1]
 
 
 def test_an_unexcited_coefficient_has_no_interval_and_takes_that_of_within():
@@ -265,6 +273,55 @@ def test_a_contradiction_of_within_and_the_data_is_said_as_one():
     with pytest.raises(InputError) as told:
         identify(recording, noise=noise, slope=slope, within={("x0", "x0"): (-3.0, -2.5)})
     said = str(told.value)
-    assert "no row of x0' that lies within the bounds of within explains the data" in said
-    assert "without within, that of least squares explains the data" in said
-    assert float(said.split("noise and slope ", maxsplit=1)[1].partition(" times larger")[0]) > 1
+    assert "a row of x0' that lies within the bounds of within explains them only with bounds of noise and slope" in said
+    assert "without within, some other row explains them" in said
+    assert float(said.split("slope that are ", maxsplit=1)[1].partition(" times larger")[0]) > 1
+
+
+def test_the_smallest_factor_is_that_of_a_grid_and_its_bounds_are_explained():
+    """Two noisy coefficients: no row of a fine grid needs a smaller factor, and one nearly as small is found there."""
+    rng = np.random.default_rng(6)
+    Q = rng.normal(size=(30, 2))
+    windows = Windows(Q @ [0.3, -1.0] + 0.5 * rng.normal(size=30), Q, np.full(30, 0.02), np.full((30, 2), 0.03))
+    axis = np.linspace(-2.0, 2.0, 401)
+    grid = min(windows.factor(np.array([a, b])) for a in axis for b in axis)
+    found = least_factor(windows)
+    assert 1.0 < 0.97 * grid < found <= grid
+    wider = Windows(windows.left, Q, found * 1.0001 * windows.left_error, found * 1.0001 * windows.Q_error)
+    narrower = Windows(windows.left, Q, found * 0.999 * windows.left_error, found * 0.999 * windows.Q_error)
+    assert not enclose(wider).empty and enclose(narrower).empty
+    half = np.array([[-np.inf, np.inf], [0.5, 2.0]])
+    inside = min(windows.factor(np.array([a, b])) for a in axis for b in axis if b >= 0.5)
+    assert 0.95 * inside < least_factor(windows, half) <= inside  # a step of the grid moves a ratio by 1.5
+
+
+def test_data_that_nothing_explains_are_refused_beside_a_regressor_within_its_error():
+    """The set's directions are unbounded, and it is empty all the same: once told as a lack of excitation."""
+    rng = np.random.default_rng(0)
+    Q = rng.normal(size=(60, 2))
+    windows = Windows(5.0 * rng.normal(size=60), Q, np.full(60, 1e-6), np.column_stack([np.full(60, 1e-7), np.full(60, 1e-7)]))
+    buried = replace(windows, Q_error=np.column_stack([1.1 * np.abs(Q[:, 0]), np.full(60, 1e-7)]), left=windows.left)
+    assert enclose(windows).empty
+    silent = replace(buried, left=np.where(np.arange(60) < 30, 0.0, buried.left), Q=Q * [0, 1], Q_error=buried.Q_error * [0, 1])
+    assert enclose(silent).empty  # the second regressor alone explains nothing, and the first one does not move
+    assert not np.isfinite(enclose(buried).lower[0])  # a large first coefficient explains every window
+
+
+def test_a_silent_input_leaves_the_coefficients_of_the_states_bounded():
+    """u = 0 all the time: only the coefficients of u have no bound, in the known set and in the intervals."""
+    rng = np.random.default_rng(0)
+    A = np.array([[0.0, 1.0], [-3.0, -0.8]])
+    step, x, states = expm(A * 0.02), np.array([1.0, 0.0]), []
+    for _ in range(400):
+        states.append(x + 1e-4 * rng.choice([-1.0, 1.0], 2))
+        x = step @ x
+    rig = Recording(0.02 * np.arange(400), np.zeros((400, 1)), np.array(states), ("u",), ("q", "w"))
+    for bounds in ({}, {"noise": dict.fromkeys("qw", 1.01e-4), "slope": {"q": 2.0, "w": 4.0}}):
+        found = identify(rig, derivatives={"q": "w"}, **bounds)
+        ranges = found.rows[1].ranges
+        assert np.isfinite(ranges[:2]).all() and np.isinf(ranges[2]).all()
+        assert (ranges[:2, 0] <= A[1]).all() and (A[1] <= ranges[:2, 1]).all()
+        assert any("do not excite u in the row of w'" in said for said in found.findings)
+        (_, row) = identify(rig, derivatives={"q": "w"}, within={("w", "u"): (1.5, 2.5)}, **bounds).rows
+        assert row.nominal[2] == 2.0 and not row.outside
+        np.testing.assert_array_equal(row.ranges[2], [1.5, 2.5])

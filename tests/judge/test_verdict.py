@@ -187,7 +187,7 @@ def test_bands_in_the_plants_units_decide():
     assert kind(Judge(follows={"angle": 1.01 * error[0], "rate": 1.01 * error[1]})) is Class.FOLLOWS
     assert kind(Judge(follows={"angle": 0.99 * error[0], "rate": 1.01 * error[1]})) is Class.OFF
     assert kind(Judge(lost={"angle": 0.9})) is Class.LOST  # it starts at 1
-    with pytest.raises(InputError, match=r"judge.follows.angel does not name a component; there are angle, rate"):
+    with pytest.raises(InputError, match=r"judge.follows.angel does not name a component; the components are angle, rate"):
         kind(Judge(follows={"angel": 1.0}))
 
 
@@ -205,7 +205,7 @@ def test_a_case_file_judges():
     assert case.judge == Judge(follows={"x_1": 1e3, "x_2": 1e3}, cycle=0.03)
     (result,) = simulate(case.problem, case.controllers, case.simulation, judge=case.judge).values()
     assert result.verdict.kind is Class.FOLLOWS
-    with pytest.raises(InputError, match=r"judge.lost.x_3 does not name a component; there are x_1, x_2"):
+    with pytest.raises(InputError, match=r"judge.lost.x_3 does not name a component; the components are x_1, x_2"):
         parse_case(SECTION_V.replace("GAMMA", "10.0") + "\n[judge]\nlost = { x_3 = 1 }\n")
     with pytest.raises(InputError, match=r"judge.cycle must be a share of the control's range below 1, got 2"):
         Judge(cycle=2.0)

@@ -37,7 +37,7 @@ def test_of_several_the_one_that_does_not_fit_is_named():
     for use in (simulate, certify, delay_margins):
         message = refusal(lambda use=use: use(given, [Mrac(gamma=1.0), linear], SIMULATION))
         assert message == (
-            "controller 'old PI': linear takes plants with the regressor phi(x) = x; all schemes but linear take others"
+            "controller 'old PI': linear supports only the regressor phi(x) = x; all schemes but linear support others"
         )
 
 

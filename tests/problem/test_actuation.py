@@ -97,7 +97,7 @@ def test_members_differ_in_every_number_of_the_path(problems):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"saturation": (1.0, 2.0)}, ["saturation", "lower < 0 < upper"]),
+        ({"saturation": (1.0, 2.0)}, ["saturation", "lower <= 0 <= upper"]),
         ({"saturation": (1.0,)}, ["saturation", "2"]),
         ({"rate_limit": 0.0}, ["rate_limit", "positive"]),
         ({"rate_limit": True}, ["rate_limit", "number"]),

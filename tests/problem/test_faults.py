@@ -8,6 +8,7 @@ import pytest
 from barbalat.plants import Bias, Dropout, Jitter, Latency, Shell, Spike, Stuck
 from barbalat.problem.faults import FAULTS, FaultSignal, uniform
 from barbalat.validate import InputError
+from independent import refusal
 
 MASK = 2**64 - 1
 
@@ -73,19 +74,19 @@ def test_a_fault_is_a_signal_like_others() -> None:
         (lambda: Dropout(share=1.5), "share must be at most 1, got 1.5"),
         (lambda: Dropout(share=0.1, times=[[0, 1]]), "give either share or times, got both"),
         (lambda: Dropout(times=[[2, 1]]), "times must be intervals [start, end] with 0 <= start < end, got [2, 1]"),
-        (lambda: Dropout(burst=0.1, times=[[1, 2]]), "burst goes with share, which is missing"),
+        (lambda: Dropout(burst=0.1, times=[[1, 2]]), "burst needs share, which is missing"),
         (lambda: Spike(size=0.0, share=0.1), "size must be positive, got 0.0"),
         (lambda: Latency(time=-1.0), "time must be positive, got -1.0"),
         (lambda: Shell(range={"a": [2, 1]}), "shell.range.a must be [lowest, highest], got [2, 1]"),
         (lambda: Shell(rate={"a": -1}), "shell.rate.a must be positive, got -1"),
-        (lambda: Shell(fallback="zero"), "shell.fallback goes with shell.longest_outage, which is missing"),
+        (lambda: Shell(fallback="zero"), "shell.fallback needs shell.longest_outage, which is missing"),
         (
             lambda: Shell(jitter=0.6, longest_outage=1.0),
             "shell.jitter must be a share of the sample time from 0.001 to below 0.5",
         ),
         (
             lambda: Shell(fallback="baseline", longest_outage=1.0).require(
-                ("x_1",), without_baseline="needs a case with a baseline controller, and this one has none"
+                ("x_1",), ("command",), without_baseline="needs a case with a baseline controller, and this one has none"
             ),
             "shell.fallback = 'baseline' needs a case with a baseline",
         ),
@@ -100,3 +101,11 @@ def test_what_means_nothing_is_refused(make, sentence) -> None:
 
 def test_every_fault_is_found_by_its_kind() -> None:
     assert {name: kind.kind for name, kind in FAULTS.items()} == {name: name for name in FAULTS}
+
+
+def test_a_check_of_a_name_that_two_channels_have_is_refused() -> None:
+    shell = Shell(range={"alpha": [-1.0, 1.0]})
+    shell.require(("alpha", "q"), ("command",), without_baseline=None)
+    told = "shell.range.alpha is the name of several channels; give each a label of its own"
+    for names, commands in ((("alpha", "alpha"), ("command",)), (("q",), ("alpha", "alpha"))):
+        assert refusal(lambda names=names, commands=commands: shell.require(names, commands, without_baseline=None)) == told

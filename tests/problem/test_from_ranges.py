@@ -8,9 +8,11 @@ from barbalat import InputError, Plant, Problem, ReferenceModel
 from barbalat.plants import Parameter, PhysicalPlant
 from barbalat.problem import from_ranges
 from barbalat.problem.from_ranges import TIGHTNESS
+from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.laurent import products_of
 from barbalat.run.results.findings import of_problem
 from barbalat.signals import Constant
+from independent import refusal
 
 J_eq, B_eq, K_u = 0.00208, 0.0838, 0.1284
 
@@ -137,6 +139,17 @@ def test_the_nominal_plant_lies_in_its_own_set():
             assert problem.known.estimate_set.contains(problem.parameters)
 
 
+def test_formulas_are_written_as_numbers_are():
+    """In an array of NumPy, with a number to the power of a parameter, and with a sign."""
+    k, J = Parameter("k", 3.0, between=[2.0, 4.0]), Parameter("J", 0.5)
+    plant = Plant(A=np.array([[0, 1], [-k / J, -(2**k)]]), b=np.array([0, +k]), A_m=[[0, 1], [-2, -3]])
+    np.testing.assert_allclose(plant.A_m + np.outer(plant.b, plant.theta), [[0, 1], [-6, -8]], atol=1e-12)
+    A, b = plant.physical.matrices({"k": 4.0, "J": 0.5})
+    np.testing.assert_allclose(A, [[0, 1], [-8, -16]], rtol=1e-15)
+    np.testing.assert_array_equal(b, [0, 4])
+    assert "the base of a power" in refusal(lambda: (-2.0) ** k)
+
+
 def test_parameters_without_ranges_give_a_known_plant():
     """Names for numbers alone: theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the gain."""
     plant = PhysicalPlant(A=[[0, 1], ["-k/J", "-0.1"]], b=[0, "1/J"], parameters=[Parameter("k", 1.3), Parameter("J", 0.5)])
@@ -222,3 +235,65 @@ def test_the_bound_of_a_small_theta_is_as_tight():
     found = [derived(Plant(A=[[0, 1], [-100 * k / (k + m), -3]], b=[0, b], A_m=[[0, 1], [-20, -3]])) for b in (1.0, 1e11)]
     widths = [one.theta.upper[0] - one.theta.lower[0] for one in found]
     assert 1e11 * widths[1] == pytest.approx(widths[0], rel=1e-6)
+
+
+OWN = PhysicalPlant(
+    A=[[0, 1], ["-k/J", "-1/J"]],
+    b=[0, "1/J"],
+    parameters=[Parameter("J", 1.0, between=(0.5, 2.0)), Parameter("k", 2.0, between=(1.0, 3.0))],
+)
+
+
+def own_set(**given):
+    plant = Plant(physical=OWN, poles=[-2, -3])
+    return Problem(plant=plant, reference_model=ReferenceModel(k_0=6.0), **given)
+
+
+def test_a_set_of_the_user_s_own_is_compared_with_the_derived_one():
+    """J from 0.5 to 2 times nominal gives omega from 0.5 to 2."""
+    whole = own_set().derived
+    (gain,), theta = whole.input_gain, whole.theta
+    assert gain == pytest.approx((0.5, 2.0), rel=1e-6) and not whole.outside and own_set().derived.used
+    wide = ParameterBox(lower=theta.lower - 1.0, upper=theta.upper + 1.0)
+    known = own_set(uncertainty=wide).derived
+    assert known.outside == f"omega in [{gain[0]:.6g}, {gain[1]:.6g}], and the input's gain is taken as known"
+    assert known.outside in known.sentences[-1] and not known.used
+    assert not own_set(uncertainty=wide, input_gain=(0.4, 2.5)).derived.outside
+    assert "omega in [0.5, 2], not only in [0.6, 2.5]" in own_set(uncertainty=wide, input_gain=(0.6, 2.5)).derived.outside
+    cut = ParameterBox(lower=theta.lower, upper=theta.upper - [0.0, 0.1])
+    said = own_set(uncertainty=cut, input_gain=(0.4, 2.5)).derived.outside
+    assert said.startswith("theta_2 in [") and "theta_1" not in said
+    centre = (theta.lower + theta.upper) / 2
+    for radius, fits in ((1.01, True), (0.99, False)):
+        ball = ParameterBall(center=centre, radius=radius * float(np.linalg.norm(theta.upper - centre)))
+        assert (not own_set(uncertainty=ball, input_gain=(0.4, 2.5)).derived.outside) == fits
+
+
+def test_an_own_gain_alone_keeps_the_derived_box():
+    found = own_set(input_gain=(0.4, 2.5))
+    np.testing.assert_array_equal(found.uncertainty.lower, own_set().uncertainty.lower)
+    assert found.input_gain == (0.4, 2.5) and not found.derived.outside
+    assert "omega in [0.5, 2], not only in" in own_set(input_gain=(0.9, 1.1)).derived.outside
+
+
+def test_no_share_of_a_change_exceeds_100_percent():
+    """With two inputs that point nearly the same way, the projection is oblique: the remainder of b is larger than its change."""
+    e = Parameter("e", 0.0, between=(-0.05, 0.05))
+    physical = PhysicalPlant(A=[[0, 1], [-2, -3]], b=[[1, 1], ["0.2 + e", 0.1]], parameters=[e])
+    plant = Plant(physical=physical, A_m=[[0, 1], [-2, -3]])
+    (share,) = (by["b"] for by in plant.from_ranges.shares.values())
+    b = np.array([[1, 1], [0.2, 0.1]])
+    change = np.array([0, 0.1])
+    matched = b[:, 0] * np.linalg.solve(b, change)[0]
+    rest = change - matched
+    assert np.linalg.norm(rest) > np.linalg.norm(change)
+    assert share == pytest.approx(np.linalg.norm(rest) / np.hypot(np.linalg.norm(rest), np.linalg.norm(matched))) and share < 1
+
+
+def test_an_enclosure_of_what_cancels_exactly_is_called_loose_where_it_is():
+    given = [Parameter("a", 2.0, between=(1.5, 2.5)), Parameter("b", 3.0, between=(2.5, 3.5))]
+    for text, loose in (("sqrt(a*b) - sqrt(a)*sqrt(b) - 1", True), ("a*b - b*a - 1", False)):
+        plant = PhysicalPlant(A=[[text]], b=[1.0], parameters=given)
+        found = from_ranges.from_ranges(plant, np.array([[-2.0]]), np.array([1.0]), np.ones(1), "")
+        assert found.theta.lower[0] <= 1.0 <= found.theta.upper[0]
+        assert (found.too_wide is not None) == loose and (found.width_ratio > 1.05) == loose

@@ -58,7 +58,7 @@ def test_the_aircrafts_have_them():
     [
         ({"units": ("rad",)}, "labels.units must have 2 entries, got 1"),
         ({"input_units": ("N", "N")}, "labels.input_units must have 1 entry, got 2"),
-        ({"names": "angle"}, "labels.names must be a list of texts"),
+        ({"names": "angle"}, "labels.names must be a list of strings"),
         ({"names": ("a\nb", "c")}, "control characters"),
     ],
 )

@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.stats import kstest
 
-from barbalat.controllers import Mrac
+from barbalat.certificates.certify import certify
+from barbalat.controllers import KnownParameters, Mrac, Sampled
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.portable import standard_normal
+from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -136,3 +139,61 @@ def test_lag_against_dop853(problems):
 def test_bad_settings(problems, make, words):
     message = refusal(lambda: make(problems[2]))
     assert all(word in message for word in words)
+
+
+def quantised(problem, resolution):
+    return replace(problem, sensor=Sensor(quantization=resolution))
+
+
+@pytest.mark.parametrize("resolution", [0.05, [0.05, 0.05], [0.0, 0.2], [0.3, 0.0]])
+def test_a_quantised_state_feedback_against_exact_samples(problems, resolution):
+    """u = k_0 r - theta'q(x): between samples the plant is linear and u constant, so matrix exponentials are exact."""
+    problem, T, count = problems[2], 0.0625, 80
+    plant, theta = problem.plant, np.array([0.7, -0.4])
+    controller = Sampled(controller=KnownParameters(theta=theta), sample_time=T, discretization="euler")
+    simulation = Simulation(t_end=count * T, dt=T / 64, record_points=count)
+    run = simulate(quantised(problem, resolution), [controller], simulation)["Known parameters"]
+    A = plant.A_m + np.outer(plant.b, plant.theta)
+    both = expm(T * np.block([[A, plant.b.reshape(2, 1)], [np.zeros((1, 3))]]))
+    x, each = plant.x0, np.asarray(resolution) * np.ones(2)
+    for k in range(count):
+        np.testing.assert_allclose(run.x[k], x, atol=1e-8)
+        seen = [one if q == 0 else q * np.floor(one / q + 0.5) for one, q in zip(x, each, strict=True)]
+        u = np.ravel(problem.known.k_0)[0] * float(problem.reference(k * T)) - theta @ seen
+        np.testing.assert_allclose(run.u[k], u, atol=1e-7)
+        x = both[:2, :2] @ x + both[:2, 2] * u
+
+
+def test_a_resolution_larger_than_the_motion_hides_it(problems):
+    still = replace(problems[1], reference=Constant(amplitude=0.0), plant=replace(problems[1].plant, x0=[0.1]))
+    controller = Sampled(controller=Mrac(gamma=5.0), sample_time=0.125)
+    run = simulate(quantised(still, 1.0), [controller], Simulation(t_end=1.0, dt=2.0**-8))["MRAC"]
+    hidden = np.abs(run.x[:, 0]) < 0.5
+    assert not run.u[hidden].any() and run.u[~hidden].any()
+
+
+@pytest.mark.parametrize(
+    ("resolution", "words"),
+    [
+        (0.0, ["sensor.quantization", "positive"]),
+        ([0.1, -0.1], ["sensor.quantization", "negative"]),
+        ([0.1, 0.1, 0.1], ["sensor.quantization", "2"]),
+        ("fine", ["sensor.quantization"]),
+    ],
+)
+def test_resolutions_that_are_none(problems, resolution, words):
+    message = refusal(lambda: quantised(problems[2], resolution))
+    assert all(word in message for word in words), message
+
+
+def test_a_continuous_controller_takes_no_quantised_measurement(problems):
+    message = refusal(lambda: simulate(quantised(problems[2], 0.1), [Mrac(gamma=5.0)], Simulation(t_end=1.0, dt=0.01)))
+    assert "sensor.quantization is for controllers that read the sensor at samples" in message
+
+
+def test_the_linear_margins_are_those_without_quantisation_and_no_bound_is_guaranteed(problems):
+    controller, simulation = Sampled(controller=Mrac(gamma=5.0), sample_time=0.125), Simulation(t_end=1.0, dt=2.0**-8)
+    (plain,), (found,) = (certify(one, [controller], simulation).values() for one in (problems[1], quantised(problems[1], 0.1)))
+    margins = [[(one.key, one.value) for one in each.entries if "margin" in one.key] for each in (found, plain)]
+    assert margins[0] == margins[1] and margins[0]
+    assert not [one.key for one in found.entries if one.kind == "guaranteed" and "error" in one.key]

@@ -183,7 +183,7 @@ def test_the_gains_of_several_inputs_follow_from_as_many_states():
 def test_what_cannot_be_followed_is_refused():
     with pytest.raises(InputError, match=r"names rate, which comes to rest at 0 under every constant command"):
         following("rate", names=("angle", "rate"))
-    with pytest.raises(InputError, match=r"names no state, got 'x_3'; there are x_1, x_2"):
+    with pytest.raises(InputError, match=r"names no state, got 'x_3'; the states are x_1, x_2"):
         following("x_3")
     with pytest.raises(InputError, match=r"reference_model.k_0 and reference_model.follow are both given"):
         ReferenceModel(k_0=1.0, follow="x_1")

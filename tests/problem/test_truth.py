@@ -85,7 +85,7 @@ def test_a_truth_with_a_further_state(states, S):
     expected = by_scipy(problem, [0.0, 0.1, 0.3], lambda t, x, u: A @ x + B * u, lambda x: S @ x)
     np.testing.assert_allclose(final_error(problem), expected, atol=1e-7)
     assert simulate(problem, [LAW], SIMULATION)["MRAC"].x.shape[1] == 2
-    assert "3 states, and the plant 2" in departures(problem)[0].sentence
+    assert "3 states, and the plant has 2" in departures(problem)[0].sentence
 
 
 def test_parameters_of_the_truth_move_the_simulated_plant_and_no_controller():
@@ -219,7 +219,7 @@ def test_what_the_truth_voids_is_nowhere_called_guaranteed():
             cells["transient"],
         ]
 
-    yes, apart = "guaranteed", "guaranteed of the design"
+    yes, apart = "guaranteed", "guaranteed for the design"
     assert kinds(None) == ([yes, yes, yes], [yes, yes])
     assert kinds(Truth(A=A_m + np.outer(b, [1.5, 1.0]))) == ([apart, yes, yes], [yes, apart])
     assert kinds(Truth(input=PlantInput(delay=0.01))) == ([apart, apart, yes], [apart, apart])
@@ -274,11 +274,15 @@ def test_a_case_file_says_all_that():
     ("old", "new", "words"),
     [
         ('"-k/J"', '"-K/J"', ["plant.A[1][0]", "K", "did you mean 'k'"]),
-        ("parameters = { k = 1.6 }", "parameters = { K = 1.6 }", ["truth.parameters", "K", "there are k, J"]),
+        ("parameters = { k = 1.6 }", "parameters = { K = 1.6 }", ["truth.parameters", "K", "the parameters are k, J"]),
         ("parameters = { k = 1.6 }", "parameter = { k = 1.6 }", ["truth.parameter", "did you mean"]),
         ("value = 1.3, between", "valeu = 1.3, between", ["parameters.k.valeu", "value"]),
         ("between = [0.9, 1.7]", "between = [1.7, 0.9]", ["parameters.k.between"]),
-        ("[truth]", "[truth]\nA = [[0, 1, 0], [0, 0, 1], [0, 0, 0]]\nb = [0, 0, 1]", ["truth.states", "3 states", "the plant 2"]),
+        (
+            "[truth]",
+            "[truth]\nA = [[0, 1, 0], [0, 0, 1], [0, 0, 0]]\nb = [0, 0, 1]",
+            ["truth.states", "3 states", "the plant has 2"],
+        ),
         (
             "[truth]",
             "[truth]\nfriction = [{ state = 'speed', coulomb = 1, width = 1 }]",
@@ -288,6 +292,7 @@ def test_a_case_file_says_all_that():
         ('b = [0, "1/J"]', "theta = [1, 2]\nb = [0, 1]", ["plant.theta", "parameters"]),
         ("A = [[0, 1]", "transfer_function = { num = [1], den = [1, 1] }\nA = [[0, 1]", ["state space"]),
         ("k = { value = 1.3,", "sin = { value = 1.3,", ["parameters", "sin"]),
+        ("J = {", "m = { value = 1.0, tolerance = 0.5 }\nJ = {", ["parameters.m has a range", "no formula"]),
     ],
 )
 def test_bad_input_is_one_clear_sentence(old, new, words):
@@ -295,6 +300,31 @@ def test_bad_input_is_one_clear_sentence(old, new, words):
     with pytest.raises(InputError) as caught:
         parse_case(CASE.replace(old, new, 1))
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_ranges_of_delay_sensor_and_start_leave_guarantees_for_the_declared_values_alone():
+    """Within its range the lag takes e beyond the bound for the whole set, which knows no lag."""
+    matched = CASE.replace('delay = "0.01*J/0.2"\nactuator = { num = ["20*J"], den = [1, "20*J"] }\n', "")
+    matched = matched.replace("k = 1.6", "").replace("J = { value = 0.2, tolerance = 0.1 }", "J = 0.2\nT = VALUE")
+    for lag, where, said in (
+        ("{ value = 0.0, between = [0.0, 0.4] }", '[sensor]\nlag = "T"', "sensor.lag (0 to 0.4 at their corners)"),
+        ("{ value = 0.0, between = [0.0, 0.4] }", '[plant.input]\ndelay = "T"', "plant.input.delay (0 to 0.4 at their corners)"),
+        ("{ value = 0.0, between = [0.0, 2.0] }", "", "plant.x0"),
+        ("0.0", '[sensor]\nlag = "T"', ""),
+    ):
+        text = matched.replace('[plant.input]\n[sensor]\nlag = "0.01*J"', where).replace("VALUE", lag)
+        case = parse_case(text if where else text.replace("[plant]\n", '[plant]\nx0 = ["T", 0]\n'))
+        (certificate,) = certify(case.problem, case.controllers, case.simulation).values()
+        assert certificate.entry("error_bound").kind == ("guaranteed for the design" if said else "guaranteed")
+        assert bool(case.problem.derived.around) == bool(said) and said in " ".join(case.problem.derived.sentences)
+    slow = parse_case(
+        matched.replace('lag = "0.01*J"', 'lag = "T"')
+        .replace("VALUE", "{ value = 0.0, between = [0.0, 0.4] }")
+        .replace("parameters = {  }", "parameters = { T = 0.4 }")
+        .replace("t_end = 1.0", "t_end = 10.0")
+    )
+    bound = certify(slow.problem, slow.controllers, slow.simulation)["MRAC"].values["error_bound"]
+    assert max(simulate(slow.problem, slow.controllers, slow.simulation)["MRAC"].figures["max_abs_e"]) > bound
 
 
 def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():

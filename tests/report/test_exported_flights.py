@@ -19,7 +19,7 @@ WHOLE = "compiled on this machine: every bit of u and of the state equals the si
     [
         (None, []),
         ({"a": EQUAL}, [f"the C of a flew, {WHOLE} 6,000 samples of 2 flights"]),
-        ({"a": Agreement(samples=300)}, [f"the C of a flew, {WHOLE} 300 samples of a flight"]),
+        ({"a": Agreement(samples=300)}, [f"the C of a flew, {WHOLE} 300 samples of 1 flight"]),
         ({"a": EQUAL, "b": EQUAL}, [f"the C of every controller flew, {WHOLE} 12,000 samples of 4 flights"]),
         (
             {"a": EQUAL, "b": WRONG, "c": EQUAL, "d": HELD, "e": BROKEN},

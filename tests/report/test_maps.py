@@ -90,7 +90,7 @@ def test_files_page_and_link(tmp_path):
     [
         ({"values": [[1.0, 2.0]]}, r"shape \(y, x\) = \(2, 3\), got \(1, 2\)"),
         ({"key": "A map"}, "small letters"),
-        ({"values": [[0.0, 1, 1], [1, 1, 1]], "logarithmic": True}, "least value is 0"),
+        ({"values": [[0.0, 1, 1], [1, 1, 1]], "logarithmic": True}, "smallest value is 0"),
     ],
 )
 def test_maps_that_make_no_sense(change, message):

@@ -4,7 +4,7 @@ from barbalat.report.omissions import grouped_omissions
 
 
 def test_schemes_that_are_omitted_for_one_reason_share_a_sentence():
-    others = "all schemes but robust-mrac and linear take uncertainty.input_gain"
+    others = "all schemes but robust-mrac and linear support uncertainty.input_gain"
     given = [
         "gains above 100 are not tried",
         f"Robust MRAC is omitted: robust-mrac takes the input gain as known; {others}",

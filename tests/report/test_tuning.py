@@ -11,4 +11,4 @@ def test_a_count_says_what_it_is_evidence_for(count, most):
     # Clopper and Pearson's limits where none or all of n break: 1 - (alpha/2)^(1/n), and its mirror image
     least = 100 - 100 * (1 - 0.025 ** (1 / 32)) if count else 0
     said = _broken(Share(count=count, judged=32), "max_abs_u < 9")
-    assert said == f"{count} of 32 break max_abs_u < 9 ({least:.2g} to {most:.2g} % of all, with 95 % confidence)"
+    assert said == f"{count} of 32 violate max_abs_u < 9 ({least:.2g} to {most:.2g} % of all, with 95 % confidence)"

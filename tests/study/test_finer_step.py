@@ -53,7 +53,7 @@ def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
     (confirmed,) = delays_confirmed(
         members, SIMULATION, replace(found, **dict(zip(("onset", "loss"), false, strict=True))), numbers=NUMBERS
     )
-    assert confirmed.asked == 4 and confirmed.dt == 5e-4
+    assert confirmed.asked == 4 and confirmed.simulation.dt == 5e-4
     assert [any(text in change for change in confirmed.changes) for text in said] == [True] * len(said)
     assert len(confirmed.changes) == len(said)
     assert ("the step decides" in confirmed.sentence) == bool(said)

@@ -320,7 +320,7 @@ def test_a_plant_whose_model_does_not_depend_on_it_is_not_designed_anew():
 def test_designs_that_are_not_kept_are_said():
     found = sweep_of_joint("plant.A[2][1]=620:630:2")
     (note,) = found.redesign_notes
-    assert note.startswith("the reference model, MRAC, ADRC are designed anew for each member, from its own plant.A[2][1]")
+    assert note.startswith("the reference model, MRAC, ADRC are designed again for each member, from its own plant.A[2][1]")
     assert found.as_json()["redesigned"] == {"plant.A[2][1]": ["the reference model", "MRAC", "ADRC"]}
 
 

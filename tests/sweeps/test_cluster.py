@@ -213,7 +213,9 @@ def test_a_worker_that_computes_other_bits_with_the_same_sources_is_found():
         client.run(double_the_errors)
         (worker,) = client.nthreads()
         message = refusal(lambda: list(cluster.Workers(work_of(study(16)), client).run(chunks)))
-    assert message.startswith(f"the worker {worker} computes other bits than this computer for the same 4 members")
+    assert message.startswith(
+        f"the worker {worker} does not reproduce this computer's results bit for bit for the same 4 members"
+    )
 
 
 @pytest.mark.full

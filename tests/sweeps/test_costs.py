@@ -69,5 +69,5 @@ def test_the_certificates_of_bounds_count():
         return said
 
     (said,) = announced(60, bounds=True)
-    assert said.startswith("the sweep of 60 members: about ")
+    assert said.startswith("the sweep of 60 members: estimated at about ")
     assert announced(60, bounds=False) == [] and announced(MOST_CERTIFIED + 1, bounds=True) == []

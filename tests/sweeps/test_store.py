@@ -91,7 +91,7 @@ def test_another_sweeps_store_is_refused_by_name(other, what, tmp_path):
     folder = tmp_path / "store"
     run(folder)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    with pytest.raises(InputError, match=f"is of {what}"):
+    with pytest.raises(InputError, match=f"was made with {what}"):
         run(folder, other())
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
@@ -113,9 +113,9 @@ def test_further_members_join_those_that_are_there(design, interrupted, tmp_path
     parts = [int(one.name[8:20]) for one in sorted(folder.glob("members-*"))]
     assert parts == [0, 6, 12, 18, 20, 24, 30]
     pd.testing.assert_frame_equal(pd.read_parquet(folder), pd.read_parquet(tmp_path / "whole"))
-    with pytest.raises(InputError, match="is of other --vary, --sample, --members"):  # fewer are another sweep
+    with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):  # fewer are another sweep
         run(folder, study(20, design=design))
-    with pytest.raises(InputError, match="is of other --vary, --sample, --members"):
+    with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):
         run(folder, study(40, design=design, seed=1))
 
 
@@ -123,7 +123,7 @@ def test_other_equations_are_refused(tmp_path, monkeypatch):
     folder = tmp_path / "store"
     run(folder)
     monkeypatch.setattr(Study, "equations", lambda self: "0" * 64)
-    with pytest.raises(InputError, match="is of other equations"):
+    with pytest.raises(InputError, match="was made with other equations"):
         run(folder)
 
 
@@ -153,7 +153,7 @@ def test_a_store_of_before_the_judge_is_read_and_gone_on_with(tmp_path):
 def test_the_verdicts_of_another_judge_are_refused(tmp_path, monkeypatch):
     run(tmp_path / "store")
     monkeypatch.setattr(Study, "judge", lambda self: "0" * 64)
-    with pytest.raises(InputError, match="is of the verdicts of another judge"):
+    with pytest.raises(InputError, match="was made with the verdicts of another judge"):
         run(tmp_path / "store")
 
 
@@ -186,7 +186,7 @@ def test_a_damaged_row_is_not_compared_with(tmp_path):
 
 def test_rows_with_bounds_and_without_do_not_mix(tmp_path):
     run(tmp_path / "store")
-    with pytest.raises(InputError, match="is of the other choice of --no-bounds"):
+    with pytest.raises(InputError, match="was made with the other choice of --no-bounds"):
         run_study(study(), store=tmp_path / "store", chunk=6)
 
 
@@ -300,7 +300,7 @@ def test_an_index_that_cannot_be_opened_is_not_called_damaged(tmp_path):
 
 def test_folders_that_are_no_store(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"holds other files, such as 'notes.txt'"):
+    with pytest.raises(InputError, match=r"contains other files, such as 'notes.txt'"):
         run(tmp_path)
     with pytest.raises(InputError, match="is a file"):
         run(tmp_path / "notes.txt")

@@ -116,14 +116,22 @@ def test_a_sweep_over_all_ranges_stays_below_the_bound_for_the_whole_set():
     assert largest <= worst and (found.column("MRAC/error_bound") == worst).all()
 
 
+def test_both_paths_to_a_parameter_have_the_same_members_and_bounds():
+    case = parse_case(CASE.replace("gain = 0.9", "gain = 1.0").replace("gamma = 1e-9", "gamma = 5.0"))
+    one, other = (sweep(case, vary={path: "0.9:1.7:3"}) for path in ("parameters.k", "truth.parameters.k"))
+    for column in ("MRAC/max_abs_e[0]", "MRAC/error_bound"):
+        np.testing.assert_array_equal(one.column(column), other.column(column))
+    assert np.isfinite(other.column("MRAC/error_bound")).all()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--sample", "parameters.K=between"], "there are k, m, d; did you mean 'k'?"),
+        (["--sample", "parameters.K=between"], "the parameters are k, m, d; did you mean 'k'?"),
         (["--sample", "parameters.d=between"], "known exactly"),
         (["--sample", "plant.theta=known-set"], "theta follows from the parameters"),
         (["--sample", "plant.input.gain=between"], "needs a physical parameter"),
-        (["--vary", "plant.A[1][0]=1:2:3"], "truth.A[1][0] is '-k/m', not a number"),
+        (["--vary", "plant.A[1][0]=1:2:3"], "plant.A[1][0] is '-k/m', a formula: vary the parameters in it"),
     ],
 )
 def test_bad_input_is_one_clear_sentence(tmp_path, capsys, options, words):

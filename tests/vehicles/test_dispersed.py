@@ -110,7 +110,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
     assert again.evidence.lost == {"LQR": (6, 6), "L1 piecewise": (6, 6)}
     with pytest.raises(dispersed.validate.InputError, match=r"of other --schemes or --failures: choose another folder"):
         fly(tmp_path / "store", schemes=["lqr"])
-    with pytest.raises(dispersed.validate.InputError, match=r"of more --dispersions, or another --seed: choose"):
+    with pytest.raises(dispersed.validate.InputError, match=r"with more --dispersions, or another --seed: choose"):
         fly(tmp_path / "store", members=5)
     grown, whole = fly(tmp_path / "store", members=7), fly(members=7)
     assert grown.resumed == 6

@@ -40,7 +40,7 @@ def test_a_crash_is_one_sentence(function, given, sentence):
 
 
 def test_what_does_not_end_is_stopped():
-    with pytest.raises(SimulatorFailed, match=r"not done after 0.5 s"):
+    with pytest.raises(SimulatorFailed, match=r"did not finish within 0.5 s"):
         isolated(0.5, time.sleep, 600)
 
 

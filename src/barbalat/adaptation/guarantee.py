@@ -15,7 +15,7 @@ class Estimates(Enum):
     """The behaviour of the estimates."""
 
     SETTLE = "V of the law never grows"
-    PULLED = "a leakage pulls them to zero"
+    PULLED = "a leakage pulls them towards zero"
     UNKNOWN = "nothing is guaranteed for them"
 
 
@@ -57,7 +57,7 @@ class ModifiedLaw(ABC):
     @property
     @abstractmethod
     def metric(self) -> Gain:
-        """Gamma of V; for a covariance only its being a matrix matters."""
+        """Gamma of V; for a covariance it matters only that it is a matrix."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

@@ -1,7 +1,7 @@
 """Steps of laws over one sample for which the estimate's Lyapunov function never grows; docs/sampled.md has the proofs.
 
 Each step is solved for the end of the sample, in closed form, with regressor and normalising signal at the middle of the sample.
-Each law has its own ``sampled_step``; this file has what they share.
+Each law has its own ``sampled_step``; this file contains what they share.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledL
     """Return the law if it has a step over a sample; InputError if it has none, or none for this set."""
     if not isinstance(law, SampledLaw):
         raise InputError(
-            f"discretization = 'midpoint' takes laws with a sampled_step (adaptation.law), and {type(law).__name__} has none; "
-            "take 'euler'"
+            f"discretization = 'midpoint' needs a law with a sampled_step (adaptation.law), and {type(law).__name__} has none; "
+            "use 'euler'"
         )
     require_projectable(law.metric, known_set)
     return law
@@ -39,8 +39,8 @@ def require_projectable(gain: Gain, known_set: EstimateSet | None) -> None:
 
 
 def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
-    """The share that is kept after T, and the weight of the data in between: exp(-beta T) and its integral over [0, T]; beta
-    >= 0."""
+    """exp(-beta T), the share that is kept after T, and its integral over [0, T], the weight of the data in between; beta >=
+    0."""
     half = np.tanh(
         np.maximum(beta, NO_FORGETTING_RATE) * T / 2
     )  # 1 - exp(-a) = 2 tanh(a/2)/(1 + tanh(a/2)), without cancellation
@@ -106,7 +106,8 @@ def step_within(theta: Value, gain: Gain, phi: Value, coupling: Value, error: Va
     """theta_next = proj(theta + Gamma phi s), s = error - K phi'(theta_next - theta): the step of a law whose error depends on
     the estimates within the same step.
 
-    ``error`` is the error if the estimates did not move; ``coupling`` K > 0 is its decrease per motion of the estimates. With a
+    ``error`` is the error that fixed estimates would give; ``coupling`` K > 0 is its decrease per unit of motion of the
+    estimates. With a
     gain matrix, for which no closed form is known, the step ignores the set.
 
     theta, phi  (p,), theta in the set; with m inputs phi is (p, m), coupling (m, m) and error (m,)

@@ -71,7 +71,8 @@ class Moved(NamedTuple):
 
 @runtime_checkable
 class AdaptiveLaw(Protocol):
-    """A law gives the rates of the estimate and of its memory, a NamedTuple of arrays, or () for a law without memory."""
+    """A law gives the rates of the estimate and of its memory. The memory is a NamedTuple of arrays, or () for a law without
+    memory."""
 
     def initial(self, n: int) -> Any:
         """The memory at t = 0 for n parameters; InputError if the settings don't fit n."""
@@ -122,11 +123,11 @@ class FreezableLaw(OutputErrorLaw, Protocol):
 
 @runtime_checkable
 class SampledLaw(Protocol):
-    """A law with an implicit step over a sample, for which V never grows: ``adaptation.implicit``."""
+    """A law with an implicit step over a sample for which V never grows, see ``adaptation.implicit``."""
 
     @property
     def metric(self) -> Gain:
-        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; for a covariance only its being a matrix matters."""
+        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; for a covariance it matters only that it is a matrix."""
         ...
 
     def sampled_step(self, theta_hat: Value, memory: Any, data: SampleData, known_set: EstimateSet | None) -> Moved:
@@ -165,16 +166,18 @@ class GuaranteedLaw(Protocol):
 def require_room(n: int) -> None:
     """InputError if a law's matrix for n parameters exceeds the budget: each of its entries is a state of the loop."""
     budget.require(
-        "law", n, lambda parameters: budget.of_kernel(parameters**2), given=f"has a matrix for {n} parameters, which",
-        fits=lambda most: f"at most {most} parameters", what=f"a law with a matrix for {n} parameters",
+        "law", n, lambda parameters: budget.of_kernel(parameters**2), given=f"has a matrix for "
+        f"{validate.counted(n, 'parameter')}, which",
+        fits=lambda most: f"at most {validate.counted(most, 'parameter')}", what=f"a law with a matrix for "
+        f"{validate.counted(n, 'parameter')}",
     )  # fmt: skip
 
 
 def require_law(law: object) -> None:
-    """InputError for an object that is no law."""
+    """InputError for an object that is not a law."""
     if not isinstance(law, AdaptiveLaw) or isinstance(law, type):
         raise InputError(
-            f"law must be a law on the parametric model (Gradient, LeastSquares, ... of adaptation.laws, or a class with "
+            f"law must be a law for the parametric model (Gradient, LeastSquares, ... of adaptation.laws, or a class with "
             f"initial, rates and limit), got {validate.show(law)}"
         )
 

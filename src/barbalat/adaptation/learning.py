@@ -55,8 +55,8 @@ class CompositeLearning(Settings):
     roles: ClassVar[Mapping[str, Role]] = {
         "zeta": Role.filter("filtered motion of composite learning"),
         "phi": Role.filter("filtered regressor of composite learning"),
-        "R": Role.memory("information matrix that the law remembers"),
-        "Q": Role.memory("what the law remembers beside R"),
+        "R": Role.memory("information matrix in the law's memory"),
+        "Q": Role.memory("the rest of the law's memory"),
     }
 
     def __post_init__(self) -> None:

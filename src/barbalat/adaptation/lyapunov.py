@@ -79,7 +79,7 @@ class Modifications:
         leakage = self.leakage if self.leakage is not None and self.leakage.one_input_only else None
         for part in (self.learning, leakage):
             if inputs > 1 and part is not None:
-                raise InputError(f"{type(part).__name__} takes plants with one input, got {inputs}")
+                raise InputError(f"{type(part).__name__} supports only plants with one input, got {inputs}")
 
     def rate(
         self, gamma: Gain, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: EstimateSet | None

@@ -25,7 +25,7 @@ class DeadZone(Settings):
 
     For the laws on the parametric model E = |epsilon m_s|, so that epsilon becomes epsilon + g with g = -g_0/m_s for epsilon m_s
     > g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta, V =
-    theta_tilde'Gamma^-1 theta_tilde does not grow. The price: the error converges to the zone and not to zero.
+    theta_tilde'Gamma^-1 theta_tilde does not grow. In return, the error converges to the zone and not to zero.
 
     For the Lyapunov laws of MRAC and L1-AC E = sqrt(e'P e). With a matched disturbance |d| <= d_0,
     g_0 >= 2 d_0 |P b| sqrt(lambda_max(P)) makes V = max(0, E - g_0)^2 + theta_tilde'Gamma^-1 theta_tilde non-increasing:
@@ -52,7 +52,7 @@ class DeadZone(Settings):
 
 
 def accept_dead_zone(dead_zone: DeadZone | None) -> None:
-    """InputError for an object that is no dead zone."""
+    """InputError for an object that is not a dead zone."""
     if dead_zone is not None:
         validate.instance("dead_zone", dead_zone, DeadZone)
 
@@ -103,7 +103,7 @@ class Borne(Enum):
 
 
 def accept_leakage(leakage: Leakage | None, law: str, borne: Borne = Borne.ALL, reason: str = "") -> None:
-    """InputError for an object that is no leakage, and, with the reason, for a leakage that the law does not admit."""
+    """InputError for an object that is not a leakage, and, with the reason, for a leakage that the law does not admit."""
     if leakage is None:
         return
     if not isinstance(leakage, Leakage) or isinstance(leakage, type):  # type: ignore[redundant-expr]
@@ -132,8 +132,8 @@ class FixedSigma(PullingLeakage, Settings):
 
     sigma  the leakage
 
-    The price: V' = ... - sigma theta_tilde'theta_hat may be positive, so that even without modelling error the tracking error
-    converges only to a set of the order of sqrt(sigma) |theta|.
+    The drawback is that V' = ... - sigma theta_tilde'theta_hat may be positive, so that even without modelling error the
+    tracking error converges only to a set of the order of sqrt(sigma) |theta|.
 
     Source: Ioannou and Kokotovic (1983); Ioannou and Sun, section 8.4.1.
     """

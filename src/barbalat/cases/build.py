@@ -51,7 +51,7 @@ class Case:
         return self.problem.name
 
     def member(self, i: int) -> tuple[Any, ...]:
-        """The i-th controller on the problem, with its equations if they are known, in the form that readers of members take."""
+        """The i-th controller on the problem, with its equations if they are known, in the form that ensembles read."""
         return self.problem, self.controllers[i], *self.equations[i : i + 1]
 
     def __repr__(self) -> str:
@@ -178,7 +178,7 @@ def _controllers(case: Table, context: Context, problem: TrackingProblem, parts:
 
 
 def _baseline_alone(problem: TrackingProblem, controllers: Sequence[Controller]) -> Controller | None:
-    """The baseline without adaptation, sampled like the first sampled controller; None without one, or if it is already there."""
+    """The baseline without adaptation, sampled like the first sampled controller; None without one, or if the case lists it."""
     inner = [one.controller if isinstance(one, Sampled) else one for one in controllers]
     if problem.fixed is None or any(isinstance(one, BaselineAlone) for one in inner):
         return None

@@ -21,7 +21,7 @@ MISSPELT_KEYS = 20
 LONGEST_MESSAGE = 540
 """Characters of all findings reported together: with their surroundings 600."""
 LONGEST_SENTENCE = 400
-"""Characters of one finding."""
+"""Largest number of characters of one finding."""
 LONGEST_VALUE = 60
 """Characters of a value in a message."""
 MOST_BITS = 14_000
@@ -38,7 +38,7 @@ KEYS_OF_ONE_NUMBER = {"filter": "kappa"}
 """Tables for which a single number may be given, with the key of that number."""
 
 _ORDER = {"unknown_key": 0}
-"""A misspelt key is also a missing one: report the spelling."""
+"""The order of findings: a misspelt key is also a missing one, and its spelling is reported first."""
 
 
 class Typed(str):

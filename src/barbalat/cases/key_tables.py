@@ -40,7 +40,7 @@ WORDS: dict[Any, str] = {
     float: "number",
     int: "integer",
     bool: "true or false",
-    str: "text",
+    str: "string",
     Vector: "list",
     Matrix: "matrix",
     Array: "list or matrix",
@@ -135,7 +135,7 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
 
 
 def _plants_of_schemes() -> str:
-    """Return, by scheme, which plants it takes and whether it declares its tuned settings."""
+    """Return, by scheme, which plants it supports and whether it declares its tuned settings."""
     rows = [
         (f"`{name}`", *(_mark(feature not in beyond_of(scheme)) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
         for name, scheme in SCHEMES.items()
@@ -156,9 +156,9 @@ def _signals_of_pages() -> str:
 def _targets() -> str:
     rows = []
     for target in TARGETS:
-        controllers = ["act at samples"] * target.sampled + ["say what is tuned of them"] * target.tunable
+        controllers = ["act at samples"] * target.sampled + ["declare what is tuned"] * target.tunable
         rows.append((f"`{target.command}`", ", ".join(need.words for need in target.problem), ", ".join(controllers)))
-    return _markdown("command", "asks of the problem", "asks of controllers", rows=rows)
+    return _markdown("command", "requirements on the problem", "requirements on controllers", rows=rows)
 
 
 def _mark(taken: bool) -> str:

@@ -23,7 +23,7 @@ class Key(NamedTuple):
 
     type: Any  # the type as a field of settings would declare it
     meaning: str
-    default: Any = REQUIRED  # None if the settings' own default is no plain value
+    default: Any = REQUIRED  # None if the settings' own default is not a plain value
     alias: str | None = None  # an accepted second spelling
 
 

@@ -67,7 +67,7 @@ class Variants:
     with_formulas: bool = False
 
     def at(self, numbers: Mapping[Keys, float]) -> Case | None:
-        """The case with these numbers, checked like any other; None if one of them is no plain number of the first case."""
+        """The case with these numbers, checked like any other; None if one of them is not a plain number in the first case."""
         if self.with_formulas:  # numbers follow from formulas: the tables are evaluated again
             return None
         table: Any = self.table
@@ -274,12 +274,10 @@ def require_readable(text: str, source: str) -> None:
     if size.nested > MOST_NESTED:
         raise InputError(f"{source} has {size.nested} nested lists or tables; at most {MOST_NESTED} can be read")
     if size.longest > MOST_NESTED:
-        raise InputError(
-            f"{source} has a key of {size.longest} parts with points between them; at most {MOST_NESTED} can be read"
-        )
+        raise InputError(f"{source} has a key of {size.longest} parts separated by dots; at most {MOST_NESTED} can be read")
     rest = size.pairs - size.longest**2
     budget.require(
         source, size.longest, lambda parts: PART_PAIR.times(parts**2 + rest),
-        given=f"has a key of {size.longest} parts with points between them, and to read it",
+        given=f"has a key of {size.longest} parts separated by dots, and to read it",
         fits=lambda parts: f"at most {parts} parts", what=f"reading {source}",
     )  # fmt: skip

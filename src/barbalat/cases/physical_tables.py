@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +12,10 @@ import numpy as np
 from barbalat.judge.settings import Judge
 from barbalat.linear.driven_response import driven_response
 from barbalat.problem.labels import UNLABELLED, Labels
-from barbalat.problem.parameters import Parameter, evaluated, require_parameter_name
+from barbalat.problem.parameters import NAMES, Parameter, evaluated, require_parameter_name
 from barbalat.problem.physical import PhysicalPlant
 from barbalat.problem.plant import Model, Plant, ReferenceModel
+from barbalat.problem.truth import Truth
 from barbalat.validate import Array, InputError
 
 Tables = dict[str, Any]
@@ -53,7 +56,16 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
         found["sensor"] = evaluated("sensor", tables["sensor"], nominal)
     if "truth" in tables:
         found["truth"] = _numbers("truth", truth, OF_TRUTH, nominal | own)
+    _require_use(given, (plant, tables.get("sensor"), truth))
     return found, tables
+
+
+def _require_use(given: Mapping[str, Any], parts: Any) -> None:
+    """InputError for a parameter with a range that no text in these parts names."""
+    used = {name for text in _texts(parts) for name in re.findall(NAMES, text)}
+    for name, one in given.items():
+        if name not in used and isinstance(one, dict) and one.keys() & {"between", "tolerance"}:
+            raise InputError.of(f"parameters.{name}", "has a range, but occurs in no formula of plant, sensor or truth")
 
 
 def _value(given: Any) -> float:
@@ -72,6 +84,20 @@ def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPla
     plant = tables["plant"]
     more = {key: plant.get(key) for key in ("x0", "input")}
     return PhysicalPlant(A=plant["A"], b=plant.get("b", []), parameters=declared, sensor=tables.get("sensor"), **more)
+
+
+def with_formulas(truth: Truth, tables: Tables) -> Truth:
+    """The truth with the formulas of its table, in place of their numbers: they hold for other values of the parameters too."""
+    given = tables.get("truth", {})
+    return replace(truth, **{key: given[key] for key in OF_TRUTH if key in given and any(_texts(given[key]))})
+
+
+def _texts(part: Any) -> Iterator[str]:
+    """The texts in nested lists and tables."""
+    if isinstance(part, str):
+        yield part
+    for inner in part.values() if isinstance(part, dict) else part if isinstance(part, (list, tuple)) else ():
+        yield from _texts(inner)
 
 
 def scale_of_states(

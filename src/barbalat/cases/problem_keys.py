@@ -8,7 +8,7 @@ from pathlib import Path
 from types import GenericAlias
 
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
-from barbalat.cases.physical_tables import physical_plant, scale_of_states
+from barbalat.cases.physical_tables import physical_plant, scale_of_states, with_formulas
 from barbalat.cases.table_models import FORMS, chosen
 from barbalat.judge.settings import Judge
 from barbalat.judge.specification import Specification
@@ -57,6 +57,8 @@ def _problem(given: Given, context: Context) -> Problem:
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
     baseline = given.pop("baseline", None)
     given = _with_measured(given, plant)
+    if given.get("truth") is not None and context.raw is not None:
+        given = given | {"truth": with_formulas(given["truth"], context.raw)}
     if baseline is not None:
         return _around_baseline(baseline, given | {"plant": plant, "reference_model": model}, disturbances, known, context)
     if "k_0" not in model and "follow" not in model:
@@ -99,7 +101,7 @@ def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, know
         raise InputError.of("plant.A", "is missing; the baseline acts on x' = A x + b u")
     follow = model.get("follow")
     if follow is None:
-        raise InputError.of("reference_model.follow", "is missing: the state that the baseline makes follow the command")
+        raise InputError.of("reference_model.follow", "is missing: it names the state that the baseline makes follow the command")
     parameters, labels = given.pop("parameters", None), given.get("labels")
     of_states = len(plant["A"])
     rows = _rows_of(follow, (labels or UNLABELLED).of_states(of_states))
@@ -137,7 +139,7 @@ def _rows_of(follow: str | tuple[str, ...], names: tuple[str, ...]) -> list[list
         if state not in names:
             raise InputError.of(
                 "reference_model.follow",
-                f"does not name a state, got {show(state)}; there are {', '.join(names)}{hint(state, names)}",
+                f"does not name a state, got {show(state)}; the states are {', '.join(names)}{hint(state, names)}",
             )
     return [[float(name == state) for name in names] for state in followed]
 
@@ -239,13 +241,14 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "A": Key(Matrix, "(N, N): other dynamics, also with more states than the plant", None),
             "b": Key(Array, "(N,), or (N, m)", None),
+            "C": Key(Matrix, "(p, N): what is measured of its states, instead of what `observer` measures", None),
             "x0": Key(Vector, "(N,) initial state; the plant's by default", None),
             "input": Key(PlantInput | tuple[PlantInput, ...], "the input dynamics, instead of `plant.input`", None),
             "sensor": Key(Sensor, "the sensor, instead of the case's `sensor`", None),
             "states": Key(
                 STATES,
-                "names of its states, of which the first may be sufficient: the plant's states are those with the same "
-                "names; or a matrix (n, N)",
+                "names of its states, or of the first ones; a state named like one of the plant's corresponds to it; "
+                "or a matrix (n, N)",
                 None,
             ),
             "disturbance": Key(Signal | None, "matched disturbance, instead of the plant's", None),
@@ -255,7 +258,8 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "parameters": Key(
                 Mapping[str, float | Parameter],
-                "physical parameters by name, a number or a table: a text in plant.A, plant.b, plant.x0, plant.input, sensor or "
+                "physical parameters by name, a number or a table: a string in plant.A, plant.b, plant.x0, plant.input, "
+                "sensor or "
                 "truth is a formula of them",
                 None,
             ),
@@ -301,7 +305,7 @@ DIFFERENCES: dict[type, Differences] = {
             ),
             "C": Key(Matrix | None, "(p, n): the measurement y = C x for `observer`, which then does not need `measured`", None),
             "disturbance": _DISTURBANCE,
-            "unmatched": Key(tuple[Disturbance, ...], "others: direction (n,) times the signal is added to x'", None),
+            "unmatched": Key(tuple[Disturbance, ...], "other disturbances: direction (n,) times the signal is added to x'", None),
         },
         optional=("A_m", "theta"),
         without=("physical", "scale", "scale_from", "baseline", "nominal_A", "declared"),
@@ -357,7 +361,7 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "file": Key(
                 str,
-                "a column of times and a column of values, an optional header; relative to the case file",
+                "a file with a column of times, a column of values and an optional header; relative to the case file",
                 REQUIRED,
                 "path",
             ),

@@ -221,7 +221,7 @@ def _one_of(registry: Mapping[str, type], key: str) -> Any:
 
 
 MODIFICATIONS: dict[Any, tuple[type, ...]] = {Leakage: LEAKAGES, DeadZone: (DeadZone,)}
-"""The values of a field, by its type: one of these, selected by the given keys."""
+"""Fields of these types take an instance of one of these classes; the keys in the case file select which."""
 
 Choices = dict[str, tuple[type, ...]]
 """The fields of a law or a scheme for a modification, each with its possible values."""
@@ -288,6 +288,7 @@ def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
             return kind(**{key: given[key] for key in found})
     wider = [keys[kind] - found for kind in kinds if found < keys[kind]]
     if wider:
-        raise InputError(f"{' and '.join(sorted(found))} goes with {' and '.join(sorted(wider[0]))}, which is missing")
+        verb = "needs" if len(found) == 1 else "need"
+        raise InputError(f"{' and '.join(sorted(found))} {verb} {' and '.join(sorted(wider[0]))}, which is missing")
     ways = ", or ".join(" with ".join(_keys_of(kind)) for kind in kinds)
     raise InputError(f"give either {ways}, got {', '.join(sorted(found))}")

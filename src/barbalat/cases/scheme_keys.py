@@ -139,20 +139,16 @@ def _equivalent(given: Given, context: Context) -> LinearOutput:
 
 _DESIGN = {
     "controller": Key(TransferFunction, "K(s), proper; or a design", None),
-    "design": Key(Literal["hinf", "pi"], "makes K(s) for `unmodelled_delay`; `hinf` needs the extra `barbalat[robust]`", None),
+    "design": Key(Literal["hinf", "pi"], "designs K(s) for `unmodelled_delay`; `hinf` needs the extra `barbalat[robust]`", None),
     "unmodelled_delay": Key(float, "[s] that the loop must tolerate at the plant's input", None),
-    "bandwidth": Key(float, "[rad/s] of the `hinf` design, instead of the largest that the delay allows, less a tenth", None),
+    "bandwidth": Key(float, "[rad/s] of the `hinf` design; by default 0.9 times the largest that the delay allows", None),
 }
 
 DIFFERENCES: dict[type, Differences] = {
     L1Adaptive: Differences(keys={"filter": Key(LowPass, "C(s): stable, strictly proper, C(0) = 1; starts at rest")}),
     L1PiecewiseConstant: Differences(keys={"filter": Key(LowPass, "C(s): as for `l1`, by the trapezoidal rule")}),
     L1OutputPiecewiseConstant: Differences(
-        keys={
-            "filter": Key(
-                LowPass, "C(s): stable, C(0) = 1, of a relative degree that is not below the model's; by the trapezoidal rule"
-            )
-        }
+        keys={"filter": Key(LowPass, "C(s): stable, C(0) = 1, of at least the model's relative degree; by the trapezoidal rule")}
     ),
     LowPass: Differences(
         keys={
@@ -179,7 +175,9 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             **_DESIGN,
             "design_plant": Key(TransferFunction, "G(s) that the design assumes; the plant by default", None),
-            "equivalent_of": Key(str, "the name of an `l1-output` controller, whose equivalent inside its bounds this is", None),
+            "equivalent_of": Key(
+                str, "the name of the `l1-output` controller of which this is the equivalent inside its bounds", None
+            ),
             "limit": Key(bool, "with `equivalent_of`: its limit for gamma -> infinity", False),
         },
         without=("loop",),

@@ -15,7 +15,7 @@ from barbalat.cases.keys import REQUIRED, Key, Make
 FORMS = {"number": float, "vector": list[float], "matrix": list[list[float]]}
 """The forms of numbers, by their names in the locations of pydantic's findings."""
 TAGS = (*FORMS, "one", "several", "a table", "names of states")
-"""All names of forms in such a location."""
+"""All names of forms that can occur in such a location."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ def in_the_files_words(given: Given) -> Iterator[None]:
 
 
 def _at(field: str, given: Given) -> Any:
-    """The value of a field, as far in as ``given`` has it: an object built from a table has no typed numbers."""
+    """The value of a field, followed as deep as ``given`` goes: an object built from a table has no typed numbers."""
     here: Any = given
     for key in field.split("."):
         here = here[key] if isinstance(here, dict) and key in here else here

@@ -144,7 +144,7 @@ def require_spelling(unknown: Set[str], own: OwnFile, known: Iterable[str]) -> N
     for name in sorted(unknown):
         near = get_close_matches(name, own.classes, n=1)
         if near and not get_close_matches(name.lower(), known, n=1):
-            raise InputError(f"scheme {name!r} is no class of {str(own.path)!r}; did you mean {near[0]!r}?")
+            raise InputError(f"scheme {name!r} is not a class of {str(own.path)!r}; did you mean {near[0]!r}?")
 
 
 def _require_settings(name: str, kind: Any) -> None:

@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from barbalat.certificates.assumptions import unmet_by
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certificates import column_of
-from barbalat.certificates.entry import NUMBERS_ALONE, Entry, of_the_design
+from barbalat.certificates.entry import NUMBERS_ALONE, OF_THE_DESIGN, Entry, of_the_design
 from barbalat.problem.departures import Departure, apart_sentence, departures, sets_and_truth, true_parameters
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -123,11 +124,23 @@ def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
     return sets_and_truth(problem) | ({} if found is None else {"truth": found.as_json()})
 
 
+FAULTS_NOTE = (
+    "the case has faults: all numbers are for the loop without them, in which every sample arrives as it was measured; with them "
+    "nothing is guaranteed"
+)
+
+
+def _claims_more(entry: Entry) -> bool:
+    return entry.kind == OF_THE_DESIGN or speaks_of_the_motion(entry)
+
+
 def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate], found: Apart | None) -> dict[str, Certificate]:
     """The certificates in which guarantees that the truth voids are marked as guarantees of the design, with notes on that and
     on derived sets."""
     derived = problem.derived if isinstance(problem, Problem) else None
     shared = [] if derived is None else list(derived.sentences)
+    if problem.faults:
+        shared.append(FAULTS_NOTE)
     if found is not None and found.sentence:
         shared.append(found.sentence)
     noted = {}
@@ -135,5 +148,7 @@ def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate]
         own = [note] if found is not None and found.departures and (note := found.note(name)) else []
         voided = () if found is None else found.voids[name]
         entries = tuple(of_the_design(one) if one.key in voided else one for one in certificate.entries)
+        for unmet in unmet_by(problem):
+            entries = tuple(of_the_design(one, unmet) if _claims_more(one) else one for one in entries)
         noted[name] = certificate.with_entries(entries, *shared, *own) if shared or own else certificate
     return noted

@@ -65,6 +65,25 @@ def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assu
     return Assumption(sentence, ", ".join(dict.fromkeys(word for word, _ in listed)), theorems.joined(t for _, t in listed))
 
 
+NO_FAULTS = Assumption("every sample arrives as it was measured", "the case has faults, see the notes")
+WHOLE_RANGES = Assumption(
+    "the known set contains what the parameters' ranges give", "the parameters' ranges exceed the case's own set, see the notes"
+)
+"""The assumptions that the simulated loop or the declared ranges do not satisfy, so that guarantees hold for the design only."""
+
+
+def unmet_by(problem: TrackingProblem) -> list[Assumption]:
+    """The assumptions because of which a case's guarantees are those of its design only, apart from its truth."""
+    derived = problem.derived if isinstance(problem, Problem) else None
+    unmet = [NO_FAULTS] if problem.faults else []
+    if derived is not None and derived.outside:
+        unmet.append(WHOLE_RANGES)
+    if derived is not None and derived.around:
+        moved = f"the parameters' ranges change {', '.join(derived.around)}"
+        unmet.append(Assumption("inputs' paths, sensor and initial state are those of the declared values", moved))
+    return unmet
+
+
 def undisturbed(problem: TrackingProblem) -> Assumption:
     """Nothing acts on the plant but u."""
     acts = [
@@ -163,4 +182,6 @@ def _of_the_sensor(sensor: Sensor | None) -> list[str]:
         found.append(f"sensor lag {sensor.lag:g} s")
     if sensor is not None and sensor.noise is not None:
         found.append("measurement noise")
+    if sensor is not None and sensor.quantization is not None:
+        found.append("a quantised measurement")
     return found

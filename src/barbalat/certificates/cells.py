@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import Assumption, Entry, checked, missing, of_the_design
+from barbalat.certificates.entry import GUARANTEED, Assumption, Entry, checked, missing, of_the_design
 from barbalat.certificates.quantities import ON_DAMPING, Quantity
 
 PROPERTIES = {
@@ -33,8 +33,15 @@ class Column:
     cells: dict[str, Entry]
 
     def with_design(self, keys: Collection[str]) -> Column:
-        """Return a copy in which the cells of these keys are guaranteed of the design only."""
+        """Return a copy in which the cells of these keys are guaranteed for the design only."""
         return replace(self, cells=self.cells | {key: of_the_design(self.cells[key]) for key in keys}) if keys else self
+
+    def given(self, unmet: Iterable[Assumption]) -> Column:
+        """Return a copy in which guarantees hold for the design only, because of assumptions that the case does not satisfy."""
+        cells = self.cells
+        for one in unmet:
+            cells = cells | {key: of_the_design(cell, one) for key, cell in cells.items() if cell.kind in GUARANTEED}
+        return replace(self, cells=cells)
 
     def as_json(self) -> dict[str, Any]:
         """The contract's block for a column; ``text`` is the statement, or the reason why there is none."""
@@ -124,12 +131,11 @@ def margins_cell(certificate: Certificate) -> Entry:
         value = "unlimited" if margin.value is None else f"{margin.value:.4g} s"
         parts.append(f"delay margin {value} ({margin.of})")
     for loop in () if over_set is None or not over_set.applies else over_set.value:
-        name = f"{loop['loop']}, without {loop['left_out']}" if "left_out" in loop else loop["loop"]
+        over, name = loop.get("over", "the known set"), loop["loop"]
         if "unstable_at" in loop:
-            parts.append(f"unstable for part of the known set ({name})")
+            parts.append(f"unstable for part of {over} ({name})")
         elif "delay_margin" in loop:
-            of = "parameters' ranges, but not in all of the box around them," if "box_unstable_at" in loop else "known set"
-            parts.append(f"over the {of} {loop['delay_margin']['value']:.4g} s at least, as far as found ({name})")
+            parts.append(f"over {over} {loop['delay_margin']['value']:.4g} s at least, as far as found ({name})")
     if adapting is not None and adapting.value is not None:
         parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
     each = certificate.entry("delay_margin_each")

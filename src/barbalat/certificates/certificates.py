@@ -13,6 +13,7 @@ from html import escape
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
+from barbalat.certificates.assumptions import unmet_by
 from barbalat.certificates.cells import PROPERTIES, Column, nothing
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.picture import TITLE, distinct, figure_of, grouped
@@ -68,7 +69,8 @@ def table_1(
     ``of_design`` gives, by controller, the keys of cells that don't hold for the simulated plant.
     """
     columns = (column_of(problem, controller, certificates[controller.name]) for controller in controllers)
-    return Table1(tuple(column.with_design(of_design.get(column.name, ())) for column in columns))
+    found = tuple(column.with_design(of_design.get(column.name, ())) for column in columns)
+    return Table1(tuple(column.given(unmet_by(problem)) for column in found))
 
 
 CAPTION = "Bode, Nyquist and sensitivity"
@@ -88,19 +90,22 @@ class Certificates(Named[Certificate]):
         simulation: Simulation,
         beside: Mapping[str, Any] = MappingProxyType({}),
         of_design: Mapping[str, Collection[str]] = MappingProxyType({}),
+        plain: Mapping[str, Certificate] | None = None,
     ) -> None:
         super().__init__(found)
+        self.plain = found if plain is None else plain  # before guarantees were marked as those of the design
         self.problem, self.controllers, self.simulation, self.beside = problem, controllers, simulation, dict(beside)
         self.of_design = of_design
 
     def with_changed(self, changed: Mapping[str, Certificate]) -> Certificates:
         """Return a copy with other certificates for some of the controllers."""
-        return Certificates({**self, **changed}, self.problem, self.controllers, self.simulation, self.beside, self.of_design)
+        of = self.problem, self.controllers, self.simulation, self.beside, self.of_design, self.plain
+        return Certificates({**self, **changed}, *of)
 
     @cached_property
     def table(self) -> Table1:
         """Table 1 of the controllers, each cell checked on the problem."""
-        return table_1(self.problem, self.controllers, self, self.of_design)
+        return table_1(self.problem, self.controllers, self.plain, self.of_design)
 
     def __repr__(self) -> str:
         return f"<Certificates: {'; '.join(f'{name!r} {certificate.in_brief}' for name, certificate in self.items())}>"

@@ -12,7 +12,9 @@ from barbalat.certificates.apart import apart, beside, speaks_of_the_motion, wit
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates, Table1, column_of, file_of, table_1
+from barbalat.certificates.linear_loops.over_ranges import with_margins_over_ranges
 from barbalat.certificates.requested_keys import needing
+from barbalat.certificates.schemes.sampled_loop import linear_because
 from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
@@ -57,13 +59,13 @@ def certify(
 ) -> Certificates:
     """Certificates by the controllers' names, in a dictionary; nothing is simulated, and the given solver and step are judged.
 
-    For a class from outside the package, it contains what needs no proof; the rest is marked as unknown. If the computation of a
-    certificate fails on the case's numbers, that is its finding. Raises InputError, with the name, for a controller that does not
-    fit the problem and could not be simulated either. ``progress`` is called with the fraction done. If only some ``keys`` are
+    For a class from outside the package, it contains what needs no proof; the rest is marked as unknown. If a certificate cannot
+    be computed with the case's numbers, its finding says so. Raises InputError, with the name, for a controller that does not fit
+    the problem and could not be simulated either. ``progress`` is called with the fraction done. If only some ``keys`` are
     needed, certificates may lack others: searches over the known set, limits along the command.
 
     The values follow from the plant and the declared sets alone; those that a problem's truth voids are marked "guaranteed of the
-    design", with the reason in the notes.
+    design", with the reason in the notes. With faults, all values are those of the loop without them.
     """
     found, told, design = {}, numbered(controllers), problem.design
     if keys is None:
@@ -75,7 +77,7 @@ def certify(
             progress(i / len(told))
     checked = apart(problem, told, found, partial(_computed, simulation=simulation))
     noted, cells = with_notes(problem, found, checked), {} if checked is None else checked.cells
-    return Certificates(noted, design, told, simulation, beside(problem, checked), cells)
+    return Certificates(noted, design, told, simulation, beside(problem, checked), cells, plain=found)
 
 
 def _require_room(problem: TrackingProblem, controllers: int) -> None:
@@ -85,9 +87,9 @@ def _require_room(problem: TrackingProblem, controllers: int) -> None:
         "the plant",
         len(problem.dynamics.x0),
         lambda states: budget.of_certificate(states).times(controllers),
-        given=f"has {len(problem.dynamics.x0)} states, and {counted(controllers, 'certificate')}",
-        fits=lambda most: f"at most {most} states",
-        what=f"{counted(controllers, 'certificate')} for a plant of {len(problem.dynamics.x0)} states",
+        given=f"has {counted(len(problem.dynamics.x0), 'state')}, and {counted(controllers, 'certificate')}",
+        fits=lambda most: f"at most {counted(most, 'state')}",
+        what=f"{counted(controllers, 'certificate')} for a plant of {counted(len(problem.dynamics.x0), 'state')}",
     )
 
 
@@ -109,12 +111,9 @@ def certify_where_possible(
 
 
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Certify loops in which every sample is used: with faults there is no certificate, and with a shell it has a note."""
-    if problem.faults:
-        bound(problem, controller)  # refuses what does not fit
-        return Certificate.failed("the case has faults, and the guarantees hold for loops without missing or corrupted samples")
+    """Certify loops in which every sample is used; with a shell there is a note on that."""
+    equations = bound(problem, controller)  # refuses what does not fit
     found = _of_nominal(problem.nominal, controller, simulation)
-    equations = bound(problem, controller)
     equations = equations.continuous if isinstance(equations, DiscretizedEquations) else equations
     assumed = equations.assumed if isinstance(equations, Assuming) else None
     notes = [said for said in (assumed, None if problem.shell is None else SHELL_NOTE) if said is not None]
@@ -131,6 +130,8 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
         if simulation.tolerance is not None:
             return _without_step(_of_nominal(problem, controller, simulation.grid))
         found = file_of(problem, controller).certificate(problem, controller, simulation)
+        linear = linear_because(problem, controller) is not None
+        found = with_margins_over_ranges(found, problem, controller, linear=linear)
         if sampled:
             return found
         found = found if simulation.solver.imaginary_limit else on_damping(found)

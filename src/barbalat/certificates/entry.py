@@ -9,17 +9,18 @@ from typing import Any, Literal, NamedTuple
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.theorems import joined
 
-Kind = Literal["guaranteed", "guaranteed of the design", "exact", "estimate", "advice", "does not apply"]
+Kind = Literal["guaranteed", "guaranteed for the design", "exact", "estimate", "advice", "does not apply"]
 """How far a value can be trusted.
 
 guaranteed                a bound, or a statement, that holds for this case; every assumption was checked
-guaranteed of the design  the same, but only for the plant and the declared sets, not for the truth, which is simulated
+guaranteed for the design  the same, but only for the plant and the declared sets, not for the truth, which is simulated, and for
+                           the loop without faults; with a set of the user's own, not for all of the parameters' ranges
 exact                     exact for the linear loop that ``of`` names, and for no other loop
 estimate                  computed, without a guarantee
 advice                    a fact for orientation, without a claim about the loop
 does not apply            nothing is claimed for this case; ``why`` gives the reason
 """
-OF_THE_DESIGN: Kind = "guaranteed of the design"
+OF_THE_DESIGN: Kind = "guaranteed for the design"
 GUARANTEED: tuple[Kind, Kind] = ("guaranteed", OF_THE_DESIGN)
 """The kinds of bounds, which are rounded outward."""
 
@@ -36,7 +37,7 @@ class Assumption:
     theorem: str = ""
 
 
-NUMBERS_ALONE = Assumption("it follows from the case's numbers")
+NUMBERS_ALONE = Assumption("the value follows from the case's numbers alone")
 
 
 @dataclass(frozen=True)
@@ -143,9 +144,10 @@ class Entry:
         return document | {"why": self.why} | ({"theorem": self.theorem} if self.theorem else {})
 
 
-def of_the_design(entry: Entry) -> Entry:
-    """The entry of a guarantee that does not cover the truth."""
-    return replace(entry, kind=OF_THE_DESIGN)
+def of_the_design(entry: Entry, *unmet: Assumption) -> Entry:
+    """The entry of a guarantee that does not cover the truth, or does not meet further assumptions."""
+    sentences = tuple(one.sentence for one in unmet)
+    return replace(entry, kind=OF_THE_DESIGN, assumptions=(*entry.assumptions, *sentences), rests_on=(*entry.rests_on, *unmet))
 
 
 def of_finite_numbers(entry: Entry) -> Entry:

@@ -30,7 +30,7 @@ def of_lyapunov_law(
     """The numbers of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, with P of ``closed``, and its law's
     modifications.
 
-    If V ``carries`` bounded disturbances, also the eigenvalues that this needs.
+    If V ``carries`` bounded disturbances, also the eigenvalues that this requires.
     """
 
     def name_of(part: Any) -> str | None:
@@ -53,7 +53,7 @@ def of_lyapunov_law(
 
 
 def carried(gamma: float | Array, closed: Known) -> dict[str, float]:
-    """The eigenvalues that a bound of V beside disturbances takes."""
+    """The eigenvalues that a bound of V with disturbances uses."""
     return {"decay": decay(closed), "largest": largest_eigenvalue(closed.P), "least_gain": least_gain(gamma)}
 
 

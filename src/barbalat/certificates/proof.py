@@ -56,7 +56,7 @@ RESTS_ON: dict[str, tuple[str, ...]] = {
     "nu_2": ("lyapunov", "lambda_min", "theta_max", "L1 norm of sW_b"),
     "reference_error_bound": ("lyapunov", "lambda_min", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
 }
-"""By key, the lines that a rule needs, for every scheme."""
+"""The lines that a rule needs in every scheme, by key."""
 OF_NUMBERS_ALONE = "nu_0", "nu_0_worst", "initial_parameter_error", "lambda_min", "theta_max"
 """Keys whose rules need no assumption on the plant's surroundings."""
 OF_V = "error_bound", "error_bound_worst", "error_bound_command"
@@ -82,7 +82,9 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
     "adrc": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of T",))
     | {"error_bound": ("bounds", "L1 norm of T"), "error_bound_worst": ()},
 }
-NO_RULE = "no rule speaks of it"
+OVER_CELLS = "l1", "linear", "adrc"
+"""Schemes whose bounds over the known set follow from cells of it."""
+NO_RULE = "no rule covers it"
 BESIDE_A_BASELINE = "barbalat-check has no rule yet for a plant with a baseline"
 NO_WITNESS = "no witness was found for the L1 norm of {}"
 
@@ -160,18 +162,23 @@ class _Lines:
                 return why
         value = self._beside(key) if entry is None else entry.value
         line = {"key": key, "value": value, "claimed": entry is not None}
-        if key == "sampled response":
-            try:
-                line["witness"] = sampled_witness(self.problem, self.controller)
-            except InputError as error:
-                return str(error)
-        if key in ("error_bound_worst", "error_bound_command"):
-            try:
-                line["witness"] = self._over_the_set(key)
-            except InputError as error:
-                return str(error)
+        try:
+            line |= self._witness(key, value)
+        except InputError as error:
+            return str(error)
         self.found[key] = line
         return ""
+
+    def _witness(self, key: str, value: Any) -> dict[str, Any]:
+        """A line's witness, if it needs one; InputError, with the reason, if there is none."""
+        of_every = self.claimed.get(known_command.OF_EVERY_COMMAND)
+        if key == "sampled response":
+            return {"witness": sampled_witness(self.problem, self.controller)}
+        if key == known_command.KEY and of_every is not None and of_every.value == value and self.facts["scheme"] in OVER_CELLS:
+            if why := self.add(known_command.OF_EVERY_COMMAND):
+                raise InputError(why)
+            return {"witness": {"follows_from": known_command.OF_EVERY_COMMAND}}
+        return {"witness": self._over_the_set(key)} if key in (known_command.OF_EVERY_COMMAND, known_command.KEY) else {}
 
     def _over_the_set(self, key: str) -> dict[str, Any]:
         """The witness of a bound over the known set: a gain matrix's least eigenvalue, cells along the command."""
@@ -314,7 +321,7 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
     plant, known = problem.plant, problem.known
     unmatched = "" if problem.derived is None else problem.derived.unmatched
     sensor = problem.sensor
-    quiet = sensor is None or (sensor.lag == 0 and sensor.noise is None)
+    quiet = sensor is None or (sensor.lag == 0 and sensor.noise is None and sensor.quantization is None)
     return {
         "A_m": known.A_m.tolist(),
         "b": known.b.reshape(known.n, -1).tolist(),

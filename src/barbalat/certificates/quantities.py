@@ -19,7 +19,7 @@ class Form(Enum):
     NORMS = "by a system's name, lower and upper"
     BOUNDS = "by a signal's name, a bound"
     CONDITION = "value_upper, limit, holds, and the system of the norm"
-    OVER_THE_SET = "for each linear loop its least margins over the known set"
+    OVER_THE_SET = "for each linear loop its smallest margins over the known set"
     TRANSFER_FUNCTIONS = "by a name, num and den"
     PER_UNIT = "by a signal's name, the error per unit of it"
 
@@ -54,14 +54,16 @@ QUANTITIES = {
         "bound of every component of e under the case's command up to t_end, for any theta of the known set"
     ),
     "adaptation_frequency": Quantity("frequency of the frozen oscillator of adaptation", "rad/s"),
-    "gamma_max": Quantity("gain that the solver, or a law with Euler steps, tolerates at least with its step: |x| at its bound"),
-    "step_max": Quantity("step that is tolerated at least with this gain: |x| at its bound", "s"),
+    "gamma_max": Quantity(
+        "gain up to which at least the solver, or a law with Euler steps, is stable at its step: |x| at its bound"
+    ),
+    "step_max": Quantity("step up to which at least the solver is stable with this gain: |x| at its bound", "s"),
     "gamma_float32": Quantity("gain above which a compiled export in 32 bits, in the loop, deviates from the simulation"),
     "gamma_max_at_model": Quantity(
-        "the same with |x| as large as the command makes |x_m|: near it, in runs from 0.6 times it, oscillations start"
+        "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near it, from 0.6 times it on"
     ),
     "step_max_at_model": Quantity(
-        "the same with |x| as large as the command makes |x_m|: near it, in runs from 0.8 times it, oscillations start", "s"
+        "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near it, from 0.8 times it on", "s"
     ),
     "delay_margin": Quantity("smallest destabilising delay: linear, without limits", "s"),
     "phase_margin": Quantity("smallest destabilising phase lag: linear, without limits", "rad"),
@@ -71,7 +73,9 @@ QUANTITIES = {
     "complementary_sensitivity_peak": Quantity("max |T|"),
     "margins_of": Quantity("the linear loop of the margins above"),
     "unlimited": Quantity("the margins without a limit; for gains, no factor up to 1e6", form=Form.NAMES),
-    "margins_over_known_set": Quantity("the least margins found over the known set, and their theta", form=Form.OVER_THE_SET),
+    "margins_over_known_set": Quantity(
+        "the smallest margins found over the known set or the parameters' ranges, and where", form=Form.OVER_THE_SET
+    ),
     "delay_margin_adapting": Quantity(
         "delay margin linearised at the largest constant command, including the law; without limits", "s"
     ),

@@ -1,6 +1,7 @@
 """The keys of a certificate that are needed: an expensive part on which no other depends is left out if it is not requested.
 
-A search certifies hundreds of tunings for one or two values each. The request is no setting of a scheme and changes no value, so
+A search certifies hundreds of tunings for one or two values each. The request is not a setting of a scheme and changes no
+value, so
 it is passed to those few parts without involving the schemes' files.
 """
 

@@ -104,25 +104,31 @@ def _condition(entry: Entry, kind: str) -> list[CertificateRow]:
 
 
 def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
-    """The margins of one linear loop over the known set."""
-    found = [CertificateRow("over the known set", f"the linear loop {loop['loop']}", f"searched: {loop['searched']}", "")]
+    """The margins of one linear loop over the known set, or over the ranges of parameters."""
+    over = loop.get("over", "the known set")
+    found = [CertificateRow(f"over {over}", f"the linear loop {loop['loop']}", f"searched: {loop['searched']}", "")]
     for key, value in loop.items():
-        if isinstance(value, dict):
-            gain = f", omega = {number_text(value['input_gain'])}" if "input_gain" in value else ""
-            text = f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]{gain}"
+        if isinstance(value, dict) and "value" in value:
+            text = f"{value['value']:.6g} at {_place(value.get('parameters'), value['theta'], value.get('input_gain'))}"
             found.append(CertificateRow(f"- {key}", text, QUANTITIES[key].meaning, "estimate"))
     if loop["unlimited"]:
-        found.append(CertificateRow("- unlimited", ", ".join(loop["unlimited"]), "at every theta checked", ""))
+        found.append(CertificateRow("- unlimited", ", ".join(loop["unlimited"]), "at every plant checked", ""))
     if "unstable_at" in loop:
-        gain = f", omega = {number_text(loop['unstable_at_gain'])}" if "unstable_at_gain" in loop else ""
-        found.append(CertificateRow("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]{gain}", "", ""))
-    if "box_unstable_at" in loop:
-        gain = f", omega = {number_text(loop['box_unstable_at_gain'])}" if "box_unstable_at_gain" in loop else ""
-        point = f"theta = [{number_text(loop['box_unstable_at'])}]{gain}"
-        found.append(CertificateRow("- unstable in the box alone", point, "of no physical plant found", ""))
-    if "left_out" in loop:
-        found.append(CertificateRow("- left out", loop["left_out"], "", ""))
+        place = _place(loop.get("unstable_at_parameters"), loop["unstable_at"], loop.get("unstable_at_gain"))
+        found.append(CertificateRow("- unstable at", place, "", ""))
     return found
+
+
+def _place(parameters: dict[str, float] | None, theta: list[float], gain: float | None) -> str:
+    """The plant at which a margin was found: its parameters, or theta and the input's gain."""
+    if parameters:
+        return said_of(parameters)
+    return f"theta = [{number_text(theta)}]{'' if gain is None else f', omega = {number_text(gain)}'}"
+
+
+def said_of(parameters: dict[str, float]) -> str:
+    """Values of parameters in a sentence."""
+    return ", ".join(f"{name} = {value:.4g}" for name, value in parameters.items())
 
 
 ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[CertificateRow]]] = {

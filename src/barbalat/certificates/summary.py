@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import OF_THE_DESIGN, Entry
-from barbalat.certificates.rows import up
+from barbalat.certificates.entry import MOST_SHOWN, OF_THE_DESIGN, Entry
+from barbalat.certificates.linear_loops.margin_values import UNSTABLE_WITH_LAW
+from barbalat.certificates.rows import said_of, up
 from barbalat.pictures.symbols import held
 
 
@@ -88,18 +89,17 @@ def _margin(certificate: Certificate) -> Line:
     parts = []
     searched = certificate.entry("margins_over_known_set")
     loops = [] if searched is None or not searched.applies else searched.value
-    least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
-    matched = " (its matched part)" if any("left_out" in loop for loop in loops) else ""
-    if any("unstable_at" in loop for loop in loops):
-        parts.append(f"unstable in the set{matched}")
-    elif least:
-        box = any("box_unstable_at" in loop for loop in loops)
-        parts.append(f"{_delay(min(least))} {'in the ranges, not in all of the box' if box else 'in the set'}{matched}")
+    for over, these in (
+        ("set", [one for one in loops if "over" not in one]),
+        ("ranges", [one for one in loops if "over" in one]),
+    ):
+        parts += _over(over, these)
     if adapting is not None and adapting.applies:
         same = margin is not None and margin.applies and margin.rest == adapting.rest
         parts.append(f"{_delay(adapting.value)} adapting{'' if same else _at_rest(adapting)}")
     elif adapting is not None and margin is not None and margin.applies:
-        parts.append("adapting: not known")
+        lost = adapting.why.startswith(UNSTABLE_WITH_LAW)
+        parts.append(f"adapting: none, since {UNSTABLE_WITH_LAW}" if lost else "adapting: not known")
     if margin is not None and margin.applies:  # a single margin needs no distinction
         at_theta = " at theta" if parts and margin.rest is None else ""
         frozen = " with frozen estimates" if adapting is not None and margin.rest is not None else ""
@@ -114,6 +114,16 @@ def _margin(certificate: Certificate) -> Line:
         return Line("margin", f"none: {why}", "does not apply")
     text = ", ".join(parts)
     return Line("margin", f"{text}; {LINEAR}", margin.kind if margin is not None and len(parts) == 1 else "estimate")
+
+
+def _over(what: str, loops: list[dict[str, Any]]) -> list[str]:
+    """The least margin that was found over the known set, or over the ranges of parameters and at which of them."""
+    unstable = [loop.get("unstable_at_parameters") for loop in loops if "unstable_at" in loop]
+    least = min((one["delay_margin"] for one in loops if "delay_margin" in one), key=lambda one: one["value"], default=None)
+    if not unstable and least is None:
+        return []
+    found, at = ("unstable", unstable[0]) if least is None or unstable else (_delay(least["value"]), least.get("parameters"))
+    return [f"{found} in the {what}{f', at {said_of(at)}' if at and len(at) <= MOST_SHOWN else ''}"]
 
 
 def _at_rest(entry: Entry) -> str:
@@ -133,7 +143,7 @@ def _limits(certificate: Certificate, dt: float | None) -> Line:
         return Line("gain, step", "no limit is known", "does not apply")
     judged = ""
     if step and dt is not None:
-        word = "inside" if dt <= step[0] else "too long" if dt > step[-1] else "between"
+        word = "below" if dt <= step[0] else "too long" if dt > step[-1] else "between"
         judged = f" ({held(f'dt {word}')})"
     return Line("gain, step", f"{', '.join(map(held, parts))}{judged}", "estimate")
 
@@ -159,8 +169,13 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)
-    apart = [NOT_THE_PLANT] * any(entry.kind == OF_THE_DESIGN for entry in stated)
-    broken = ", ".join(dict.fromkeys([*(assumption.broken for assumption in asked if assumption.broken), *apart]))
+    apart = [
+        broken
+        for entry in stated
+        if entry.kind == OF_THE_DESIGN
+        for broken in [one.broken for one in entry.rests_on if one.broken] or [NOT_THE_PLANT]
+    ]
+    broken = ", ".join(dict.fromkeys(filter(None, [*(assumption.broken for assumption in asked), *apart])))
     if broken:
         return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:

@@ -1,4 +1,5 @@
-"""The theorems that a bound of e would need if there is none: the sentences in certificates and docs/theorem-1.md."""
+"""The theorems that a bound of e would need if there is none: the sentences in certificates and
+docs/reference/missing-theorems.md."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ LEAKAGE = "the ultimate bound of V under leakage, with the largest e on the way 
 FILTER_NOT_SMALL = "a condition on C(s) that is weaker than its small gain, such as one over cells of the known set"
 FILTER_WITHOUT_SET = "a bound of the estimates without projection, from which the condition on C(s) would follow"
 FILTER_BEYOND = "the bound (10) for several inputs, phi(x) instead of x, or an unknown gain: a small gain on a set of x"
-LEMMA_1 = "Lemma 1 with constants computed from the case: it bounds a mean square of e, with constants that exist"
+LEMMA_1 = "Lemma 1 with constants that can be computed, and for e itself: as it stands, it bounds only a mean square of e"
 LEMMA_1_OUTPUT = "Lemma 1 for output feedback with constants computed from the case, or a Lyapunov function of the whole loop"
 MIT_RULE = "a Lyapunov function of the MIT rule; averaging shows stability for sufficiently small gains, without a number"
 NETWORK = "a bound of the network's error in theta'phi(x), on a set that x does not leave"

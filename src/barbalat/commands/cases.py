@@ -54,11 +54,12 @@ def _row(name: str, path: Path) -> Row:
 def _show(rows: Sequence[Row]) -> None:
     from barbalat.pictures.symbols import held
     from barbalat.report.terminal.layout import Screen
+    from barbalat.validate import counted
 
     screen = Screen()
     for row in rows:
         screen.line(row.name, "bold")
-        for text in (row.about, f"State of order {row.order}. Controllers: {'; '.join(map(held, row.controllers))}."):
+        for text in (row.about, f"{counted(row.order, 'state')}. Controllers: {'; '.join(map(held, row.controllers))}."):
             screen.line(text, indent="  ", start="  ")
     screen.title("barbalat run NAME simulates one; barbalat new FILE --from NAME copies it as a starting point.", "")
 

@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers
+from barbalat.commands.options import add_case, conclude
 from barbalat.commands.output import STANDARD_OUTPUT, folder_of, print_json
 from barbalat.commands.progress import Work, work
 
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("certify", help="conditions, bounds, norms, gain limits and margins of a case's controllers")
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    add_controllers(parser)
+    parser = commands.add_parser("certify", help="compute bounds, margins, and limits of gain and step for a case's controllers")
+    add_case(parser)
     parser.add_argument("--simulate", action="store_true", help="also measure each loop's delay margin by simulation")
     parser.add_argument(
         "--share",
@@ -42,9 +41,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--pictures", action="store_true", help="with --out: also write the loops' charts as PNG and SVG")
     parser.add_argument("--proof", metavar="FILE", help="write each guaranteed number with its witness, for barbalat-check FILE")
     parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 def execute(options: argparse.Namespace) -> int:

@@ -14,9 +14,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser(
-        "claims", help="the ledger's claims, from the paper and others: their names, or the full measurement of one"
-    )
+    parser = commands.add_parser("claims", help="list the claims of the papers, or measure one of them")
     parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; default: list the rows")
     parser.add_argument("--list", action="store_true", help="list the rows, as without NAME")
     parser.add_argument(

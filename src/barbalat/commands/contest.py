@@ -6,7 +6,7 @@ import argparse
 import os
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers, add_list, add_schemes, trial_seconds, whole
+from barbalat.commands.options import add_controllers, add_list, add_schemes, conclude, trial_seconds, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import work
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "contest", help="all schemes tuned by one rule, then measured on validation plants, commands and noise"
+        "contest", help="tune all schemes by one rule, then compare them on validation plants, commands and noise"
     )
     parser.add_argument(
         "case", nargs="?", metavar="CASE", help="a case file, or a bundled case's name; its plant must have a known set"
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--submission", metavar="WHAT",
-        help="entry for the suite: a case file (.toml) with set controllers, laws with knobs (.py), or an installed scheme",
+        help="entry for the suite: a case file (.toml) with fixed controllers, laws with knobs (.py), or an installed scheme",
     )  # fmt: skip
     add_controllers(parser)
     parser.add_argument(
@@ -58,7 +58,7 @@ def add(commands: Commands) -> None:
         "--plants",
         type=whole,
         metavar="N",
-        help="plants of the tuning: the case's and N - 1 of its known set; default 4, --quick 2",
+        help="number of plants for tuning: the case's own and N - 1 of its known set; default 4, --quick 2",
     )
     parser.add_argument(
         "--trials",
@@ -74,9 +74,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--seed", type=whole, metavar="S", help="seed of plants, searches, commands and noise; default 0")
     parser.add_argument("--out", metavar="DIR", help="folder of page and JSON; default: barbalat-contest, none with --json")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 DRAWING_SECONDS = 2.0

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_schemes, trial_seconds, whole
+from barbalat.commands.options import add_schemes, conclude, trial_seconds, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import work
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("design", help="schemes and the fixed loop compete under a specification; one is recommended")
+    parser = commands.add_parser("design", help="choose a controller that meets a specification, among all schemes")
     parser.add_argument("case", metavar="CASE", help="a case file with [specification], and a known set of its plant")
     add_schemes(parser)
     parser.add_argument(
@@ -30,9 +30,9 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--plants",
         type=whole,
-        default=3,
+        default=4,
         metavar="N",
-        help="number of plants of the tuning: the case's own and others; default 3",
+        help="number of plants for tuning: the case's own, extremes of its ranges, and random ones; default 4",
     )
     parser.add_argument(
         "--trials", type=whole, default=288, metavar="N", help="largest number of tunings of each scheme; default and minimum 288"
@@ -42,9 +42,7 @@ def add(commands: Commands) -> None:
         "--seed", type=whole, default=0, metavar="S", help="seed of plants, searches, commands and noise; default 0"
     )
     parser.add_argument("--out", metavar="DIR", help="default: barbalat-design, none with --json")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 DRAWING_SECONDS = 40.0
@@ -103,7 +101,8 @@ def _write(folder: Folder, found: Design, text: CaseText) -> None:
         said.append(explorer)
     if written is not None:
         try:
-            folder.write("explorer.html", Explorer(TextSource(replace(text, text=written, own=None))).html)
+            source = TextSource(replace(text, text=written, own=None), found.contest.simulation.dt)
+            folder.write("explorer.html", Explorer(source).html)
         except InputError as error:
             explorer = str(error)
     with tempfile.TemporaryDirectory() as made:

@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers
+from barbalat.commands.options import add_case, conclude
 from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
 from barbalat.commands.progress import say, work
 
@@ -19,9 +19,8 @@ DEFAULT_FILE = "explore.html"
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("explore", help="a page that simulates the case: one file with a slider for each number")
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    add_controllers(parser)
+    parser = commands.add_parser("explore", help="write an offline page that simulates the case, with a slider for each number")
+    add_case(parser)
     parser.add_argument(
         "--out",
         metavar="FILE",
@@ -29,13 +28,11 @@ def add(commands: Commands) -> None:
         help=f"file of the page; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} writes to standard output and opens no browser",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open it in a browser")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 EXPECTED_SECONDS = 10.0
-"""Estimate for a case of three controllers: a case is made for every slider value on which other numbers depend."""
+"""Estimate for a case with three controllers, in which most time is spent on sliders that change other numbers of the case."""
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -45,6 +42,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.explorer.section_v import ON_THE_PAPER_S_EXAMPLE, PAPER_CASE
     from barbalat.explorer.source import TextSource
     from barbalat.folders import output_folder
+    from barbalat.study.fixed_steps import fixed_steps
     from barbalat.validate import InputError, local_path
 
     file, to_output = local_path("--out", options.out), options.out == STANDARD_OUTPUT
@@ -53,8 +51,10 @@ def execute(options: argparse.Namespace) -> int:
     if to_output and options.json:
         raise InputError(f"--json and --out {STANDARD_OUTPUT} both write to standard output; omit one of them")
     text = CaseText.read(options.case, options.controllers)
-    text.case()
-    explorer = Explorer(TextSource(text), ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE and text.own is None else ())
+    case = text.case()
+    steps = fixed_steps(case.problem, case.controllers, case.simulation)
+    source = TextSource(text, steps.simulation.dt)
+    explorer = Explorer(source, ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE and text.own is None else ())
     with nullcontext() if to_output else output_folder(file.parent) as folder:
         with work({"making the page": EXPECTED_SECONDS}) as running, running.part("making the page"):
             page = explorer.html
@@ -67,9 +67,10 @@ def execute(options: argparse.Namespace) -> int:
     if options.json:
         from barbalat.report.documents import as_json
 
-        print_json(as_json({"case": text.case().name, "page": str(file)}))
+        print_json(as_json({"case": case.name, "page": str(file)}))
     else:
-        say(f"page: {file}")
+        for line in filter(None, (steps.sentence, f"page: {file}")):
+            say(line)
     if not options.no_open:
         webbrowser.open(file.resolve().as_uri())
     return 0

@@ -6,7 +6,7 @@ import argparse
 import shlex
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers
+from barbalat.commands.options import add_controllers, conclude
 from barbalat.commands.output import print_json, require_folder_name
 from barbalat.commands.progress import say, work
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("export", help="a controller as C that reproduces the simulation, bit for bit")
+    parser = commands.add_parser("export", help="write a sampled controller as C that reproduces the simulation bit for bit")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     parser.add_argument("--controller", required=True, metavar="NAME", help="name of a sampled controller of the case")
     parser.add_argument("--target", metavar="TARGET", choices=Targets(), default="c99", help="one of %(choices)s; c99 by default")
@@ -40,11 +40,9 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--campaign", action="store_true", help="first run the compiled C through faults; needs a C compiler on this machine"
     )
-    parser.add_argument("--sources-only", action="store_true", help="write units without a binary, which needs no C compiler")
+    parser.add_argument("--sources-only", action="store_true", help="write FMUs without a binary, which needs no C compiler")
     add_controllers(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 class Targets:
@@ -86,6 +84,7 @@ def execute(options: argparse.Namespace) -> int:
     target = targets()[options.target]
     if options.name is not None:
         require_prefix(options.name)
+    notes: list[str] = []
     flown = _flown(case, controller, float32=options.float32 or target.float32) if options.campaign else None
     folder = export_controller(
         case.problem,
@@ -99,6 +98,8 @@ def execute(options: argparse.Namespace) -> int:
         place=list(found).index(controller.name),
         name=options.name,
         parameters=options.parameters,
+        judge=case.judge,
+        note=notes.append,
     )
     check = target.check(shlex.quote(str(folder)), options.closed_loop)
     if options.name is not None:
@@ -109,12 +110,14 @@ def execute(options: argparse.Namespace) -> int:
         files = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
         about = {"case": case.name, "controller": controller.name, "target": options.target, "folder": str(folder)}
         flights = {} if flown is None else {"campaign": flown.as_json()}
-        print_json(as_json({**about, "files": files, "check": check, **flights}))
+        print_json(as_json({**about, "files": files, "check": check, **flights, **({"notes": notes} if notes else {})}))
     else:
         if flown is not None:
             from barbalat.report.terminal.layout import Screen
 
             _show(Screen(), flown)
+        for one in notes:
+            say(one)
         say(f"written: {folder}; check it with: {check}")
         if options.closed_loop and case.problem.faults:
             say("the exported plant and loop contain none of the case's [[faults]]: their loop is the simulation without them")
@@ -124,28 +127,31 @@ def execute(options: argparse.Namespace) -> int:
 def _show(screen: Screen, found: Campaign) -> None:
     """The effect of faults, compared with the run without faults, and the longest tolerated outage."""
     from barbalat.export.campaign import TOLERATED
+    from barbalat.validate import counted
 
     screen.title(f"{found.controller}: the compiled C through faults")
     screen.line(f"Without faults: {found.sentence}.")
     headings = [
         "faults",
         "verdict",
-        "samples\nnot taken",
+        "missed\nsamples",
         "time\nbeyond",
         *(f"max |e|\n{one}" for one in _components(found)),
         "factor",
     ]
     nominal = ["none", found.verdict, "0 %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1"]
     screen.table(headings, [nominal, *(_row(found, row) for row in found.rows)])
-    outage = f"{found.longest} samples, {found.longest * found.sample_time:.4g} s"
+    outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
     screen.line(
-        f"Longest outage tolerated from each of {len(found.starts)} instants: {outage}{many}. Tolerated: no component's largest "
+        f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. Tolerated: no "
+        f"component's largest "
         f"|e| exceeds {TOLERATED:g} times that without faults."
     )
     draws = max(row.draws for row in found.rows)
     screen.line(
-        f"Each row is the worst of {draws} draws; the number of missed samples is their mean. Time beyond: the share of the "
+        f"Each row is the worst of {counted(draws, 'draw')}; the number of missed samples is their mean. Time beyond: the "
+        f"share of the "
         f"time in which some |e| exceeds its largest value without faults. Factor: that of the worst component. The judge "
         f"gives a verdict on each draw; a verdict without a count holds for all draws."
     )

@@ -19,7 +19,7 @@ DEFAULT_FOLDER = "barbalat-fly"
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("fly", help="sampled controllers on flight models, with failures; needs the extra flight")
+    parser = commands.add_parser("fly", help="fly sampled controllers on flight models through failures; needs the extra flight")
     parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a rate; quadrotor: a figure of eight")
     add_list(
         parser,
@@ -60,7 +60,7 @@ def add(commands: Commands) -> None:
 
 
 MOST_DRAWS = 1_000_000
-"""More than a year on two cores."""
+"""Largest number of draws; they would take more than a year on two cores."""
 NOT_DRAWN = {
     "delays": "omit --delays in a campaign: each draw has its own delay",
     "sil": "omit --sil in a campaign: single flights compare the exported C with the simulated list, and the draws fly that list",
@@ -68,7 +68,7 @@ NOT_DRAWN = {
     "mach": "omit it in a campaign: the draws have their own flight conditions",
     "controllers": "omit it: a campaign flies only the project's schemes",
 }
-"""Options that a campaign does not take, with the reasons."""
+"""Options that a campaign does not accept, with the reasons."""
 EXPECTED_SECONDS = {"flying": 40.0, "drawing": 10.0}
 """Estimate until the first report of progress."""
 

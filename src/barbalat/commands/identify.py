@@ -7,22 +7,22 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_list
+from barbalat.commands.options import add_list, conclude
 from barbalat.commands.output import tell
 from barbalat.commands.progress import say, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
-    from barbalat.identify.identification import Identification
+    from barbalat.identify.result import Identification
     from barbalat.report.terminal.layout import Screen
 
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("identify", help="nominal plant and known set from recorded data")
-    parser.add_argument("data", metavar="DATA.csv", help="a line of names, then samples; inputs are held until the next one")
+    parser = commands.add_parser("identify", help="find a nominal plant and its known set from recorded data")
+    parser.add_argument("data", metavar="DATA.csv", help="a header line, then samples; inputs are held between samples")
     add_list(parser, "--inputs", metavar="NAME", commas=True, help="columns of the inputs")
-    add_list(parser, "--outputs", metavar="NAME", commas=True, help="columns of the states, all measured")
+    add_list(parser, "--outputs", metavar="NAME", commas=True, help="columns of the states, all of which must be measured")
     parser.add_argument("--time", metavar="NAME", help="column of the time [s]; default t or time")
     add_list(
         parser, "--noise", metavar="NAME=BOUND", form="=", commas=True,
@@ -31,12 +31,19 @@ def add(commands: Commands) -> None:
     add_list(parser, "--slope", metavar="NAME=BOUND", form="=", commas=True, help="bound of each state's rate of change [unit/s]")
     add_list(
         parser, "--derivative", metavar="NAME=NAME", form="=", commas=True,
-        help="outputs whose derivative is another output exactly, such as q=w",
+        help="outputs whose derivative is exactly another output, such as q=w",
     )  # fmt: skip
     add_list(
         parser, "--within", metavar="STATE.NAME=LOWER:UPPER", form="=", commas=True,
-        help="bounds known beforehand of the coefficient of NAME in the row of STATE",
+        help="prior bounds of the coefficient of NAME in the row of STATE",
     )  # fmt: skip
+    parser.add_argument(
+        "--offset", action="store_true",
+        help="identify a constant term in each unknown row, for recordings around an operating point",
+    )  # fmt: skip
+    parser.add_argument(
+        "--delay", type=float, default=0.0, metavar="SECONDS", help="dead time of the inputs, a multiple of the sample time"
+    )
     parser.add_argument(
         "--held-out", type=float, default=0.25, metavar="SHARE",
         help="share of the samples, at the end, that is used only for validation; default 0.25",
@@ -50,14 +57,12 @@ def add(commands: Commands) -> None:
         help="identify nothing; run the recording through the estimators of this case's sampled controllers instead",
     )  # fmt: skip
     add_list(parser, "--commands", metavar="NAME", commas=True, help="with --replay: columns of the commands")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 EXPECTED = {"identifying": 5.0, "drawing": 1.5}
-"""Seconds."""
-OF_IDENTIFICATION = ("noise", "slope", "derivative", "within")
+"""Expected duration of each part [s]."""
+OF_IDENTIFICATION = ("noise", "slope", "derivative", "within", "offset", "delay")
 """Options that a replay does not read."""
 
 
@@ -70,7 +75,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.replay is not None:
         return _replay(options)
     if options.commands:
-        raise InputError("--commands goes with --replay, which is missing")
+        raise InputError("--commands needs --replay, which is missing")
     with work(EXPECTED) as running:
         with running.part("identifying"):
             found = identify(
@@ -82,6 +87,8 @@ def execute(options: argparse.Namespace) -> int:
                 slope=_numbers("--slope", options.slope),
                 derivatives=_pairs("--derivative", options.derivative),
                 within=_within(options.within),
+                offset=options.offset,
+                delay=options.delay,
                 held_out=options.held_out,
             )
         if options.out is not None:

@@ -82,9 +82,9 @@ class MyLaw:
     name: str = "MyLaw"
 
     def bind(self, known: Known) -> Equations:
-        """The equations for what is known of a plant; InputError for a plant that the law does not take."""
+        """The equations for what is known of a plant; InputError for a plant that the law does not support."""
         if known.matched.gain_unknown:
-            raise InputError(f"{self.name} takes plants with a known input gain")
+            raise InputError(f"{self.name} supports only plants with a known input gain")
         return Equations(self.gamma, known)
 
     def knobs(self, reach: TuningScale) -> TuningGrid:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from barbalat.commands.progress import say
+
+if TYPE_CHECKING:
+    from barbalat.open_numbers.path import FieldPath
+
+Values = TypeVar("Values")
 
 
 def add_budget(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +65,19 @@ def add_controllers(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_case(parser: argparse.ArgumentParser) -> None:
+    """The case and the user's own classes."""
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    add_controllers(parser)
+
+
+def conclude(parser: argparse.ArgumentParser, execute: Callable[[argparse.Namespace], int]) -> None:
+    """The last options of a command, and the function that runs it."""
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
+    parser.set_defaults(execute=execute)
+
+
 def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: str, form: str = "", commas: bool = False) -> None:
     """An option with several values, given in sequence or by repeating the option; the default is an empty list.
 
@@ -72,8 +90,35 @@ def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: s
     )
 
 
+def pair(given: str, taken: str) -> tuple[str, str]:
+    """The two sides of PATH=VALUES; ``taken`` says what the option takes, for the message."""
+    path, sign, values = given.partition("=")
+    if not sign:
+        from barbalat.validate import InputError, show
+
+        raise InputError(f"{taken}, got {show(given)}")
+    return path.strip(), values.strip()
+
+
+def varied(pairs: Iterable[tuple[str, str]], parse: Callable[[str], Values]) -> dict[FieldPath, Values]:
+    """The values of ``--vary`` by their paths; InputError for a path that occurs twice."""
+    from barbalat.open_numbers.path import FieldPath
+    from barbalat.validate import InputError
+
+    found: dict[FieldPath, Values] = {}
+    for place, values in pairs:
+        path = FieldPath.parse(place)
+        if path in found:
+            raise InputError(f"{path} is varied twice")
+        try:
+            found[path] = parse(values)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    return found
+
+
 BAD_INPUT = 2
-"""The exit code."""
+"""The exit code for bad input."""
 REQUIRED = "the following arguments are required: "
 UNKNOWN = "unrecognized arguments: "
 """The beginning of these sentences in argparse; the others begin with the argument that they concern."""
@@ -159,7 +204,7 @@ class Parser(argparse.ArgumentParser):
         if message.startswith(UNKNOWN):
             given = message.removeprefix(UNKNOWN)
             meant = hint(given.split()[0].partition("=")[0], re.findall(r"--[\w-]+", self.format_help()))
-            return f"does not take {given!r}{meant or f'; {self.prog} --help lists its arguments'}"
+            return f"does not know {given!r}{meant or f'; {self.prog} --help lists its arguments'}"
         if found := CHOICE.match(message):
             known = re.findall(r"[\w.-]+", found["known"])
             meant = hint(found["given"].strip("'\""), known)
@@ -173,6 +218,8 @@ class Parser(argparse.ArgumentParser):
             return f"{', '.join(names[:-1])} and {names[-1]} are missing; {self.prog} --help describes them"
         action = next(one for one in self._actions if names[0] in (*one.option_strings, one.metavar, one.dest))
         what = f"one of {', '.join(action.choices)}" if action.choices else action.help
+        if isinstance(action, argparse._SubParsersAction):
+            what = f"{what}; {self.prog} --help describes them"
         return f"{names[0]} is missing{f': {what}' if what else ''}"
 
 
@@ -192,7 +239,7 @@ def add_schemes(parser: argparse.ArgumentParser) -> None:
 
 
 def trial_seconds(steps: int, trials: int, plants: int, schemes: Sequence[str]) -> float:
-    """The time that a competition takes with so many tunings of each scheme, for its progress [s]."""
+    """The time that a competition with this number of tunings of each scheme takes, for its progress [s]."""
     from barbalat.comparison.contest.contest import search_seconds
 
     return max(search_seconds(steps, len(schemes) or MOST_SCHEMES, trials, plants), 1.0)

@@ -27,7 +27,7 @@ KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
 """The fraction of a part, or alternatively the seconds since its first report, from which its pace is known within a factor
 of two and the remaining time is printed: measured on sweep, tune, tradeoff and reproduce, with other work on the machine."""
 FEWEST_REPORTS = 3
-"""Of a part, likewise."""
+"""Least number of reports of a part, in the same way."""
 RECENT_SHARE = 0.5
 """Share of the work done since a part's first report over which the recent pace is measured."""
 AGREEING = 2.0
@@ -59,7 +59,7 @@ class Work:
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
         """Start one of the parts; yields a function that takes the fraction of it that is done.
 
-        here whether this process does the work: its share of a core then tells by which factor everything takes longer
+        here whether this process does the work: its share of a core then gives the factor by which everything takes longer
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()

@@ -8,7 +8,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget
+from barbalat.commands.options import conclude
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import work
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("reproduce", help="the figures, tables and claims of a paper")
+    parser = commands.add_parser("reproduce", help="reproduce the figures, tables and claims of a paper")
     parser.add_argument(
         "paper", nargs="?", metavar="PAPER", help="name of the paper; default: What is L1 Adaptive Control, jafari_2013"
     )
@@ -36,9 +36,7 @@ def add(commands: Commands) -> None:
     extent.add_argument(
         "--full", action="store_true", help="sharpen claims by measurements that take minutes: more gains, longer runs"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
@@ -46,7 +44,7 @@ ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 START_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 9.0, 4.0, 2.0
 """Seconds of a core until the first row starts, and for the work besides the rows."""
 EXPLORER_SECONDS = 3.0
-"""Likewise for each page with sliders."""
+"""Seconds for each page with sliders."""
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -170,7 +168,7 @@ def _show(paper: Paper, figures: list[PaperFigure], claims: list[Claim], folder:
 
     screen = Screen()
     ledger.overview(screen, figures, claims)
-    screen.line(f"For all of a row: barbalat claims NAME. Measured in {seconds:.1f} s.")
+    screen.line(f"For all details of a row: barbalat claims NAME. Measured in {seconds:.1f} s.")
     screen.whole(f"page: {folder.path / PAGE}")
     for path in paper.cases:
         screen.whole(f"case of its rows: {folder.path / path.name}")

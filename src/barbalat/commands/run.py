@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from barbalat.commands.options import add_budget, add_controllers
+from barbalat.commands.options import add_budget, add_case
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import Work, say, work
 
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("run", help="simulate and compare a case's controllers")
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    add_controllers(parser)
+    add_case(parser)
     parser.add_argument(
         "--out", metavar="DIR", help="folder of the page, JSON and trajectories; default: barbalat-run, none with --json"
     )
@@ -52,6 +51,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.cases.load import load_case
 
     case = load_case(options.case, options.controllers)
+    require_commands_taken(case)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
         plots = folder is not None and not options.no_plots
         if options.sil:
@@ -189,6 +189,23 @@ def require_sampled(case: Case) -> None:
         raise InputError("--sil needs a sampled controller, and this case has none: give one a sample_time")
 
 
+def require_commands_taken(case: Case) -> None:
+    """Raise InputError before any simulation if the shell refuses the case's own command, as an export does."""
+    import numpy as np
+
+    from barbalat.export.contents import VECTORS
+    from barbalat.loop.around import Around
+    from barbalat.loop.closed_loop import ClosedLoop
+
+    for controller in case.controllers if case.problem.shell is not None else ():
+        around = Around.of_shell(case.problem, ClosedLoop.of(case.problem, controller).sample_time)
+        if around is not None and around.checks_commands:
+            t = np.arange(VECTORS) * around.T
+            t = t[t < case.simulation.t_end]
+            commands = np.column_stack([one(t) for one in case.problem.commands])
+            around.require_taken(np.zeros((0, len(around.low))), commands, case.problem)
+
+
 def compared_exports(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any]]:
     """The result for each sampled controller: whether every bit is equal, and otherwise the difference or the reason for
     having no result."""
@@ -217,9 +234,9 @@ def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
     if found:
         screen.title("software in the loop", "")
     for name, one in found.items():
-        samples = f"; the export refused {counted(one['refused'], 'sample')}" if one["refused"] else ""
+        lost = f"; at {counted(one['refused'], 'sample')} a measurement, a command or a result was lost or refused"
         equal = "compiled as C, it has the same figures and states in every bit"
-        screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{samples}")
+        screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{lost if one['refused'] else ''}")
 
 
 def exit_code(found: Mapping[str, Mapping[str, Any]]) -> int:

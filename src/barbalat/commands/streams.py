@@ -108,6 +108,6 @@ def _over(stream: TextIO, kind: type[io.FileIO]) -> TextIO:
         io.BufferedWriter(kind(raw.fileno(), "w", closefd=False)),
         encoding=stream.encoding,
         errors=UNKNOWN_CHARACTERS,
-        line_buffering=stream.line_buffering or stream.write_through,  # as by PYTHONUNBUFFERED: each line at once
+        line_buffering=stream.line_buffering or stream.write_through,  # PYTHONUNBUFFERED sets the second
         write_through=stream.write_through,
     )

@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers, add_list, whole
+from barbalat.commands.options import add_case, add_list, conclude, pair, varied, whole
 from barbalat.commands.output import folder_of, print_json, require_folder_name, tell
 from barbalat.commands.progress import SECONDS_EACH_STEP, Work, say, work
 
@@ -25,9 +25,8 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("sweep", help="many runs: a grid, a Monte Carlo study, or both; a stored sweep can be resumed")
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    add_controllers(parser)
+    parser = commands.add_parser("sweep", help="run a case many times: a grid, a Monte Carlo study, or both")
+    add_case(parser)
     add_list(
         parser, "--vary", metavar="PATH=START:STOP:COUNT[:log]", form="=",
         help="values of a number of the case file, such as controller[0].gamma=1:1e6:13:log; several make a grid",
@@ -75,9 +74,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="folder of the page, or of a single member's; default: barbalat-sweep, none with --json"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -169,39 +166,23 @@ def _write(folder: Folder, text: CaseText, study: Study, result: SweepResult) ->
 
 
 def _study(text: CaseText, options: argparse.Namespace) -> Study:
-    from barbalat.open_numbers.path import FieldPath, by_index
+    from barbalat.open_numbers.path import by_index
     from barbalat.open_numbers.varied import VariedCase
     from barbalat.sweeps.known_set_draws import sampled
     from barbalat.sweeps.plan import Design, Plan, members_of
     from barbalat.sweeps.spread import Axis
     from barbalat.sweeps.study import Study
-    from barbalat.validate import InputError
 
-    labels = text.case().problem.labels  # what is wrong with the file itself is said first
-    axes = {}
-    for place, spread in map(_pair, options.vary):
-        path = FieldPath.parse(by_index(place, labels))
-        if path in axes:
-            raise InputError(f"{path} is varied twice")
-        try:
-            axes[path] = Axis.parse(spread)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-    draws = sampled(text, [_pair(given) for given in options.sample])
+    labels = text.case().problem.labels  # errors of the file itself are reported first
+    pairs = (pair(given, TAKEN) for given in options.vary)
+    axes = varied(((by_index(place, labels), values) for place, values in pairs), Axis.parse)
+    draws = sampled(text, [pair(given, TAKEN) for given in options.sample])
     design = Design(options.design)
     plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)
     return Study(VariedCase(text, plan.paths, redesign=options.redesign), plan)
 
 
-def _pair(given: str) -> tuple[str, str]:
-    from barbalat.validate import InputError, show
-
-    path, sign, spread = given.partition("=")
-    if not sign:
-        raise InputError(f"--vary and --sample take PATH=VALUES, such as plant.theta[0]=uniform:-5:5, got {show(given)}")
-    return path.strip(), spread.strip()
-
-
+TAKEN = "--vary and --sample take PATH=VALUES, such as plant.theta[0]=uniform:-5:5"
 SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 

@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers, whole
+from barbalat.commands.options import add_case, conclude, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import Work, work
 
@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "tradeoff", help="tracking error against delay margin for all tunings of three schemes and of your own"
+        "tradeoff", help="plot tracking error against delay margin for many tunings of three schemes and of your own"
     )
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    add_controllers(parser)
+    add_case(parser)
     parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, none with --json")
     parser.add_argument(
         "--plants", type=whole, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
@@ -43,9 +42,7 @@ def add(commands: Commands) -> None:
         metavar="S",
         help="added error, relative to the model's motion, that counts as loss; default 1",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -85,6 +82,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
     from barbalat.comparison.tradeoff.tradeoff import trade_off
     from barbalat.loop.structure import comes_from_outside
     from barbalat.problem.state_feedback import Problem
+    from barbalat.study.resolved import resolved
     from barbalat.study.verdicts import Lost
     from barbalat.targets import TRADE_OFF
 
@@ -93,7 +91,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
     with running.part("simulating") as progress:
         return trade_off(
             case.problem,
-            case.simulation,
+            resolved(case.problem, case.controllers, case.simulation),
             density=options.density,
             own=[one for one in case.controllers if comes_from_outside(one)],
             plants=options.plants,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers, add_list, whole
+from barbalat.commands.options import add_case, add_list, conclude, pair, varied, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import SECONDS_EACH_STEP, work
 
@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("tune", help="find settings with a small error under constraints, and write them as a case file")
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    add_controllers(parser)
+    parser = commands.add_parser("tune", help="find settings with a small error under constraints, and write them to a case file")
+    add_case(parser)
     parser.add_argument(
         "--for", dest="objective", required=True, metavar="METRIC",
         help="the quantity to minimise: a figure of a run, such as rms_e, or a key of certify",
@@ -55,12 +54,11 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="folder of case file, page and JSON; default: barbalat-tune, none with --json"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    add_budget(parser)
-    parser.set_defaults(execute=execute)
+    conclude(parser, execute)
 
 
 DRAWING_SECONDS = 3.0
+TAKEN = "--vary takes PATH=START:STOP[:log], such as controller[0].gamma=1:1000:log"
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -102,19 +100,6 @@ def execute(options: argparse.Namespace) -> int:
 def _space(given: list[str]) -> Space | None:
     """The ranges of ``--vary``; None without it."""
     from barbalat.comparison.ranges import Range, Space
-    from barbalat.open_numbers.path import FieldPath
-    from barbalat.validate import InputError, show
 
-    ranges = {}
-    for one in given:
-        place, sign, spread = one.partition("=")
-        if not sign:
-            raise InputError(f"--vary takes PATH=START:STOP[:log], such as controller[0].gamma=1:1000:log, got {show(one)}")
-        path = FieldPath.parse(place.strip())
-        if path in ranges:
-            raise InputError(f"{path} is varied twice")
-        try:
-            ranges[path] = Range.parse(spread.strip())
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+    ranges = varied([pair(one, TAKEN) for one in given], Range.parse)
     return Space(ranges) if ranges else None

@@ -26,7 +26,7 @@ def default_knobs(
     """The knobs that the registered schemes declare, with ``density`` values for each second one.
 
     Gains go up to the largest that this step resolves, time constants from five steps to the model's slowest one. Also sentences
-    on what is left out: tunings, and schemes that don't take the problem. InputError if no scheme takes it.
+    on what is left out: tunings, and schemes that don't support the problem. InputError if no scheme does.
 
     own  controllers from outside: each joins with its knobs if it declares some, or else unchanged, as one tuning
     """
@@ -36,9 +36,10 @@ def default_knobs(
     names = [knobs.scheme for knobs in candidates]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"two schemes of the trade-off are called {twice!r}; give yours another name")
+    five = "five steps, " if simulation.tolerance is None else ""
     left_out = [
-        f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are omitted",
-        f"time constants below five steps, {5 * simulation.dt:g} s, are omitted",
+        f"{unresolved(highest, how, simulation)}, are omitted",
+        f"time constants below {five}{SHORTEST_TIME_STEPS * simulation.resolution:g} s, are omitted",
     ]
     if reach.theta_hat0 is not None:
         usual = "0 is" if problem.known.theta_0 is None else "the baseline's parameters are"
@@ -57,8 +58,20 @@ def default_knobs(
     return tuple(kept), (*left_out, *refused)
 
 
+def unresolved(highest: float, how: str, simulation: Simulation) -> str:
+    """The gains beyond the ``highest`` that is tried, in words."""
+    if simulation.tolerance is None:
+        return f"gains above {highest:.3g}, which {simulation.step} does not resolve ({how}: an estimate)"
+    steps = STEPS_EACH_RESOLUTION * simulation.t_end / simulation.resolution
+    return f"gains above {highest:.3g}, at which a run takes more than about {steps:.2g} steps ({how} for RK4: an estimate)"
+
+
+STEPS_EACH_RESOLUTION = 2
+"""Steps with a tolerance, some 1.5 rad of the fastest oscillation each, in the longest step that RK4 bears, 2.8 rad."""
+
+
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
-    """The knobs that a controller declares; without any, one tuning."""
+    """The knobs that a controller declares; if it declares none, a single tuning."""
     if isinstance(controller, Tunable):
         return controller.knobs(reach)
     return TuningGrid(scheme=controller.name, values={}, make=lambda: controller)
@@ -74,11 +87,11 @@ def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> 
     highest, how = largest_gain(problem, simulation)
     reach = TuningScale(
         highest_gain=highest,
-        highest_square=_oscillator(problem, simulation).largest_g(simulation.dt),
+        highest_square=_oscillator(problem, simulation).largest_g(simulation.resolution),
         times=_times(np.linalg.eigvals(problem.plant.A_m), simulation, density),
         density=density,
         known=problem.known,
-        sample_time=SHORTEST_TIME_STEPS * simulation.dt,
+        sample_time=SHORTEST_TIME_STEPS * simulation.resolution,
         theta_hat0=start_of(problem),
     )
     return reach, how
@@ -97,7 +110,7 @@ def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: 
     return OutputTuningScale(
         times=_times(problem.known.W_m.poles, simulation, density),
         known=problem.known,
-        sample_time=SHORTEST_TIME_STEPS * simulation.dt,
+        sample_time=SHORTEST_TIME_STEPS * simulation.resolution,
         saturated=problem.known.saturation is not None,
     )
 
@@ -105,7 +118,7 @@ def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: 
 def _times(modes: Array, simulation: Simulation, density: int) -> Array:
     """Time constants from the shortest to the slowest of the model's modes [s]."""
     slowest = 1 / float(np.abs(modes.real).min())
-    return np.geomspace(SHORTEST_TIME_STEPS * simulation.dt, slowest, 3 * density)
+    return np.geomspace(SHORTEST_TIME_STEPS * simulation.resolution, slowest, 3 * density)
 
 
 SHORTEST_TIME_STEPS = 5
@@ -125,11 +138,13 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
         problem = replace(problem.design, observer=None, sensor=None)
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
         plain = Mrac(gamma=1.0, theta_hat0=start_of(problem))
-        found = certify(problem, (plain,), simulation)[plain.name].values.get("gamma_max")
+        found = certify(problem, (plain,), simulation.stepped)[plain.name].values.get("gamma_max")
         how = "gamma_max of certify"
     else:
         found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation with theta known"
     if not found:
+        if simulation.tolerance is not None:
+            raise InputError("no adaptive gain is small enough for this command: a run takes too many steps; make it shorter")
         raise InputError(f"simulation.dt = {simulation.dt:g} s resolves no adaptive gain for this command; make it smaller")
     return found, how
 
@@ -145,10 +160,10 @@ def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> fl
     largest = float(square.max())
     if largest == 0:
         raise InputError("nothing moves the regressor phi(x): give a command, or an initial state")
-    return _oscillator(problem, simulation).largest_g(simulation.dt) / largest
+    return _oscillator(problem, simulation).largest_g(simulation.resolution) / largest
 
 
 def _oscillator(problem: Problem, simulation: Simulation) -> Oscillator:
     dynamics = [path.dynamics for path in problem.plant.paths]
     poles = np.concatenate([np.zeros(0), *(part.poles for part in dynamics if part is not None)])
-    return Oscillator(problem.known, simulation.solver, poles)
+    return Oscillator(problem.known, simulation.stepped.solver, poles)

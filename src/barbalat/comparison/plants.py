@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import KnownSet, ParameterBox
 from barbalat.problem.physical import PhysicalPlant
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.problem.truth import Truth
+from barbalat.run.kernel import delay
+from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.known_set_draws import spread_of
 from barbalat.validate import Array, InputError
 
@@ -41,9 +43,84 @@ def _of_the_ranges(problem: Problem, physical: PhysicalPlant, plants: int, rando
     """The problem, and others whose truth has parameters drawn from their ranges."""
     uncertain = [one for one in physical.parameters if not one.is_exact]
     drawn = {one.name: spread_of(one).at(random.random(plants - 1)) for one in uncertain}
-    truth = problem.truth or Truth()
     values = [{name: float(values[i]) for name, values in drawn.items()} for i in range(plants - 1)]
-    return [problem, *(replace(problem, truth=replace(truth, parameters={**truth.parameters, **one})) for one in values)]
+    return [problem, *_with_values(problem, values)]
+
+
+def _with_values(problem: Problem, values: Sequence[Mapping[str, float]]) -> list[Problem]:
+    """The problem with the truth's parameters changed."""
+    truth = problem.truth or Truth()
+    return [replace(problem, truth=replace(truth, parameters={**truth.parameters, **one})) for one in values]
+
+
+MOST_EXTREMES = 256
+"""Number of corners of the known set, or of the parameters' ranges, among which extreme plants are chosen."""
+
+
+def extreme_plants(problem: Problem, known_set: KnownSet, count: int, seed: int) -> list[Problem]:
+    """At most ``count`` plants at corners of the parameters' ranges, or else of the known set and the gain's interval: the one
+    that differs most from the case's own, then in turn the one that differs most from those before it.
+
+    Plants differ in their matrices, input gains and delays, each entry relative to its largest value.
+    """
+    random = np.random.default_rng(seed)
+    corners = [problem, *_corners(problem, known_set, random)]
+    rows = np.array([_entries(one) for one in corners])
+    largest = np.abs(rows).max(axis=0)
+    rows = rows / np.where(largest > 0, largest, 1.0)
+    found: list[Problem] = []
+    away = np.linalg.norm(rows - rows[0], axis=1)
+    while len(found) < count and away.max() > SAME_PLANT:
+        chosen = int(away.argmax())
+        found.append(corners[chosen])
+        away = np.minimum(away, np.linalg.norm(rows - rows[chosen], axis=1))
+    return found
+
+
+SAME_PLANT = 1e-9
+"""Relative distance within which two plants are the same."""
+
+
+def _corners(problem: Problem, known_set: KnownSet, random: np.random.Generator) -> list[Problem]:
+    physical = problem.plant.physical
+    if physical is not None:
+        uncertain = [one for one in physical.parameters if not one.is_exact]
+        if not uncertain:
+            return []
+        lower, upper = np.array([one.range for one in uncertain]).T
+        points = ParameterBox(lower=lower, upper=upper).extreme_points(random, MOST_EXTREMES)
+        return _with_values(problem, [dict(zip((one.name for one in uncertain), map(float, row), strict=True)) for row in points])
+    if problem.truth is not None and problem.truth.A is not None:
+        return []
+    gains = problem.known.gains
+    points = (known_set if gains is None else known_set.with_gains(gains)).extreme_points(random, MOST_EXTREMES)
+    p = known_set.size
+    plants = [replace(problem.plant, theta=row[:p]) for row in points]
+    if gains is not None:
+        plants = [_with_gains(plant, row[p:]) for plant, row in zip(plants, points, strict=True)]
+    return [replace(problem, plant=plant) for plant in plants]
+
+
+def _entries(problem: Problem) -> Array:
+    """The numbers in which plants of one case differ."""
+    simulated, paths = problem.simulated, problem.surroundings.paths
+    matrices = (problem.plant.theta,) if simulated is None else (simulated.A, simulated.b, *simulated.values.values())
+    around = [number for path in paths for number in (path.gain, path.delay)]
+    return np.concatenate([np.ravel(one) for one in (*matrices, around)])
+
+
+def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) -> None:
+    """InputError if one of the drawn plants has a delay that the step can't represent; before any of them is simulated."""
+    if simulation.tolerance is not None:
+        return
+    for one in (each for each in problems if each.delay > 0):
+        try:
+            delay.lag(one.delay, simulation.dt)
+        except InputError:
+            raise InputError(
+                f"the parameters' ranges give plants with a delay of {one.delay:.3g} s at the input, and a delay must be 0 or at "
+                f"least one solver step, {simulation.dt:g} s: raise the lower end of the range, or make simulation.dt smaller"
+            ) from None
 
 
 def parameters_of(problem: TrackingProblem) -> Any:

@@ -53,7 +53,7 @@ class Range:
         return np.clip([float(f"{value:.{SIGNIFICANT_DIGITS}g}") for value in found], self.low, self.high)
 
     def share(self, value: float) -> float | None:
-        """The share at which a value is; None outside."""
+        """The share of the range at which a value lies; None if it is outside."""
         if not self.low <= value <= self.high:
             return None
         if self.logarithmic:

@@ -67,7 +67,8 @@ class BaselineAlone(Scheme):
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:
-        return TuningGrid(scheme="Baseline", values={}, make=cls, traded=reach.known.theta_0 is not None)
+        beside = reach.known.theta_0 is not None or reach.known.matched.gain_unknown
+        return TuningGrid(scheme="Baseline", values={}, make=cls, traded=beside)
 
     def bind(self, known: Known) -> Equations:
         p = known.matched.regressor.size(known.n) * known.inputs

@@ -34,7 +34,7 @@ class GainSettings(Adaptive, Protocol):
 
 
 def check_gains(settings: GainSettings) -> None:
-    """Check and store the settings as far as this is possible without the plant."""
+    """Check and store the settings, as far as that is possible without the plant."""
     check_common(settings)
     object.__setattr__(settings, "gamma", gain.accept("gamma", settings.gamma))
     if settings.gamma_r is not None:
@@ -71,7 +71,7 @@ class ControlGains:
     @classmethod
     def of(cls, settings: GainSettings, known: Known) -> ControlGains:
         """InputError if the settings don't fit the plant."""
-        projection_set(settings.projection, known)  # refuses a value that is no switch, and a projection without a set
+        projection_set(settings.projection, known)  # refuses a value that is not a switch, and a projection without a set
         regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
         if known.inputs > 1 and gamma.is_matrix:

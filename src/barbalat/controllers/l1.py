@@ -27,7 +27,7 @@ from barbalat.validate import Array, InputError, Vector
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Predictor (8) and law (7) in one implicit step; with C = 1 the MRAC.
+    """Predictor (8) and law (7) in one implicit step; with C = 1 MRAC.
 
     V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde decreases by at least T |x_tilde|^2 per sample, for every Gamma and
     T. The predictor uses the estimate after projection onto the known set: with C = 1 it then follows the reference model.
@@ -49,7 +49,7 @@ class Predictor:
         modifications, estimate_set = equations.modifications, equations.estimate_set
         if modifications.dead_zone is not None:
             raise InputError(
-                "discretization = 'midpoint' cannot have a dead zone on sqrt(e'P e): its implicit step has no closed form; take "
+                "discretization = 'midpoint' cannot have a dead zone on sqrt(e'P e): its implicit step has no closed form; use "
                 "'euler', or a dead zone in a law on the parametric model"
             )
         implicit.require_projectable(equations.gamma, estimate_set)

@@ -1,6 +1,7 @@
 """L1 adaptive control with the piecewise-constant law, the one used in flight: always sampled, without an adaptive gain.
 
-The law estimates no parameters but sigma, the uncertainty that acts on the plant, anew at every sample. As it is linear and has
+The law estimates no parameters; at every sample it estimates sigma, the uncertainty that acts on the plant. As it is linear and
+has
 no memory beyond a sample, the whole controller is linear, time-invariant and sampled: see ``realisation``.
 """
 
@@ -106,7 +107,7 @@ class L1PiecewiseConstant(Scheme):
     sample to sample, x_tilde = x_hat - x. The scheme is always sampled: it has no other discretization, no adaptive gain and no
     known set.
 
-    sample_time  T [s]; at fixed steps a whole number of them
+    sample_time  T [s]; a whole number of solver steps if these are fixed
     filter       C(s): stable, strictly proper, C(0) = 1, by the trapezoidal rule; starts at rest. ``None`` means C = 1
     output       c, (n,), or (m, n) with m inputs: the effect of the unmatched sigma_hat_um on c'x is cancelled, by C H_m^-1 H_um
                  with H = c'(sI - A_m)^-1 [b, b_um]. By default it is only estimated

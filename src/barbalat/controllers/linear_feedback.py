@@ -63,7 +63,8 @@ class LinearFeedback(Scheme):
     controller  K(s), proper, a TransferFunction, StateSpace or python-control system; it may contain an integrator. Starts at
                 rest
     output      c, (n,): the combination of states that is fed back; P b by default
-    nominal     theta_0, (n,): the assumed parameters; by default a baseline's, or else the middle of the known set, or zero
+    nominal     theta_0, (n,): the assumed parameters; by default a baseline's, or else those of the declared values of
+                [parameters], or else the middle of the known set, or zero
                 without one
     unmodelled  W(s), stable and proper: the size of the unmodelled dynamics for which mu is computed; none by default
     anti_windup  > 0 [u for each unit of c'e]: K(s) also receives L (sat(u) - u), where L is the gain of a Kalman filter that
@@ -71,7 +72,7 @@ class LinearFeedback(Scheme):
                  this value it is back-calculation with the time constant T_i. Off by default
 
     Any linear controller of the measured states closes some loop L(s) at the plant's input. If c'(sI - A_m)^-1 b is minimum
-    phase, a scalar K(s) can give every such loop of its relative degree, so that feeding back c'x is no restriction.
+    phase, a scalar K(s) can give every such loop of its relative degree, so that feeding back c'x restricts nothing.
     """
 
     controller: StateSpace | TransferFunction
@@ -82,7 +83,7 @@ class LinearFeedback(Scheme):
     anti_windup: float | None = None
     name: str = "Linear"
 
-    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "another regressor than x")
+    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "a regressor other than x")
 
     def __post_init__(self) -> None:
         validate.label("name", self.name)
@@ -122,11 +123,11 @@ class LinearFeedback(Scheme):
         require_linear_plant(known)
         K = StateSpace.accept("controller", self.controller)
         middle = np.zeros(known.n) if known.theta_set is None else known.theta_set.middle
-        middle = middle if known.theta_0 is None else known.theta_0
+        assumed = next(one for one in (known.theta_0, known.nominal, middle) if one is not None)
         return Equations(
             k_0=known.k_0,
             c=known.P @ known.b if self.output is None else validate.vector("output", self.output, known.n),
-            theta_0=middle if self.nominal is None else validate.vector("nominal", self.nominal, known.n),
+            theta_0=assumed if self.nominal is None else validate.vector("nominal", self.nominal, known.n),
             K=K,
             L=np.zeros(K.order) if self.anti_windup is None else _learning(K, self.anti_windup),
             limits=limits_of_predictor(self.anti_windup is not None, known, remedy="anti_windup"),
@@ -146,5 +147,5 @@ def _learning(K: StateSpace, noise: float) -> Array:
 
 
 def require_linear_plant(known: Known) -> None:
-    """InputError for a plant with features that linear feedback does not take."""
+    """InputError for a plant with features that linear feedback does not support."""
     require_taken(LinearFeedback, known)

@@ -43,7 +43,8 @@ class Equations(GainEquations):
 class DirectMrac(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, k_x_hat' = proj(Gamma (e'P b) phi(x)), k_r_hat' = proj(-gamma_r (e'P b) r).
 
-    The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing else needs to be known of it. The
+    The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing else about it needs to be known.
+    The
     estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat. With several inputs each
     has its own omega, so that the plant's input matrix is b diag(omega): unknown factors are admitted, an unknown coupling of
     inputs is not.

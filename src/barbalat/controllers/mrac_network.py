@@ -125,7 +125,7 @@ class NetworkMrac(Scheme):
                 them
     seed        determines the initial inner weights V_hat(0), uniform in [-spread, spread]; 0 by default
     spread      > 0; 1 by default
-    V_hat0      (1 + n, N), these weights themselves, instead of seed and spread; those of the constant first
+    V_hat0      (1 + n, N), these weights instead of random ones; the weights of the constant come first
 
     Source: Lewis, Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996, and the texts on the modifications.
     """
@@ -164,7 +164,8 @@ class NetworkMrac(Scheme):
             validate.freeze(self, V_hat0=validate.array("V_hat0", self.V_hat0, (None, None)))
             if self.neurons not in (None, self.V_hat0.shape[1]):
                 raise InputError.of(
-                    "V_hat0", f"must have {self.neurons} columns, one for each neuron, got {self.V_hat0.shape[1]}"
+                    "V_hat0",
+                    f"must have {validate.counted(self.neurons, 'column')}, one for each neuron, got {self.V_hat0.shape[1]}",
                 )
 
     @classmethod

@@ -64,8 +64,8 @@ class State(NamedTuple):
     xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0); sat(u) with ``saturated_predictor``
     Xi: Value  # (n, p) W_b(s)[phi(x)'], where phi(x) = x in the paper
     n_d: Value  # scalar, dynamic normalising signal
-    swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
-    filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
+    swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without an auxiliary input
+    filter: Value  # (n,) state of Q(s); (0,) without an auxiliary input
 
 
 class RealisedFilter(Protocol):

@@ -57,7 +57,8 @@ def inverse(G: Array) -> Array:
 
 
 LONGEST_SPAN = 1e4
-"""The count of samples stops here, so that a long freeze leads no number out of an export's range, which is at least 1e6."""
+"""The count of samples stops at this number, so that no number leaves an export's range, which is at least 1e6, during a long
+freeze."""
 
 
 def memory_of(A_m: Array, T: float) -> float:

@@ -180,7 +180,7 @@ class RobustMrac(Scheme):
 
 @dataclass(frozen=True, eq=False)
 class NormalizedMrac(Scheme):
-    """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
+    """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without an auxiliary input.
 
     law            of ``adaptation.laws``
     c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default

@@ -113,7 +113,7 @@ def equations(
 ) -> Equations:
     """InputError if W_m does not have relative degree one for each input, or has a zero in Re s >= 0."""
     if isinstance(law, ModifiedLaw) and law.leakage is not None and law.leakage.one_input_only:
-        raise InputError(f"{type(law.leakage).__name__} takes plants with one input, got {known.inputs}; give a sigma")
+        raise InputError(f"{type(law.leakage).__name__} supports only plants with one input, got {known.inputs}; give a sigma")
     C_0 = known.b.T @ known.P if c_0 is None else validate.array("c_0", c_0, (known.inputs, known.n))
     require_minimum_phase(C_0, known)
     law.initial(known.parameters)  # refuses settings of another size

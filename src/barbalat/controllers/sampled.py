@@ -41,10 +41,10 @@ class Sampled(Scheme):
     """A controller that acts every ``sample_time`` and holds u in between.
 
     controller      any of the schemes
-    sample_time     [s]; at fixed steps a whole number of them
+    sample_time     [s]; a whole number of solver steps if these are fixed
     discretization  "midpoint", whose Lyapunov function does not grow for any gain or sample time (docs/sampled.md), or "euler"
 
-    The MRAC's midpoint form has a predictor, like L1-AC, and is driven by the prediction error: in continuous time that predictor
+    MRAC's midpoint form has a predictor, like L1-AC, and is driven by the prediction error: in continuous time that predictor
     is the model, and in sampled form it agrees with the model to the order of sample_time. Raises InputError.
     """
 

@@ -21,8 +21,8 @@ from barbalat.validate import Array, InputError
 class Scheme(Settings, Controller):
     """The base of the package's schemes; with it type checkers accept a list of schemes as one of controllers.
 
-    beyond  names of ``PLANT_FEATURES`` that the scheme does not take: its ``bind`` calls ``require_taken``, docs and schema show
-            them
+    beyond  names of ``PLANT_FEATURES`` that the scheme does not support: its ``bind`` calls ``require_taken``, docs and schema
+            show them
     """
 
     beyond: ClassVar[tuple[str, ...]] = ()
@@ -93,7 +93,7 @@ class PlantFeature:
     """A feature of plants that not every scheme takes.
 
     found    whether a plant has it, from its known part
-    refusal  the message after the name of a scheme that does not take it; {inputs} is the number of inputs
+    refusal  the message after the name of a scheme that does not support it; {inputs} is the number of inputs
     others   the text after the names of the schemes that do
     """
 
@@ -103,26 +103,28 @@ class PlantFeature:
 
 
 PLANT_FEATURES = {
-    "several inputs": PlantFeature(lambda known: known.inputs > 1, "takes plants with one input, got {inputs}", "take several"),
+    "several inputs": PlantFeature(
+        lambda known: known.inputs > 1, "supports only plants with one input, got {inputs}", "support several"
+    ),
     "an unknown input gain": PlantFeature(
-        lambda known: known.matched.gain_unknown, "takes the input gain as known", "take uncertainty.input_gain"
+        lambda known: known.matched.gain_unknown, "takes the input gain as known", "support uncertainty.input_gain"
     ),
     "a baseline": PlantFeature(
         lambda known: known.theta_0 is not None,
         "cannot have a baseline, since none of its parts can be separated from one",
-        "take a baseline",
+        "support a baseline",
     ),
-    "another regressor than x": PlantFeature(
+    "a regressor other than x": PlantFeature(
         lambda known: not isinstance(known.matched.regressor, Linear),
-        "takes plants with the regressor phi(x) = x",
-        "take others",
+        "supports only the regressor phi(x) = x",
+        "support others",
     ),
 }
 """The plant features, by the names that schemes list in ``beyond``."""
 
 
 def require_taken(scheme: type[Scheme], known: Known) -> None:
-    """InputError for a plant with a feature that the scheme does not take; the message lists schemes that do."""
+    """InputError for a plant with a feature that the scheme does not support; the message lists schemes that do."""
     from barbalat.controllers import SCHEMES  # the registry is imported after this room
 
     for name in scheme.beyond:
@@ -141,13 +143,13 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
-    """The plant features that a scheme declares as not taken; for a class from outside they are unknown until it is bound."""
+    """The plant features that a scheme declares as not supported; for a class from outside they are unknown until it is bound."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
 
 
 def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[str, Any]:
-    """The fields that the equations of L1-AC and of the MRAC share, for a plant; InputError if the two don't fit."""
+    """The fields that the equations of L1-AC and of MRAC share, for a plant; InputError if the two don't fit."""
     gamma, modifications = Gain(settings.gamma), Modifications.of(settings)
     if known.theta_0 is not None:
         require_separable(modifications)
@@ -173,7 +175,7 @@ def require_separable(modifications: Modifications) -> None:
     """InputError for modifications of a law that would treat the baseline as a part of what was learnt."""
     if modifications.leakage is not None:
         raise InputError(
-            "leakage pulls the estimates to zero, and the baseline's gains with them: do not combine leakage with a baseline"
+            "leakage pulls the estimates towards zero, and the baseline's gains with them: do not combine leakage with a baseline"
         )
     if modifications.learning is not None:
         raise InputError("composite learning cannot have a baseline: its memory assumes that only u and theta'phi enter")

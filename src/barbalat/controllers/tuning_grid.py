@@ -88,7 +88,10 @@ class TuningScale:
 
     @property
     def nominal(self) -> Array | None:
-        """The parameters that a scheme without estimates assumes, (n m,): the middle of the known set, as in linear designs."""
+        """The parameters that a scheme without estimates assumes, (n m,), as in linear designs: those of the declared values of
+        [parameters], or else the middle of the known set."""
+        if self.known.nominal is not None:
+            return self.known.nominal
         theta_set = self.known.theta_set
         linear = isinstance(self.known.matched.regressor, Linear)
         return theta_set.middle if theta_set is not None and linear else None

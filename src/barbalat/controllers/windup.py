@@ -2,7 +2,7 @@
 
 There are two, both off by default. If a scheme computes what the plant's state or output should be (L1-AC's predictor, the
 parametric model of the normalised schemes), this computation receives sat(u), which reaches the plant: ``saturated_predictor``.
-The MRAC compares with the reference model instead, and uses the modified error.
+MRAC compares with the reference model instead, and uses the modified error.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, kw_only=True)
 class ModifiedError(Settings):
-    """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the error due to the limit is not learnt from.
+    """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the law does not learn from the error due to the
+    limit.
 
     mu      0: the modified error of Karason and Annaswamy. Above 0 the positive mu-modification: beyond the inner limits
             u = (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits

@@ -97,7 +97,7 @@ def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | 
     bandwidth = validate.positive("bandwidth", bandwidth)
     found = _suboptimal(_plant(scaled, bandwidth * delay))
     if found is None:
-        raise InputError(f"no controller reaches the bandwidth {bandwidth:.4g} rad/s beside an unmodelled delay of {delay:.4g} s")
+        raise InputError(f"no controller reaches the bandwidth {bandwidth:.4g} rad/s with an unmodelled delay of {delay:.4g} s")
     K, norm = found
     return MixedSensitivity(
         controller=StateSpace(K.A / delay, K.B / delay, K.C, K.D),

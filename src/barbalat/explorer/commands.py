@@ -44,7 +44,7 @@ def is_formula(signal: Signal) -> bool:
         _, t = symbols("t", 1)
         (opened,), _ = _opened((signal,))
         return isinstance(opened(t), type(t))
-    except (TypeError, ValueError, RuntimeError):  # code that turns one of them into a number or branches on it is no formula
+    except (TypeError, ValueError, RuntimeError):  # code that converts one to a float or branches on it is not a formula
         return False
 
 

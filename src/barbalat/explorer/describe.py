@@ -35,7 +35,7 @@ from barbalat.protocols import DiscretizedEquations
 from barbalat.run.engine.judging import watched_in_sweeps
 from barbalat.run.engine.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
 from barbalat.run.kernel import delay
-from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.members import Members, Reader
 from barbalat.run.kernel.metrics import Accumulators
 from barbalat.run.kernel.template import Template
 from barbalat.run.results.estimates import MOST_REPORTED
@@ -162,13 +162,13 @@ class Described:
         return {
             "name": self.case.controllers[i].name, "projection": "on" if self.source.projected(i) else "off",
             "variants": variants, "condition": condition_of(self.case, i, self.sliders, partial(self._search.at, False)),
-            **outputs(self.case, target.family.members),
+            **outputs(self.case, page_members(self.case, target, self.case.simulation.solver)),
         }  # fmt: skip
 
     def _variant(self, k: int, target: Target) -> dict[str, Any]:
         effects = [(j, slider.effects[k]) for j, slider in enumerate(self.sliders)]
         return {
-            "parameters": doubles(target.base.parameters[: numbers_handed(target.family.members), 0]),
+            "parameters": doubles(target.base.parameters[: numbers_handed(target), 0]),
             "states": doubles(target.base.states[:, 0]),
             "effects": {
                 j: {
@@ -178,17 +178,21 @@ class Described:
                 for j, effect in effects
                 if not effect.nothing
             },
-            "modules": {name: _module(self.case, target, name) for name in SOLVERS}, "spectrum": spectrum_of(target),
+            "modules": {name: _module(page_members(self.case, target, one)) for name, one in SOLVERS.items()},
+            "spectrum": spectrum_of(target),
         }  # fmt: skip
 
 
-def _module(case: Case, target: Target, solver: str) -> str:
+def page_members(case: Case, target: Target, solver: Tableau) -> Members:
+    """The controller with the kernel of its module for this solver, which remembers what the judge and the page ask for."""
     reader = target.family.reader
-    simulation = replace(reader.simulation, solver=SOLVERS[solver])
-    alone = Case(reader.problem, (reader.controller,), simulation)
-    made = Target.of(alone, 0, simulation)
-    watching = replace(made.family.reader, watched=watched_in_sweeps(case.judge))
-    program = watching.members(WATCHING["windows"] if judged(made) else 0).program
+    simulation, watched = replace(reader.simulation, solver=solver), watched_in_sweeps(case.judge)
+    again = Reader.of((reader.problem, reader.controller), simulation, adjustable=False, watched=watched)
+    return again.members(WATCHING["windows"] if judged(target) else 0)
+
+
+def _module(members: Members) -> str:
+    program = members.program
     assert program.accumulators is not None
     module = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
     return base64.b64encode(module).decode()
@@ -200,7 +204,8 @@ def _switches(source: Source, case: Case, i: int) -> bool:
         switched = source.at({}, [i])
     except InputError:
         return False
-    programs = [Target.of(one, i, case.simulation).family.members.program.program for one in (case, switched)]
+    targets = [Target.of(one, i, case.simulation) for one in (case, switched)]
+    programs = [page_members(case, target, case.simulation.solver).program.program for target in targets]
     return programs[0] != programs[1]
 
 
@@ -224,7 +229,8 @@ SYMBOLS = {
     "frequencies": ("frequency", "rad/s"), "amplitudes": ("amplitude", ""), "rate_limit": ("rate limit", "1/s"),
     "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""), "share": ("share of the time", ""),
     "burst": ("length of a burst", "s"), "times": ("from, to", "s"), "time": ("at most", "s"),
-    "jitter": ("jitter that is taken, of a sample", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
+    "jitter": ("tolerated jitter, as a share of a sample", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
+    "quantization": ("resolution", ""),
 }  # fmt: skip
 """Symbol and unit by a number's key, if the key does not determine them."""
 
@@ -248,10 +254,9 @@ def group(path: FieldPath) -> tuple[Key, ...]:
 
 
 def outputs(case: Case, members: Members) -> dict[str, Any]:
-    """What the page shows of one controller: sizes, rows of the states and accumulators, panels."""
+    """What the page shows of one controller: sizes, rows of the states and accumulators, panels; ``members`` are its module's."""
     loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
     assert isinstance(accumulators, Accumulators)
-    memory = watched_in_sweeps(case.judge).memory(loop)
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = loop.theta_hat_rows
     gains, true = gains_at_rest(case.problem), true_values(case.problem, loop)
@@ -262,7 +267,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
     ]
     return {
         "shape": {
-            "states": shape.states + len(memory.begins), "accumulators": shape.accumulators, "pieces": shape.in_pieces,
+            "states": shape.states, "accumulators": shape.accumulators, "pieces": shape.in_pieces,
             "commands": loop.commands or 1, "delayed": shape.delayed,
         },
         "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
@@ -293,10 +298,10 @@ def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
     return found
 
 
-def numbers_handed(members: Members) -> int:
+def numbers_handed(target: Target) -> int:
     """The number of the module's parameters up to the step; the delay's weights, which belong to the solver, follow it."""
-    time, dt, solver = members.longest_delay, members.simulation.dt, members.simulation.solver
-    return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
+    weights = target.family.reader.weights
+    return len(target.base.parameters) - (0 if weights is None else int(weights.first.size))
 
 
 def delay_weights() -> dict[str, dict[str, str]]:

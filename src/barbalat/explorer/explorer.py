@@ -28,6 +28,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.registry import solver_of
 from barbalat.solvers.simulation import Simulation
+from barbalat.study.fixed_steps import fixed_steps
 from barbalat.validate import InputError
 
 FRAME_HEIGHT = 900
@@ -95,12 +96,14 @@ class Explorer:
 def explore(problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation) -> Explorer:
     """A page that simulates these controllers on the problem, with a slider for each number.
 
-    Its runs use no fused multiply-adds: ``Simulation(fused=False)`` gives the same bits.
+    Its runs use no fused multiply-adds: ``Simulation(fused=False)`` gives the same bits. With a tolerance they take the longest
+    fixed steps at which the errors and controls of the given controllers are those of the tolerance.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
-    simulation.require_steps("a page that simulates")
-    return Explorer(ObjectSource(Case(problem, tuple(numbered(controllers)), simulation)))
+    given = tuple(numbered(controllers))
+    steps = fixed_steps(problem, given, simulation)
+    return Explorer(ObjectSource(Case(problem, given, steps.simulation)))
 
 
 TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"

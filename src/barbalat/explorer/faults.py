@@ -32,9 +32,9 @@ ENTRY = "barbalat_uniform"
 DRAWN = ("share", "burst", "size", "times", "time", "seed")
 """Settings of a fault that determine its signal, and the time of a jitter, which is a number of the loop as well."""
 SEEDS = 100
-"""Of a slider, from 0 on."""
+"""Number of seeds that a slider offers, from 0 on."""
 LARGEST_EXACT_SEED = 2**53
-"""Up to which a page's numbers hold every whole number."""
+"""The largest whole number up to which a page's numbers represent all whole numbers."""
 
 
 def fault_of(signal: Signal) -> dict[str, Any] | None:

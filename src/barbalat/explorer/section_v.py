@@ -51,10 +51,10 @@ ON_THE_PAPER_S_EXAMPLE = (
         example={GAMMA_PATH: QUIET_GAIN}, claims=("numerical-oscillation", "oscillation-without-filter", "smaller-gain"),
     ),
     Lesson(
-        key="onset", title="The onset of the oscillation", shown=("L1",), numbers={GAMMA_PATH: 3000.0},
+        key="onset", title="Where the oscillation begins", shown=("L1",), numbers={GAMMA_PATH: 3000.0},
         text=(
             "At this gain the loop oscillates at h = 1e-4 s. "
-            "With half the step the oscillation disappears: the onset is at a fixed product of step and √Γ."
+            "With half the step the oscillation disappears: it begins at a fixed product of step and √Γ."
         ),
         goal="Make it oscillate (variation above 20 per s) at half this step.",
         checks=(

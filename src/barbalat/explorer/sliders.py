@@ -23,7 +23,7 @@ from barbalat.validate import Array, InputError
 MOST_SHARED_BYTES = 150_000
 """Largest size of the tables of sliders that exclude others; in a page they take a third more."""
 MOST_NUMBERS = 80
-"""Sliders of a page."""
+"""Largest number of sliders of a page."""
 GRID_KEYS = ("t_end", "dt")
 """Keys of the simulation, whose sliders belong to the page."""
 DELAY_PATH = FieldPath(("plant", "input", "delay"))

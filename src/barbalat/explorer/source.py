@@ -15,7 +15,7 @@ from barbalat.cases.load import CaseText
 from barbalat.open_numbers import truth_paths
 from barbalat.open_numbers.numbers import in_case, in_tables
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied import VariedCase, VariedObjects
+from barbalat.open_numbers.varied import VariedCase, VariedObjects, with_steps
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
@@ -51,13 +51,17 @@ class Source(ABC):
 
 @dataclass(frozen=True, eq=False)
 class TextSource(Source):
-    """The text of a case file. Controllers from the user's own file come after the text's, and have no numbers in it."""
+    """The text of a case file. Controllers from the user's own file come after the text's, and have no numbers in it.
+
+    dt  the fixed steps [s] that take the place of a tolerance, if the text has one
+    """
 
     text: CaseText
+    dt: float | None = None
 
     @cached_property
     def _read(self) -> dict[str, Any]:
-        return self.text.data()
+        return with_steps(self.text.data(), self.dt)
 
     @cached_property
     def _in_tables(self) -> int:

@@ -1,4 +1,4 @@
-"""The compiled C in runs with random faults: how much worse a run gets, and how long an outage is tolerated."""
+"""Runs of the compiled C with random faults: how much the error grows, and how long an outage is tolerated."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Degradation:
 
     faults   in words
     draws    runs, each with other draws
-    missed   the mean share of samples that the C did not take as they were
+    missed   the mean share of samples that the C missed or refused
     beyond   the largest share of the time in which some |e| exceeded its largest value without faults
     worst    the largest |e| of each component over all runs; None if one diverged
     lost     runs that diverged
@@ -67,8 +67,8 @@ class Campaign:
 
     nominal  the largest |e| of each component without faults
     verdict  the judge's class of that run, and its ``sentence``
-    longest  the longest outage, in samples, that was tolerated from all ``starts``; found by bisection, so that a longer one may
-             be tolerated as well, and an estimate
+    longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, since it is found by bisection
+             and a longer outage may be tolerated as well
     most     samples beyond which no outage was tried
     """
 
@@ -85,7 +85,7 @@ class Campaign:
     sentence: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """For the command's document."""
+        """The fields of the document of ``export --json``."""
         return {**asdict(self), "longest_outage": self.longest * self.sample_time, "tolerated_factor": TOLERATED}
 
     def factor(self, row: Degradation) -> float:
@@ -106,7 +106,8 @@ def export_campaign(
     judge: Judge | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Fly the export of a sampled controller through faults: the case's own, drawn anew each time, and lost measurements.
+    """Fly the export of a sampled controller through faults: the case's own faults, drawn again for each flight, and lost
+    measurements.
 
     Every flight has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each is judged
     as ``simulate`` judges a run, by ``judge``. InputError as for ``simulate_export``, and if the run without faults diverges.
@@ -157,7 +158,7 @@ EXPECTED_FLIGHTS = 40
 
 
 def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
-    """Faults by their names: the case's own, and lost measurements, which every controller meets eventually."""
+    """Faults by name: those of the case, and lost measurements, which every controller eventually encounters."""
     found: dict[str, tuple[Fault, ...]] = {"the case's own": tuple(own)} if own else {}
     found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
     words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
@@ -213,7 +214,7 @@ class _Flights:
         return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost, classes=classes)
 
     def _beyond(self, batch: Batch) -> float:
-        """The share of the time, by recorded pieces, in which some |e| was larger than without faults, or missing."""
+        """The share of the recorded intervals in which some |e| was larger than without faults, or missing."""
         blocks = batch.blocks(self.simulation)
         low, high = (blocks.figure("e", side)[:, :, 0] for side in ("min", "max"))
         within = (np.maximum(-low, high) <= self.nominal).all(axis=1)

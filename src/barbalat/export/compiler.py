@@ -1,4 +1,4 @@
-"""This machine's C compiler, which only exports need."""
+"""The C compiler of this machine; only exports need it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.validate import InputError, show
 
 COMPILERS = ("cc", "gcc", "clang")
 CHOICE = "CC"
-"""The environment variable that selects another compiler with its options, as for make."""
+"""The environment variable that selects another compiler with its options, as in make."""
 COMPILING_SECONDS = 600
 """Largest time for a compiler, which needs a second for every few thousand operations."""
 FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
@@ -43,7 +43,9 @@ def _chosen() -> list[str]:
     try:
         return shlex.split(given)
     except ValueError:
-        raise InputError(f"{CHOICE} must be the command of a C compiler, got {show(given)}: a quotation mark is open") from None
+        raise InputError(
+            f"{CHOICE} must be the command of a C compiler, got {show(given)}: a quotation mark is not closed"
+        ) from None
 
 
 def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: str, ending: str = ".so") -> bytes:
@@ -66,7 +68,7 @@ def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: 
 
 
 def loaded(library: bytes) -> ctypes.CDLL:
-    """Such a library, loaded in this process; each call loads a separate copy with its own data."""
+    """A compiled library, loaded into this process; each call loads a separate copy with its own data."""
     with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
         file = Path(folder) / "controller.so"
         file.write_bytes(library)

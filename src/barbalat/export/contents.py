@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from barbalat.export.acceptance import Condition, Norm, Order, numbers, placed
 from barbalat.export.evaluation import Inputs, evaluate
 from barbalat.export.layout import Layout
 from barbalat.export.parameters import Opened, Parameter, estimate_limits
@@ -22,7 +22,7 @@ from barbalat.lowering.operations import Operation, Program, sliced, sources
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, SampledEquations
-from barbalat.run.engine.simulate import Recording, recorded
+from barbalat.run.engine.simulate import Recording, largest_numbers, recorded
 from barbalat.run.kernel.sampled_controller import (
     COMMAND,
     FREEZE,
@@ -40,13 +40,9 @@ from barbalat.validate import Array, InputError
 VECTORS = 1000
 """Samples that an export's self-test replays: some 100 kB of C for a small controller."""
 FEWEST_VECTORS = 10
-"""The self-test refuses the ninth sample, and continues with the next."""
+"""Least number of samples: the self-test refuses the ninth one and continues with the next."""
 LEAST_RANGE = 1e6
 """Range of a state or an input, unless the simulation requires a larger one."""
-RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-    "!=": operator.ne,
-}  # fmt: skip
 PARAMETER_FACTOR = 1e3
 """Least factor by which a parameter may exceed the largest one of the case."""
 MOST_PARAMETER = 1e36
@@ -57,11 +53,12 @@ RANGE_FACTOR = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """One sampled controller of one problem, in the form for export.
+    """One sampled controller of one problem, prepared for export.
 
     program  the controller's whole list, as the simulation runs it
     layout   the parts of its state that are kept
     vectors  samples of the simulation, which must be reproduced bit for bit
+    largest  the largest number of the state, of the measurement and of the command in the whole run, also under the case's faults
     opened   which numbers of the list are parameters; None if all are compiled in
     around   the case's shell, which is not part of the list; None without one
     """
@@ -72,6 +69,7 @@ class Contents:
     program: Program
     layout: Layout
     vectors: Recording
+    largest: float
     real: Real = DOUBLE
     opened: Opened | None = None
     around: Around | None = None
@@ -85,7 +83,7 @@ class Contents:
         loop = ClosedLoop.of(problem, controller)
         require_sampled(controller.name, sampled=loop.sampled)
         around = Around.of_shell(surrounded, loop.sample_time)
-        if opened is None and not simulation.fused:  # such a list has a symbol for each number, and rounds differently
+        if opened is None and not simulation.fused:  # the list has a symbol for each number, and rounds differently
             opened = Opened.of(problem, controller, simulation, tunable=False)
         program = controller_program(loop) if opened is None else controller_program(opened.template.loop, opened.template.column)
         vectors = recorded(problem, controller, simulation, VECTORS)
@@ -95,8 +93,12 @@ class Contents:
                 "samples: an export would have no test vectors, and it should not be flown"
             )
         if around is not None:
-            around.require_taken(vectors.measured, surrounded.handed_names)
-        made = cls(problem, controller, loop, program, Layout.of(program, loop), vectors, real, opened, around)
+            around.require_taken(vectors.measured, vectors.commands, surrounded)
+        layout, kept = Layout.of(program, loop), largest_numbers(surrounded, controller, simulation)
+        of_shell = kept[vectors.states.shape[1] :]
+        parts = vectors.states[:, layout.rows], vectors.measured, vectors.commands, kept[layout.rows], of_shell
+        largest = max(float(np.abs(part).max(initial=0.0)) for part in parts)
+        made = cls(problem, controller, loop, program, layout, vectors, largest, real, opened, around)
         if len(vectors.states) < FEWEST_VECTORS:
             raise InputError(
                 f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "
@@ -106,11 +108,11 @@ class Contents:
 
     @cached_property
     def step(self) -> Program:
-        """Everything that is kept, one sample later: a slice of the simulated list."""
+        """The slice of the simulated list that computes everything that is kept, one sample later."""
         return self._with_each_parameter_once(sliced(self.program, self.layout.rows))
 
     def _with_each_parameter_once(self, program: Program) -> Program:
-        """The list reads a parameter that occurs in several places of the equations from the first of them."""
+        """The program in which a parameter that occurs several times in the equations is read from its first place."""
         if self.opened is None:
             return program
         first: dict[int, int] = {}
@@ -147,9 +149,7 @@ class Contents:
     @cached_property
     def range(self) -> float:
         """The limit, a power of ten, beyond which no entry of the state, of the measurement or of the command is accepted."""
-        kept = self.vectors.states[:, self.layout.rows], self.vectors.measured, self.vectors.commands, self.initial
-        largest = max(float(np.abs(part).max(initial=0.0)) for part in kept)
-        return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(RANGE_FACTOR * largest, 1.0)))))
+        return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(RANGE_FACTOR * self.largest, 1.0)))))
 
     @cached_property
     def limits(self) -> tuple[Array, Array] | None:
@@ -158,7 +158,7 @@ class Contents:
 
     @property
     def checked_limits(self) -> tuple[Array, Array] | None:
-        """The same without limits that are parameters: a state beyond them is brought in by the law, and not refused."""
+        """The same without limits that are parameters: the law brings a state beyond them back, and it is not refused."""
         if self.limits is None or self.opened is None:
             return self.limits
         (low, high), (low_is_open, high_is_open) = self.limits, self.opened.open_limits
@@ -176,7 +176,7 @@ class Contents:
 
     @property
     def read_parameters(self) -> tuple[Parameter, ...]:
-        """Those that an operation reads, or that limit the control; the others are initial values of states."""
+        """The parameters that an operation reads or that limit the control; the others are initial values of states."""
         every = () if self.opened is None else enumerate(self.opened.parameters)
         return tuple(one for k, one in every if k in self._read or (one.limit and self.saturation is not None))
 
@@ -185,31 +185,42 @@ class Contents:
         assert self.opened is not None
         return {self.opened.feeds[at] for kind, at in sources(self.step) if kind == PARAMETER}
 
-    @property
-    def ordered(self) -> tuple[tuple[int, int, bool], ...]:
-        """Pairs of these parameters, by index, of which the first must not exceed the second, or must be smaller."""
+    @cached_property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What the case requires of these parameters, by their indices."""
         if self.opened is None:
             return ()
-        place = {one: i for i, one in enumerate(self.parameters)}
-        pairs = ((self.opened.parameters[i], self.opened.parameters[j], strict) for i, j, strict in self.opened.ordered)
-        return tuple((place[low], place[high], strict) for low, high, strict in pairs if low in place and high in place)
+        place, every = {one: i for i, one in enumerate(self.parameters)}, self.opened.parameters
+        return placed(self.opened.conditions, lambda k: place.get(every[k], every[k].value))
 
     def takes(self, given: Array) -> Array:
-        """(K,) which columns of parameters, (P, K), satisfy all bounds."""
+        """(K,) which columns of parameters, (P, K), satisfy all conditions."""
         good: Array = (np.abs(given) <= self.parameter_range).all(axis=0)
-        for one, values in zip(self.parameters, given, strict=True):
-            if one.bound:
-                good &= RELATIONS[one.bound.split()[0]](values, 0.0)
-        for low, high, strict in self.ordered:
-            good &= RELATIONS["<" if strict else "<="](given[low], given[high])
+        for condition in self.conditions:
+            good &= condition.holds(given)
         return good
+
+    def bounds(self, i: int) -> tuple[float, float]:
+        """The smallest and the largest number that the i-th parameter may be, whatever the other ones are."""
+        low, high = -np.inf, np.inf
+        for condition in self.conditions:
+            if numbers(condition) != {i}:
+                continue
+            first, last = (self.real.numbers(end) for end in condition.around(i, np.zeros(0)))
+            strict = isinstance(condition, Order) and condition.strict
+            if np.isfinite(first):
+                low = max(low, float(np.nextafter(first, last) if strict else first))
+            if np.isfinite(last):
+                high = min(high, float(np.nextafter(last, first) if strict else last))
+        return low, high
 
     @cached_property
     def parameter_range(self) -> float:
         """The largest admissible magnitude of a parameter: a power of ten."""
         largest = max((abs(one.value) for one in self.parameters), default=0.0)
         found = 10.0 ** np.ceil(np.log10(max(LEAST_RANGE, PARAMETER_FACTOR * largest)))
-        return float(min(found, MOST_PARAMETER))
+        most = np.sqrt(MOST_PARAMETER) if any(isinstance(one, Norm) for one in self.conditions) else MOST_PARAMETER
+        return float(min(found, most))  # a norm's test squares it
 
     @cached_property
     def starts(self) -> dict[int, Parameter]:
@@ -262,6 +273,7 @@ class Contents:
         rest = self._starting_at(np.zeros(self.sizes[0]))
         for i, unit in enumerate(np.eye(self.sizes[0])):
             own[:, i] = self._starting_at(unit) - rest
+        own[list(self.layout.measured.rows)] = np.eye(self.sizes[0])
         return rest, own
 
     def _starting_at(self, x0: Array) -> Array:
@@ -302,11 +314,12 @@ class Contents:
         return given
 
     def replayed(self) -> Contents:
-        """With its own vectors, for other numbers or other operations: its run on the simulation's measurements."""
+        """A copy with vectors of its own, for other numbers or other operations: it runs on the simulation's measurements."""
         states = self._compiled() if self.real is DOUBLE else self._evaluated()
         if not np.isfinite(states).all():
             raise InputError(f"{self.controller.name} exceeds the range of float32 on this case; export it in float64")
-        return replace(self, vectors=replace(self.vectors, states=states))
+        largest = max(self.largest, float(np.abs(states[:, self.layout.rows]).max()))
+        return replace(self, vectors=replace(self.vectors, states=states), largest=largest)
 
     def _evaluated(self) -> Array:
         state, states = self.initial, np.zeros_like(self.vectors.states)
@@ -315,7 +328,7 @@ class Contents:
         return states
 
     def _compiled(self) -> Array:
-        """The same by LLVM, which supports no other format here."""
+        """The same by LLVM, which supports only 64 bits here."""
 
         def constant(op: Operation) -> Operation:
             if op.name != "input" or op.source[0] != PARAMETER or self.opened is None:
@@ -332,7 +345,7 @@ class Contents:
 
 
 PROBED_STATES = 4
-"""Number of states that show which entries are at rest; an entry that rests by chance at all of them is unlikely."""
+"""Number of states at which entries at rest are identified; it is unlikely that an entry rests at all of them by chance."""
 
 
 def is_explicit(contents: Contents) -> bool:

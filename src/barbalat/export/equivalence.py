@@ -1,4 +1,5 @@
-"""Proofs that a mutant of an exported list is equivalent: for every admissible state and input it gives the list's own bits.
+"""Proofs that a mutant of an exported list is equivalent: for every admissible state and input its results equal the list's,
+bit for bit.
 
 Both lists are evaluated for all numbers at once: each value is a term with the interval that contains it. Rounding is monotone,
 so an
@@ -23,20 +24,22 @@ from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.run.kernel.sampled_controller import STATE
 
 CASES, MORE_CASES = 30, 100
-"""The stated budget of a proof for one mutant: at first, and again for mutants that no search killed."""
+"""The budget of a proof for one mutant: the first time, and the second time for mutants that no search has detected."""
 MOST = 1e30
 """Assumed largest size of an intermediate number if no bound is proved for all of them: far beyond the range of accepted
 results."""
 ASSUMED = f", provided that all intermediate results are numbers of at most {MOST:g}"
-"""The end of a proof that needs this assumption."""
+"""The end of the description of a proof that needs this assumption."""
 WORK = 1_000_000
-"""Total number of operations in the cases of all proofs of one export, each time."""
+"""Largest total number of operations in the cases of all proofs of one export, each of the two times."""
 SHARE = 40
-"""The largest share of that for one mutant is one of so many."""
+"""One mutant may use at most the inverse of this number as its share of that total."""
 NARROWS = 8
-"""Operations through which all of a fault's effect goes that are tried before the outputs: their proofs have few cases."""
+"""Number of operations through which the whole effect of a fault passes that are tried before the outputs, since their proofs
+have few cases."""
 NEAR = (0, 3, 6)
-"""Operations after a comparison in which choices are sought: the cases are divided first by the conditions of these choices."""
+"""Number of operations after a comparison among which choices are sought; the cases are first divided by the conditions of
+these choices."""
 
 
 class Interval(NamedTuple):
@@ -57,12 +60,12 @@ Term = int
 Truth = bool | None
 FOUND, TRUTH, OPEN = range(3)
 Note = tuple[int, Term, Interval | Truth | tuple[Term, Term]]
-"""What the evaluation of an operation says of a term: its interval, its truth or the comparison on which it depends."""
+"""What the evaluation of an operation yields for a term: its interval, its truth, or the comparison on which it depends."""
 
 
 @dataclass(frozen=True)
 class Assumed:
-    """A case: intervals of terms by their numbers, the outcomes of comparisons "a < b", and terms that equal another bit for
+    """A case: intervals of terms by number, the outcomes of comparisons "a < b", and the terms that equal another one bit for
     bit."""
 
     within: dict[Term, Interval] = field(default_factory=dict)
@@ -145,7 +148,7 @@ class Prover:
         return replace(self, program=longer).proof(Mutant(end, mutant.said, Operation("copy", (loads[0],))))
 
     def _cases(self, mutant: Mutant, output: int, near: int, most: float) -> int:
-        """The number of cases in which this output is shown to be equal; 0 if that is not shown."""
+        """The number of cases over which this output is proven equal; 0 if it is not proven."""
         needed, cases = self._needed(mutant, output), 0
         waiting: list[tuple[Assumed, _Walk | None, set[Term]]] = [(Assumed(), None, set())]
         while waiting:
@@ -178,7 +181,7 @@ class Prover:
         return sorted(alive)
 
     def _changed(self, pair: tuple[Term, Term]) -> set[Term]:
-        """The terms of which a case says more after a comparison, and the conditions of those that are choices: 1 or 0."""
+        """The terms about which a case says more after a comparison, and the conditions, 1 or 0, of those that are choices."""
         found = {term for term in pair if term not in self.constants} or set(pair)
         return found | {self.names[term][1] for term in found if self.names[term][0] == "choice"}  # type: ignore[misc]
 
@@ -238,7 +241,7 @@ class _Walk:
     depends.
 
     plain, other  the terms of the list and, where the mutant's may differ, those of the mutant, by their places
-    whole         the walk of the case of which this one is a part; what does not depend on ``changed`` terms is taken from it
+    whole         the walk of the case that contains this one; what does not depend on ``changed`` terms is taken from it
     """
 
     def __init__(
@@ -256,7 +259,7 @@ class _Walk:
         self._notes: dict[int, list[Note]] = {}
 
     def run(self, needed: list[int]) -> tuple[int, int] | None:
-        """None if the last value is equal; otherwise an undecided comparison, (-1, -1) if none is left."""
+        """None if the last value is equal; otherwise an undecided comparison, or (-1, -1) if there is none left."""
         plain, other, whole = self.plain, self.other, self.whole
         if whole is None:
             for i in needed:
@@ -282,7 +285,7 @@ class _Walk:
         self._notes[i] = self._noted
 
     def _evaluate_part(self, needed: list[int], whole: _Walk) -> None:
-        """Only what depends on the changed terms is evaluated; the rest is as in the whole case."""
+        """Only what depends on the changed terms is evaluated; the rest is the same as in the whole case."""
         operations, mutant = self.prover.program.operations, self.mutant
         anew = set[int]()
         for i in needed:
@@ -306,7 +309,7 @@ class _Walk:
         self._noted.append((kind, term, what))
 
     def _depends(self, term: Term) -> bool:
-        """Whether a changed term is this one or is among those from which it is made."""
+        """Whether this term is a changed one or is computed from one."""
         known, parts_of, waiting = self._dependent, self.prover.parts, [term]
         while term not in known:
             parts = parts_of[waiting[-1]]
@@ -319,8 +322,8 @@ class _Walk:
         return known[term]
 
     def _of_a_zero(self, plain: dict[int, Term], other: dict[int, Term]) -> tuple[int, int] | None:
-        """The sign of the first sum that differs by an added zero, if any differs: added to a nonzero number, a zero has no
-        effect."""
+        """The sign of the first sum that differs only by an added zero, if there is one: a zero has no effect if it is added to
+        a nonzero number."""
         differ = (term for i, found in other.items() if found != plain[i] for term in (plain[i], found))
         return next((self.of_open[one] for one in differ if one in self.of_open and self.names[one][0] in ("add", "sub")), None)
 
@@ -338,7 +341,7 @@ class _Walk:
         return next((found for choice in inner if (found := self._guard(choice)) is not None), None)
 
     def _guard(self, term: Term) -> tuple[int, int] | None:
-        """The comparison on which a choice depends; first that of its own sides, if one is a choice."""
+        """The comparison on which a choice depends; if one of its sides is a choice itself, that of the side comes first."""
         name, parts = self.names[term][0], self.prover.parts[term]
         if term in self.of_open:
             inner = (self._guard(choice) for side in self.of_open[term] for choice in self._choices(side, self.near))
@@ -455,7 +458,7 @@ class _Walk:
         return self._both("or", self._less(x, self._constant(0.0)), self._less(self._constant(0.0), x))
 
     def _both(self, name: str, a: Term, b: Term) -> Term:
-        deciding = name == "or"  # the truth of one that decides
+        deciding = name == "or"  # the truth of an operand that decides alone
         first, second = self.truths[a], self.truths[b]
         if deciding in (first, second):
             return self._truth(deciding)

@@ -38,7 +38,8 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
-    """The first output, (components, columns); every operation is rounded as by ``real``, including sin, exp and the like."""
+    """The first output, (components, columns); every operation is rounded as by ``real``, including sin, exp and similar
+    functions."""
     found = values(program, inputs, real)
     made = [_number(found[i], real) for i in program.outputs[0]]
     shape = max((one.shape for one in made), key=len)
@@ -46,7 +47,8 @@ def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
 
 
 def values(program: Program, inputs: Inputs, real: Real) -> list[Any]:
-    """The value of each operation: an array of numbers, or of truth values; without columns if it does not depend on them."""
+    """The value of each operation: an array of numbers or of truth values, or a single one if it does not depend on the
+    columns."""
     found: list[Any] = []
     with np.errstate(all="ignore"):
         for op in program.operations:
@@ -80,7 +82,7 @@ def _number(x: Any, real: Real) -> Any:
 
 
 def _called(name: str, arguments: list[Any], real: Real) -> Any:
-    """A function by its own list; by the list for rare arguments if the usual one requests it."""
+    """A function, evaluated by its own list, or by the list for rare arguments where the usual one requests it."""
     made, inputs = function(name, real.format), {(i, 0): value for i, value in enumerate(arguments)}
     usual = values(made.usual, inputs, real)
     found = usual[made.usual.outputs[0][0]]

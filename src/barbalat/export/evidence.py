@@ -1,4 +1,4 @@
-"""The strength of an export's test vectors, in its self-test and for its reader: chosen samples, digests, and detected and
+"""The evidence for an export's test vectors, in its self-test and its README: chosen samples, digests, and detected and
 undetected mutants."""
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ import numpy as np
 from barbalat.export.equivalence import ASSUMED
 from barbalat.export.mutants import Mutant
 from barbalat.export.texts import Printed, filled, indented
-from barbalat.export.vectors import CANDIDATES, ROUNDS, chosen
+from barbalat.export.vectors import CANDIDATES, MORE_ROUNDS, ROUNDS, chosen
 from barbalat.lowering import c99
 from barbalat.lowering.operations import Program
 from barbalat.validate import Array
 
 PRIME = 0x100000001B3
-"""An odd number: multiplication by it modulo 2^64 maps different numbers to different products, so a digest shows every
-single difference."""
+"""An odd number: multiplication by it modulo 2^64 maps different numbers to different products, so that any single difference
+changes a digest."""
 MOST_SHOWN = 12
-"""Mutants of one kind that a README lists one by one."""
+"""Largest number of mutants of one kind that a README lists individually."""
 
 
 def chosen_tests(printed: Printed) -> str:
@@ -59,7 +59,7 @@ def chosen_tests(printed: Printed) -> str:
 
 
 def _parameter_table(printed: Printed, values: Array) -> str:
-    """What was set for each chosen sample; empty without parameters."""
+    """The parameters that are set for each chosen sample; empty if there are none."""
     if not printed.contents.parameters:
         return ""
     rows = number_rows(printed, values.T)
@@ -115,14 +115,14 @@ def readme_evidence(printed: Printed) -> str:
         ties_told=ties_told,
         ties_proven=ties_proven,
         outcomes=outcomes(vectors.outcomes, contents.step),
-        rounds=ROUNDS,
+        rounds=ROUNDS + MORE_ROUNDS,
         candidates=CANDIDATES,
         listed=_listed(vectors.missed),
     )
 
 
 def outcomes(found: tuple[int, int], program: Program) -> str:
-    """The decision outcomes that are covered, for a reviewer who requires MC/DC; an && or || has several conditions."""
+    """The covered outcomes of decisions, for a reviewer who requires MC/DC; an && or || has several conditions."""
     taken, of = found
     if not of:
         return "`advance` decides nothing: it has no branch."

@@ -1,4 +1,4 @@
-"""The exported C in flight: compiled by this machine's compiler, and run in parallel with the list from which it was printed."""
+"""The exported C in flight, compiled by this machine's compiler and run in parallel with the list from which it was printed."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 OK = 0
-"""Status of a sample that the export took, see ``templates/controller.h``."""
+"""The status of an accepted sample, see ``templates/controller.h``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExportedList:
     """A controller's export as machine code of this computer, with the list that it must equal.
 
-    library  the compiled C, as it stands in a file
+    library  the compiled C, as the content of a file
     rows     rows of the simulated state that the C keeps, in its order
     members  their names in C
     """
@@ -46,7 +46,7 @@ class ExportedList:
         return self.simulated.sample_time
 
     def step(self) -> ExportedStep:
-        """The compiled step, loaded and at its start."""
+        """The compiled step, loaded and in its initial state."""
         return ExportedStep(self)
 
 
@@ -81,7 +81,7 @@ def _adapter(printed: Printed) -> str:
 
 
 class ExportedStep:
-    """The loaded C: each call is a sample of it and of the list, and u is the C's. Not for several threads."""
+    """The loaded C: each call is one sample of the C and of the list, and u is that of the C. Not thread-safe."""
 
     def __init__(self, contents: ExportedList) -> None:
         self.contents, simulated = contents, contents.simulated

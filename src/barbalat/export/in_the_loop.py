@@ -73,7 +73,7 @@ def simulate_export(
 
 @dataclass(eq=False)
 class Exported:
-    """An export that is compiled once for flights of one kind: runs with the same shell and the same kinds of faults."""
+    """An export that is compiled once for runs of one kind: with the same shell and the same kinds of faults."""
 
     printed: Printed
     controller: Controller
@@ -91,7 +91,7 @@ class Exported:
         float32: bool = False,
         windows: int = MOST_WINDOWS,
     ) -> Exported:
-        """InputError as of ``simulate_export``."""
+        """Raises InputError as ``simulate_export`` does."""
         require_compiler()
         contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
         return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # nobody reads its names
@@ -99,8 +99,8 @@ class Exported:
     def fly(
         self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None
     ) -> tuple[Batch, int]:
-        """The batch of a recorded run, ``watched`` by the judge or not, and the number of samples that the export did not fully
-        accept."""
+        """The batch of a recorded run, whether or not the judge watches it, and the number of samples that the export did not
+        fully accept."""
         members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows, watched=watched)
         if self.library is None:
             self.library = _compiled(self.printed, members.loop)
@@ -108,7 +108,7 @@ class Exported:
         members = replace(members, program=replace(members.program, outside=outside))
         batch = Batch.part(members, slice(0, 1), record=True, lanes=1)
         refused = ctypes.c_uint64.in_dll(self.library, "barbalat_refused")
-        refused.value = 0
+        refused.value = ctypes.c_int.in_dll(self.library, "barbalat_in_a_row").value = 0
         run([batch], problem.signals, self.simulation, progress=progress)
         return batch, int(refused.value)
 
@@ -119,7 +119,8 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Extern
     first = loop.size - len(flatten(initial_acting(loop)))  # the controller's state is the last part of the loop's
     held = loop.unpack(np.arange(loop.size)).held
     measured = held.measured if loop.around is None else held.around.offered
-    given = [*measured.reshape(-1).tolist(), *held.r.reshape(-1).tolist()]
+    command = held.r if loop.around is None or not loop.around.checks_commands else held.around.commanded
+    given = [*measured.reshape(-1).tolist(), *command.reshape(-1).tolist()]
     kept = [first + row for row in printed.contents.layout.rows]
     if loop.around is not None:
         given += [*held.around.lost.tolist(), *held.around.timer[2:].tolist()]
@@ -130,9 +131,9 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Extern
 
 
 def _of_the_shell(kept: Kept) -> list[tuple[str, list[int]]]:
-    """The C's data for its shell, by their names there, with their places in the simulation."""
-    found = (("outage", kept.outage), ("fade_left", kept.fade_left), ("bump", kept.bump), ("repeats", kept.repeats))
-    return [(name, rows.tolist()) for name, rows in found if rows.size]
+    """The data of the C's shell, by their names in C, with their places in the simulation."""
+    names = ("outage", "fade_left", "bump", "repeats", "age", "command_outage", "advanced", "fade", "paused")
+    return [(name, getattr(kept, name).tolist()) for name in names if getattr(kept, name).size]
 
 
 def _compiled(printed: Printed, loop: ClosedLoop) -> ctypes.CDLL:
@@ -142,8 +143,8 @@ def _compiled(printed: Printed, loop: ClosedLoop) -> ctypes.CDLL:
 
 def _adapter(printed: Printed, loop: ClosedLoop) -> str:
     entries = [text.replace("c->", "c.") for text in printed.contents.layout.entries().values()]
-    load = [f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)]
-    store = [f"kept[{i}] = (double){text};" for i, text in enumerate(entries)]
+    load = [f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)] + ["c.refused = barbalat_in_a_row;"]
+    store = [f"kept[{i}] = (double){text};" for i, text in enumerate(entries)] + ["barbalat_in_a_row = c.refused;"]
     spoil, sample_time, idle, told, around = [], f"{printed.macro}_SAMPLE_TIME", "0", 0, printed.contents.around
     if loop.around is not None:
         held = loop.unpack(np.arange(loop.size)).held
@@ -161,7 +162,7 @@ def _adapter(printed: Printed, loop: ClosedLoop) -> str:
                 load.append(f"{member} = ({'long' if whole else printed.real})kept[{place}];")
                 store.append(f"kept[{place}] = (double){member};")
                 place += 1
-        if loop.around.longest is not None:
+        if loop.around.longest is not None and loop.around.band is None:
             load.append(f"c.fade = c.fade_left > 0 ? {printed.macro}_FADE : 0;")
     return filled(
         "adapter.c",

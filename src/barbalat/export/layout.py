@@ -45,7 +45,7 @@ class StatePart:
 
     @property
     def rows(self) -> range:
-        """Its entries in the flat state."""
+        """The array's entries in the flat state."""
         return range(self.start, self.start + self.size)
 
     def entry(self, row: int) -> str:
@@ -59,7 +59,7 @@ class Layout:
 
     u          the control
     theta_hat  the estimates
-    started    tells the first sample from the others
+    started    distinguishes the first sample from the others
     measured   the last good measurement
     r          the last good command
     """
@@ -95,7 +95,7 @@ class Layout:
         return [row for part in self.parts for row in part.rows]
 
     def part(self, path: str) -> StatePart | None:
-        """One array by its place in the state; None if it is not kept."""
+        """One array, by its path in the state; None if it is not kept."""
         return next((part for part in self.parts if part.path == path), None)
 
     def entries(self) -> dict[int, str]:
@@ -112,7 +112,7 @@ HELD = {
     "held.observer": "the observer: its estimate of x, or its filters; then the controls that a delay holds back",
     "held.started": "0 before the first sample, then 1",
 }
-"""The meaning of the members common to all exported controllers; the scheme's own members have their meaning from their
+"""The meanings of the members that all exported controllers share; those of the scheme's own members follow from their
 roles."""
 
 
@@ -128,9 +128,9 @@ def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
 
 
 LONGEST = 31
-"""Characters of an identifier that every C99 compiler tells apart, also between files (5.2.4.1)."""
+"""Number of significant characters of an identifier in every C99 compiler, also between files (5.2.4.1)."""
 LONGEST_PREFIX = LONGEST - len("_plant_s")
-"""The longest suffix: functions that differ only after the prefix must still be distinguished."""
+"""The longest suffix; functions that differ only after the prefix must still be distinguishable."""
 
 _KEYWORDS = """
     alignas alignof and asm auto bitand bitor bool break case catch char class compl concept const consteval constexpr constinit
@@ -141,7 +141,25 @@ _KEYWORDS = """
 """
 RESERVED = frozenset(_KEYWORDS.split())
 """Keywords of C99 and C++20, macros of the included headers, and the other definitions of an export."""
-MEMBERS = frozenset({"last_u", "bump", "fade", "fade_left", "matching", "outage", "repeats", "parameter"})
+MEMBERS = frozenset(
+    {
+        "last_u",
+        "bump",
+        "fade",
+        "fade_left",
+        "matching",
+        "refused",
+        "outage",
+        "age",
+        "command_outage",
+        "advanced",
+        "paused",
+        "repeats",
+        "parameter",
+        "previous",
+        "change",
+    }
+)
 """The members in the state of every export, see ``templates/controller.h``."""
 
 
@@ -167,7 +185,7 @@ def prefix_of(name: str) -> str:
 def require_prefix(name: str) -> str:
     """A user's prefix, unchanged; InputError if no identifier of C can begin with it."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or identifier(name) != name:
-        raise InputError(f"name must be a letter, then letters, digits and _, and no word of C, got {validate.show(name)}")
+        raise InputError(f"name must be a letter, then letters, digits and _, and not a keyword of C, got {validate.show(name)}")
     if len(name) > LONGEST_PREFIX:
         raise InputError(f"name must have at most {LONGEST_PREFIX} characters, got {validate.show(name)}, which has {len(name)}")
     return name

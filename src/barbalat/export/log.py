@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.export.layout import StatePart, distinct
-from barbalat.export.texts import Printed, comment, indented
+from barbalat.export.texts import Printed, comment, comments, indented
 from barbalat.roles import column_names, entry_names
 from barbalat.run.results.result import SERIES
 from barbalat.validate import Array
@@ -21,13 +21,13 @@ ERRORS = {"e": "error against the controller's own reference model", "x_tilde": 
 
 @dataclass(frozen=True)
 class Logged:
-    """One number of the log: an entry of the state, or such an entry minus a sum of others.
+    """One number of the log: an entry of the state, or an entry minus a weighted sum of others.
 
     name     of the member in C
     row      of the flat state
     minus    factors and rows of what is subtracted
-    text     C text of the number, where it is more than an entry of the state
-    label    what people call it, with its unit
+    text     C text of the number, if it is not simply an entry of the state
+    label    its name for people, with its unit
     meaning  one phrase
     """
 
@@ -67,7 +67,7 @@ def _signals(printed: Printed) -> Iterator[Logged]:
     labels = contents.problem.labels
     names, units = _named(printed), () if labels is None else labels.input_units
     measured = [layout.measured.start + i for i in range(y)]
-    own = contents.problem.measured  # without the controls supplied by other code
+    own = contents.problem.measured  # without controls that other code supplies
     for i, (name, row) in enumerate(zip(_numbered("measured", y), measured, strict=True)):
         yield Logged(name, row, names[i], "last good measurement")
     for i, name in enumerate(_numbered("r", q)):
@@ -107,25 +107,30 @@ def _followed(printed: Printed, model: StatePart) -> list[tuple[tuple[float, int
 
 
 def _states(printed: Printed) -> Iterator[Logged]:
-    """The rest of the state, under the names of the simulation's columns."""
+    """The rest of the state, with the names of the simulation's columns."""
     contents, layout, loop = printed.contents, printed.contents.layout, printed.contents.loop
     others = {part.path: part.name for part in loop.other_estimates}
     own = [part for part in loop.parts if part.role.kind != "estimates" and part.size]
     columns = {part.path: name for part, name in column_names(own, {"t", *SERIES, *others.values()}).items()} | others
     columns |= {} if loop.estimates is None else {loop.estimates.path: "theta_hat"}
     shown = {f"controller.{path}": name for path, name in columns.items()} | {"held.x_m": "x_m"}
-    labels = contents.problem.labels
     for part in layout.parts:
         if part.path in (layout.u.path, layout.measured.path, layout.r.path, layout.started.path):
             continue
         name = shown.get(part.path, part.name)
         numbered = part.path.removeprefix("controller.") in others or name in ("theta_hat", "x_m")
         entries = [f"{name}_{i + 1}" for i in range(part.size)] if numbered else entry_names(name, part.shape)
-        of_channels = labels is not None and part.path in PREDICTED | {"held.x_m": ""} and part.size == contents.problem.measured
-        of_channels &= not _is_observed(printed)
+        of_channels = part.path != layout.measured.path and of_the_channels(printed, part)
         for i, (entry, row) in enumerate(zip(entries, part.rows, strict=True)):
             label = f"{name} of {_named(printed)[i]}" if of_channels and (contents.measures_state or name != "x_m") else entry
             yield Logged(entry, row, label, part.meaning)
+
+
+def of_the_channels(printed: Printed, part: StatePart) -> bool:
+    """Whether its entries are those of the measured channels, which have labels."""
+    problem = printed.contents.problem
+    known = {*PREDICTED, "held.x_m", printed.contents.layout.measured.path}
+    return problem.labels is not None and part.path in known and part.size == problem.measured and not _is_observed(printed)
 
 
 def _named(printed: Printed) -> list[str]:
@@ -138,7 +143,8 @@ def _named(printed: Printed) -> list[str]:
 
 
 def _numbered(name: str, count: int) -> list[str]:
-    """The names of a vector's entries; for a single entry the vector's name, unless the columns are numbered then too."""
+    """The names of a vector's entries; a single entry has the vector's name, unless the simulation's columns are numbered even
+    then."""
     alone = count == 1 and name in ("r", "u", "u_limited", "y_tilde")
     return [name] if alone else [f"{name}_{i + 1}" for i in range(count)]
 
@@ -146,17 +152,21 @@ def _numbered(name: str, count: int) -> list[str]:
 def log_header(printed: Printed) -> dict[str, str]:
     """The parts of the header: macros, and members of the struct."""
     found, macro = logged(printed), printed.macro
-    lists = {"NAMES": [one.name for one in found], "LABELS": [comment(one.label) for one in found]}
+    labels = comments([one.label for one in found], lambda label: comment(label).translate(_QUOTED))
+    lists = {"NAMES": [one.name for one in found], "LABELS": labels}
     macros = f"#define {macro}_LOG_SIZE {len(found)} /* numbers of a {printed.name}_log, one after another */\n"
     for name, texts in lists.items():
-        quoted = (f'"{one.translate(_QUOTED)}"' for one in texts)
+        quoted = (f'"{one}"' for one in texts)
         macros += f"#define {macro}_LOG_{name} {{ \\\n{_in_lines(quoted)} }}\n"
-    members = [f"{printed.real} {one.name}; /* {_about(one)} */" for one in found]
+    members = [
+        f"{printed.real} {one.name}; /* {'' if one.label == one.name else f'{label}: '}{comment(one.meaning)} */"
+        for one, label in zip(found, labels, strict=True)
+    ]
     return {"log_macros": macros, "log_members": indented(members)}
 
 
 def _in_lines(texts: Iterable[str]) -> str:
-    """Texts of C, with commas, in lines of a macro."""
+    """Pieces of C, separated by commas, in the lines of a macro."""
     lines = [""]
     for text in texts:
         lines += [""] if lines[-1] and len(lines[-1]) + len(text) > WIDTH else []
@@ -168,10 +178,6 @@ WIDTH = 116
 """Width of the lists' lines."""
 _QUOTED = str.maketrans({'"': "'", "\\": "/"})
 """Characters that a string of C cannot contain directly."""
-
-
-def _about(one: Logged) -> str:
-    return comment(one.meaning if one.label == one.name else f"{one.label}: {one.meaning}")
 
 
 def log_body(printed: Printed) -> str:

@@ -1,4 +1,4 @@
-"""Mutants of an exported step: the list with one small fault, and which test vectors detect it.
+"""Mutants of an exported step, each of which is the list with one small fault, and the test vectors that detect them.
 
 Every operation, constant, selection, load and store has at least one. A vector detects a mutant if any bit of the resulting state
 differs: the self-test compares all of them.
@@ -32,10 +32,10 @@ class Mutant:
     """One fault.
 
     place      the operation's position in the list, or the row of the state that is stored
-    said       the text for the fault
+    said       the fault in words
     operation  the operation in its place; None if the row is not stored and keeps its value
     denied     whether the comparison is reversed
-    tie        whether it differs only if two numbers are equal: < in place of <=
+    tie        whether it differs only if two numbers are equal, such as < in place of <=
     """
 
     place: int
@@ -68,7 +68,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
     if op.name == "constant":
         with np.errstate(over="ignore"):
             number = real.numbers(op.value)
-        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # otherwise it is an inactive bound or NaN: another constant
+        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # not for an inactive bound or NaN
         moved = np.nextafter(number, real.numbers(np.inf)) if as_a_number else real.numbers(1.0)
         yield f"{op.value!r} becomes {float(moved)!r}", (op._replace(value=float(moved)), False)
     elif op.name == "input":
@@ -88,7 +88,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
 
 
 class Judge:
-    """A list with vectors; finds which of them detect a mutant."""
+    """A list with vectors; it finds which of them detect a mutant."""
 
     def __init__(self, program: Program, rows: Sequence[int], inputs: Inputs, real: Real) -> None:
         self.program, self.inputs, self.real = program, inputs, real
@@ -129,8 +129,8 @@ class Judge:
         return np.broadcast_to(found, self.count)
 
     def outcomes(self) -> tuple[int, int]:
-        """The choices in the list as C prints them, each with one condition: the number of outcomes that the vectors take, and
-        of all."""
+        """For the choices that C prints, each with one condition: the number of outcomes that the vectors take, and the number
+        of all outcomes."""
         found = list[Any]()
         for op in self.program.operations:
             x = [self.values[i] for i in op.operands]

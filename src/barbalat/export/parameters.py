@@ -1,13 +1,12 @@
 """Numbers of a case that stay open in an export: gains, limits, initial estimates that enter the operations unchanged.
 
-A number that occurs unchanged in the loop and in its initial state becomes a parameter; one from which others follow, like A_m,
-from which P follows, or a filter's poles, is compiled in. The lists are those of an ensemble whose members differ in these
+A number that occurs unchanged in the loop and in its initial state becomes a parameter; a number from which others follow, such
+as A_m, which determines P, or a filter's pole, is compiled in. The lists are those of an ensemble whose members differ in these
 numbers.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from barbalat.export.acceptance import Acceptance, Condition, Entry, Norm, NotFoundError
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside
 from barbalat.loop.true_values import estimate_set
@@ -47,16 +47,14 @@ class Parameter:
 
     path      in the case, with the controller's index there
     value     in this case
-    bound  the case's bound on it, whatever the other numbers are: "> 0" for gains, ">= 0", "< 0", "<= 0", "!= 0", or nothing
     """
 
     path: FieldPath
     value: float
-    bound: str = ""
 
     @property
     def name(self) -> str:
-        """The path as FMI writes it."""
+        """The path in FMI's notation."""
         return self.path.structured
 
     @property
@@ -85,7 +83,7 @@ class Opened:
     cases   this case, then for each parameter the case with another value of it, ``tried``: an ensemble with these lists
     feeds   by entry of the lists' third argument, the index of its parameter; None for a fixed number
     starts  by entry of the loop's flat state, the index of the parameter that is its initial value
-    ordered  pairs of parameters of which the case refuses the first above the second, and whether it also refuses equal values
+    conditions  what the case requires of its parameters, by their indices
     """
 
     parameters: tuple[Parameter, ...]
@@ -95,7 +93,7 @@ class Opened:
     template: Template
     feeds: tuple[int | None, ...]
     starts: dict[int, int]
-    ordered: tuple[tuple[int, int, bool], ...]
+    conditions: tuple[Condition, ...]
 
     @classmethod
     def of(
@@ -106,27 +104,26 @@ class Opened:
         place  index of the controller in its case, for the paths
         """
         case = VariedObjects.around(problem, _explicit_estimates(problem, controller), simulation).case
-        free = VariedObjects.around(problem, _with_estimates(controller, None), simulation).case  # which may start in any set
-        found = list(_copied(case)) if tunable else []
-        members = [(one.problem, one.controllers[0]) for one in (case, *(other for _, _, other in found))]
+        found, conditions = _settable(case) if tunable else ([], ())
+        members = _members(case, found)
         family = Family.of(members, simulation)
         read = family.members
         return cls(
-            tuple(Parameter(_placed(path, place), value, _bound(free, path, value)) for (path, value), _, _ in found),
+            tuple(Parameter(_placed(path, place), value) for (path, value), _, _ in found),
             tuple(tried for _, tried, _ in found),
             tuple(members),
             read,
             Template.of(family.reader.columns, opened=not simulation.fused),
             tuple(_followed(row) for row in read.parameters),
             {row: k for row, values in enumerate(read.states) if (k := _followed(values)) is not None},
-            tuple(_ordered(free, [numbered for numbered, _, _ in found])),
+            conditions,
         )
 
     @cached_property
     def open_limits(self) -> Array:
         """(2, p) which of the estimates' limits, in the form of ``estimate_limits``, depend on a parameter."""
         every = (estimate_limits(ClosedLoop.of(*case)) for case in self.cases)
-        given = np.array([limits for limits in every if limits is not None])  # either all have some, or none
+        given = np.array([limits for limits in every if limits is not None])  # either all inputs have limits, or none has
         return np.asarray((given != given[0]).any(axis=0)) if len(given) else np.zeros((2, 0), dtype=bool)
 
     @property
@@ -147,7 +144,7 @@ class Opened:
 def _followed(row: Array) -> int | None:
     """Member k + 1 is the case with another value of parameter k."""
     moved = np.flatnonzero(row != row[0])
-    return int(moved[0]) - 1 if len(moved) else None
+    return moved[0] - 1 if len(moved) else None
 
 
 def _placed(path: FieldPath, place: int) -> FieldPath:
@@ -155,11 +152,15 @@ def _placed(path: FieldPath, place: int) -> FieldPath:
     return FieldPath(("controller", place, *path.keys[2:])) if path.keys[0] == "controller" else path
 
 
-def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]:
+Offered = tuple[tuple[FieldPath, float], float, "Case"]
+"""A number with its path, another value of it, and the case with that value."""
+
+
+def _copied(case: Case) -> Iterator[Offered]:
     """The numbers that occur unchanged in the loop, each with another value of it and the case with that value.
 
     The baseline's gains stay compiled in, since a part of the code (its fallback, the model) follows from them; so do the bounds
-    of a known set beside a baseline, which the loop has only shifted by its gains.
+    of a known set with a baseline, which the loop has only shifted by its gains.
     """
     compiled = () if case.problem.fixed is None else (("plant", "baseline"), ("uncertainty",))
     offered = [
@@ -176,7 +177,7 @@ def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]
 
 
 def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | None:
-    """Another value of the number and the case with it; None if it does not occur unchanged in the loop."""
+    """Another value of the number, and the case with that value; None if the number does not occur unchanged in the loop."""
     base, varied = (case.problem, case.controllers[0]), VariedObjects(case, (path,))
     for tried in beside(value):
         try:
@@ -189,60 +190,65 @@ def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | No
     return None
 
 
-def _bound(case: Case, path: FieldPath, value: float) -> str:
-    """Its bound at 0, independent of other numbers: values near 0 on one side are accepted, and those on the other side are
-    not."""
-    if path.vector[-1] == START:
-        return ""
-    varied, size = VariedObjects(case, (path,)), abs(value) or 1.0
-    for side, relation in ((1.0, ">"), (-1.0, "<")):
-        beyond = all(_is_refused(varied, -side * share * size) for share in (NEAR_ZERO, 1.0))
-        if side * value >= 0.0 and beyond and not _is_refused(varied, side * NEAR_ZERO * size):
-            return f"{relation} 0" if _is_refused(varied, 0.0) else f"{relation}= 0"
-    return "!= 0" if value != 0.0 and _is_refused(varied, 0.0) and not _is_refused(varied, -value) else ""
+def _settable(case: Case) -> tuple[list[Offered], tuple[Condition, ...]]:
+    """The numbers of which it is known what the case accepts, and these conditions; any other number is compiled in."""
+    found = list(_copied(case))
+    while True:
+        try:
+            return found, _acceptance(case, found).conditions()
+        except NotFoundError as error:
+            depths = {i: len(found[i][0][0].keys) for i in error.numbers}
+            deepest = max(depths.values())  # a matrix's entries first: a bound of the whole matrix is then a constant
+            found = [one for i, one in enumerate(found) if depths.get(i) != deepest]
 
 
-NEAR_ZERO = 1e-3
-"""Relative step of a number: small enough to respect its other bounds, large enough to change the results computed from it."""
+def _acceptance(case: Case, found: Sequence[Offered]) -> Acceptance:
+    paths = tuple(path for (path, _), _, _ in found)
+    values = np.array([value for (_, value), _, _ in found])
+
+    def accepts(given: Array) -> bool:
+        moved = np.flatnonzero(given != values)
+        return not _is_refused(VariedObjects(case, tuple(paths[i] for i in moved)), *given[moved])
+
+    return Acceptance(paths, values, accepts, tuple(_balls(_members(case, found), [tried for _, tried, _ in found])))
 
 
-def _ordered(case: Case, numbers: Sequence[tuple[FieldPath, float]]) -> Iterator[tuple[int, int, bool]]:
-    """Pairs of numbers, by index, of which the case refuses the first above the second, and whether it also refuses equal
-    values."""
-    for i, j in itertools.permutations(range(len(numbers)), 2):
-        (low, a), (high, b) = numbers[i], numbers[j]
-        if a > b or not _side_by_side(low, high):
-            continue
-        varied, step = VariedObjects(case, (low, high)), PROBED_SHARE * (b - a) or 1.0
-        crossed, near = ((b + step, b), (a, a - step)), ((b - step, b), (a, a + step))
-        if all(_is_refused(varied, *one) for one in crossed) and not any(_is_refused(varied, *one) for one in near):
-            yield i, j, _is_refused(varied, b, b)
+def _balls(members: Sequence[Member], tried: Sequence[float]) -> Iterator[Norm]:
+    """The ball in which the estimates start; the (k + 1)-th member is the case with another value of the k-th number."""
+    loops = [ClosedLoop.of(*member) for member in members]
+    spheres = [None if (known := estimate_set(loop)) is None else known.sphere for loop in loops]
+    size = 0 if spheres[0] is None else spheres[0].size
+    rows = [
+        [*loop.initial()[loop.theta_hat_rows][:size], *sphere.center, sphere.radius]
+        for loop, sphere in zip(loops, spheres, strict=True)
+        if sphere is not None
+    ]
+    if not size or len(rows) < len(members):
+        return
+    entries: list[Entry] = []
+    for values in np.array(rows).T:
+        moved = np.flatnonzero(values != values[0]).tolist()
+        if len(moved) > 1 or any(values[k] != tried[k - 1] for k in moved):
+            return
+        entries.append(moved[0] - 1 if len(moved) else float(values[0]))
+    yield Norm(tuple(entries[:size]), tuple(entries[size:-1]), entries[-1])
 
 
-PROBED_SHARE = 0.1
-"""Share of the distance of two numbers by which one is moved towards the other, and past it."""
-
-
-def _side_by_side(a: FieldPath, b: FieldPath) -> bool:
-    """Whether they are the two ends of one pair, or differ only in one key: lower[1] and upper[1]."""
-    apart = [(one, other) for one, other in zip(a.keys, b.keys, strict=False) if one != other]
-    if len(a.keys) != len(b.keys) or len(apart) != 1:
-        return False
-    ((one, other),) = apart
-    return {one, other} == {0, 1} if isinstance(one, int) else isinstance(other, str)
+def _members(case: Case, found: Sequence[Offered]) -> list[Member]:
+    return [(one.problem, one.controllers[0]) for one in (case, *(other for _, _, other in found))]
 
 
 def _is_refused(varied: VariedObjects, *values: float) -> bool:
     try:
         other = varied.at(values)
-        ClosedLoop.of(other.problem, other.controllers[0])
+        ClosedLoop.of(other.problem, other.controllers[0]).initial()
     except InputError:
         return True
     return False
 
 
 def _bears_symbols(family: Family) -> bool:
-    """Whether equations from outside the package compute with a symbol as they do with a number: none branches on it."""
+    """Whether equations from outside the package also accept a symbol in place of the number; they don't if they branch on it."""
     if not comes_from_outside(family.reader.loop.equations):
         return True
     try:
@@ -276,7 +282,7 @@ def _with_estimates(part: Any, initial: Array | None) -> Any:
 
 
 def estimate_limits(loop: ClosedLoop) -> tuple[Array, Array] | None:
-    """The least and the largest value of each estimate in the set onto which it is projected; infinite without a set."""
+    """The smallest and the largest value of each estimate in the set onto which it is projected; infinite without a set."""
     box = estimate_set(loop)
     if box is None:
         return None

@@ -22,9 +22,9 @@ PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
 
 @dataclass(frozen=True, eq=False)
 class PlantContents:
-    """Everything between the control and the measurement: limits, actuators, delay, plant, sensor, one solver step at a time.
+    """Everything between the control and the measurement (limits, actuators, delay, plant, sensor), one solver step at a time.
 
-    rows  of the loop's flat state that are its own: x, then what is before the plant, then what is behind it
+    rows  of the loop's flat state that belong to it: x, then the states before the plant, then those after it
     """
 
     problem: TrackingProblem
@@ -68,7 +68,7 @@ class PlantContents:
 
     @property
     def disturbances(self) -> int:
-        """Signals beside the commands: the matched one, then the others."""
+        """Signals other than the commands: the matched one, then the others."""
         return self.loop.signals.timed - (self.loop.commands or 1)
 
     @property
@@ -83,7 +83,7 @@ class PlantContents:
 
     @property
     def lag(self) -> int:
-        """The smallest number of steps that the delay looks back."""
+        """The lag in steps of the newest value that the delay reads."""
         lags = self.opened.members.lags
         return 0 if lags is None else int(lags[0])
 

@@ -1,4 +1,4 @@
-"""selftest.c: replays the simulation's samples, compares every bit, and tests everything else on which a flight computer
+"""selftest.c replays the simulation's samples, compares every bit, and tests everything else on which a flight computer
 relies."""
 
 from __future__ import annotations
@@ -7,25 +7,26 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.export.bounds_selftest import bounds_tests
 from barbalat.export.contents import FEWEST_VECTORS, Contents
 from barbalat.export.evidence import PRIME, chosen_tests, digest_calls, digests, number_rows
 from barbalat.export.log import log_of_u, log_values
-from barbalat.export.outage_selftest import outage_tests, surrounded
+from barbalat.export.outage_selftest import GOOD, MISS, outage_tests, surrounded
+from barbalat.export.recovery_selftest import checked_values, recovery_tests
 from barbalat.export.settable_selftest import settable_tests
-from barbalat.export.shell import counters, members
-from barbalat.export.shell_selftest import shell_tests
+from barbalat.export.shell import counted_misses, counters, members
+from barbalat.export.shell_selftest import alone_of, fallen, jitter, shell_tests
 from barbalat.export.texts import Printed, filled, indented
-from barbalat.loop.around import Around
+from barbalat.loop.around import MOST_COUNTED, Around
 from barbalat.lowering import c99
 from barbalat.validate import Array
 
 MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
 """The faults and requests of a sample in the run with losses."""
 LOSSES = (1, 3, 2, 0, 0, 1, 0, 2, 0, 1, 1, 1, 0, 1, 0, 1, 0, 3, 0, 4, 4, 1, 5, 0)
-"""Losses before the first good sample, single losses, several in a row, and every second sample, of either signal and of
-both."""
+"""Losses before the first good sample, single ones, several in a row and every second sample, of each signal and of both."""
 FADE = 4
-"""Samples over which a start fades out in the self-test: a power of two, for which the fractions of a bump are exact."""
+"""Number of samples over which a start fades out in the self-test: a power of two, so that the fractions of a bump are exact."""
 
 
 def selftest(printed: Printed) -> str:
@@ -33,7 +34,7 @@ def selftest(printed: Printed) -> str:
     contents, layout, macro = printed.contents, printed.contents.layout, printed.macro
     vectors, state = contents.vectors, contents.measures_state
     estimates = vectors.states[:, list(layout.theta_hat.rows)]
-    lossy, standstill = with_losses(contents), _standstill(printed)
+    lossy, standstill, (off, reported) = with_losses(contents), _standstill(printed), jitter(printed)
     longest = None if contents.around is None else contents.around.longest
     table = f"static const {printed.real} estimates[SAMPLES][{macro}_ESTIMATES] = {{\n{number_rows(printed, estimates)}}};\n"
     differ = f"\n            || !same(out.theta_hat, estimates[k], {macro}_ESTIMATES)"
@@ -70,22 +71,31 @@ def selftest(printed: Printed) -> str:
         limit_tests=indented(_limits(printed)),
         lost=f"{contents.lost:g}",
         **_after_a_refusal(printed),
+        off=off,
+        reported=reported,
         standstill=standstill
         + shell_tests(printed)
         + outage_tests(printed)
+        + recovery_tests(printed)
+        + bounds_tests(printed)
         + settable_tests(printed, _where_u_is_large(contents), FADE),
         timer_tests=_timer_tests(printed),
         mirror_outage=indented(_mirrored(contents.around), 12),
+        mirror_command=indented(
+            ["other.command_outage = c.command_outage;"] if "command_outage" in members(contents.around) else [], 8
+        ),
         refused_tests=indented(_refused_tests(printed)),
         fade_test=indented(
             ["test_fade();" if longest is None or longest > 0 else "(void)test_fade; /* no outage is tolerated */"]
         ),
         told="" if longest is None else f" & ~{macro}_FALLBACK",
-        shell_test=indented(["test_shell();"] if contents.around is not None else [])
+        shell_test=indented(["test_recovery();", "test_bounds();"])
+        + indented(["test_shell();"] if contents.around is not None else [])
         + indented(["test_outages();"] if longest is not None else [])
         + indented(["test_parameters();"] if contents.parameters else []),
         stands_still=indented(["test_standstill();"]) if standstill else "",
-        elsewhere=indented(f"c.{name} = 1L;" for name in (*members(contents.around), *counters(contents.around)))
+        first_miss=indented(_first_miss(printed)),
+        elsewhere=indented(f"c.{name} = 1;" for name in ("refused", *members(contents.around), *counters(contents.around)))
         + indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
         refused_starts=indented(_refused_starts(printed)),
         start_tests=indented(_started_at(printed)),
@@ -115,15 +125,48 @@ def _timer_tests(printed: Printed) -> str:
     return indented(lines)
 
 
+def _first_miss(printed: Printed) -> list[str]:
+    """The effects of misses between a start and the first good sample: on the held values, the counts and finally u."""
+    contents, layout, around = printed.contents, printed.contents.layout, printed.contents.around
+    counts, step, M = members(around), f"{printed.name}_step(&c, &in, &out)", printed.macro
+    missed = [
+        f"memcpy(before.{layout.r.name}, in.r, sizeof in.r);",
+        f"memcpy(before.{layout.u.name}, u_now, sizeof u_now);",
+        *(["before.outage = 1L;"] if "outage" in counts else []),
+        *([f"before.age = {'1' if contents.measures_state else MOST_COUNTED}L;"] if "age" in counts else []),
+        *(["before.command_outage = 0L;"] if "command_outage" in counts else []),
+    ]
+    lines = [
+        f"require({step} == {M}_MEASUREMENT_LOST && same(out.u, u_now, {M}_INPUTS) && is_limited(&out),",
+        '    "a refused first sample does not hold the actuator where it is");',
+        *missed,
+        'require(same_state(&c, &before), "a miss before the first good sample changes something else");',
+    ]
+    if around is None or around.longest is None:
+        return lines
+    act = [
+        f"c.outage = {M}_LONGEST_OUTAGE;",
+        f"require({step} == ({M}_MEASUREMENT_LOST | {M}_FALLBACK) && c.outage == {M}_LONGEST_OUTAGE + 1L,",
+        '    "the fallback does not act before the first good sample");',
+        f"{{ {alone_of(printed)}",
+        f"  for (i = 0; i < {M}_INPUTS; ++i) {{ u_now[i] = {fallen(printed, 'u_now')}; }}",
+        f'  require(same(out.u, u_now, {M}_INPUTS), "the fallback before the first good sample differs"); }}',
+        f"in = sample(1); memcpy(in.r, c.{layout.r.name}, sizeof in.r);",
+        f'require({step} == {M}_OK && c.outage == 0L, "the first good sample after the fallback is refused");',
+        f'require({int(around.fade > 0)} == 0 || close_to(out.u, u_now, {M}_INPUTS), "the first good sample causes a bump");',
+    ]
+    return [*(lines if around.longest > 0 else []), *act]
+
+
 def _mirrored(around: Around | None) -> list[str]:
     """The shell's counters at a miss: one more consecutive miss, and no repetition, because the substituted measurement would
     count as one."""
-    missed = ["other.outage = k - last + 3L;"] if members(around) else []
+    missed = [f"other.{name} = k - last + 3L;" for name in counted_misses(around) if name != "command_outage"]
     return [*missed, *(f"other.{name} = c.{name};" for name in counters(around))]
 
 
 def _refused_tests(printed: Printed) -> list[str]:
-    """Bad numbers, one after another; two consecutive ones are lost, which a shorter longest outage does not allow."""
+    """Bad numbers, one after another; two consecutive ones are lost, so that the longest outage must be at least 2."""
     around, macro = printed.contents.around, printed.macro
     few = around is not None and around.longest is not None and around.longest < REFUSED_IN_A_ROW
     bad = [] if few else ["nothing / nothing, 0", "1 / nothing, 0", f"-2 * {macro}_RANGE, 0"]
@@ -131,7 +174,7 @@ def _refused_tests(printed: Printed) -> list[str]:
 
 
 REFUSED_IN_A_ROW = 2
-"""Consecutive refusals in ``test_refused``."""
+"""Number of consecutive refusals in ``test_refused``."""
 
 
 def with_losses(contents: Contents) -> Array:
@@ -142,15 +185,19 @@ def with_losses(contents: Contents) -> Array:
     kept: Any = None if contents.around is None else contents.around.initial(np.zeros(contents.sizes[0]), contents.sizes[2])
     for y, r, loss in zip(contents.vectors.measured, contents.vectors.commands, LOSSES, strict=False):
         lost = bool(loss & MEASUREMENT_LOST)
-        if state[started] > 0 or not loss & (MEASUREMENT_LOST | COMMAND_LOST):
-            command = state[last_r] if loss & COMMAND_LOST else r
-            freeze = contents.lost if lost else float(bool(loss & FROZEN))
-            after = contents.evaluated(state, state[last_y] if lost else y, command, freeze)
-            if contents.around is not None:
-                after, kept = surrounded(contents, contents.around, (state, after, y), kept, lost=lost)
-            elif lost:
-                after[u] = state[u]
-            state = after
+        command = state[last_r] if loss & COMMAND_LOST else r
+        freeze = contents.lost if lost else float(bool(loss & FROZEN))
+        after = contents.evaluated(state, state[last_y] if lost else y, command, freeze)
+        if contents.around is not None:
+            after, kept = surrounded(
+                contents, contents.around, (state, after, state[last_y] if lost else y), kept, MISS if lost else GOOD
+            )
+        elif lost and not state[started] > 0:
+            after = state.copy()
+            after[last_r] = command
+        elif lost:
+            after[u] = state[u]
+        state = after
         states.append(state)
     return np.array(states)
 
@@ -167,10 +214,19 @@ def _limit_rows(printed: Printed) -> str:
 def _same_state(printed: Printed) -> str:
     tests = [f"same(a->{part.name}, b->{part.name}, {part.size})" for part in printed.contents.layout.parts]
     tests += [f"same(a->{name}, b->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
-    tests += [f"same(a->parameter, b->parameter, {printed.macro}_PARAMETERS)"] if printed.contents.parameters else []
+    if printed.contents.parameters:
+        tests += [f"same(a->{name}, b->{name}, {printed.macro}_PARAMETERS)" for name in ("parameter", "previous")]
+        tests += ["a->change == b->change"]
     tests += [
         f"a->{name} == b->{name}"
-        for name in ("fade", "fade_left", "matching", *members(printed.contents.around), *counters(printed.contents.around))
+        for name in (
+            "fade",
+            "fade_left",
+            "matching",
+            "refused",
+            *members(printed.contents.around),
+            *counters(printed.contents.around),
+        )
     ]
     return "\n        && ".join(tests)
 
@@ -186,10 +242,12 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 
 
 def _started_at(printed: Printed) -> list[str]:
-    """Started at the second vector's measurement with nothing kept, every number has the case's value, up to rounding."""
+    """After a start at the second vector's measurement with nothing kept, every number has the case's value, up to rounding."""
     contents = printed.contents
-    counted = (*members(contents.around), *counters(contents.around))
-    lines = [f'require(c.{name} == 0L, "not started again: {name}");' for name in counted]
+    counted = dict.fromkeys(("refused", *members(contents.around), *counters(contents.around)), 0)
+    counted |= {"age": 0 if contents.measures_state else MOST_COUNTED} if "age" in counted else {}
+    counted |= {"command_outage": MOST_COUNTED} if "command_outage" in counted else {}
+    lines = [f'require(c.{name} == {count}L, "not started again: {name}");' for name, count in counted.items()]
     rest, of_x = contents.at_start
     there = rest + of_x @ contents.vectors.measured[1]
     for part in contents.layout.parts:
@@ -202,7 +260,7 @@ def _started_at(printed: Printed) -> list[str]:
 
 
 def _refused_starts(printed: Printed) -> list[str]:
-    """A start whose last entry is out of range, or that a range of the shell does not accept: it is reported, nothing changes."""
+    """A start whose last entry is out of range, or not accepted by a range of the shell, is reported, and nothing changes."""
     contents, (y, _, m, _) = printed.contents, printed.contents.sizes
     beyond = f"2 * {printed.macro}_RANGE"
     x, around, number = printed.measured, printed.contents.around, printed.contents.real.numbers
@@ -236,7 +294,8 @@ def _resting(printed: Printed, when: str) -> list[str]:
 
 
 def _fresh(printed: Printed) -> list[str]:
-    """Enabled after it was disabled, with any history: as after a fresh start, if that state is a copy of x."""
+    """If the initial state is a copy of x, a controller that is enabled again behaves as after a fresh start, whatever its
+    history."""
     contents = printed.contents
     _, of_x = contents.at_start
     if not np.isin(of_x, (0.0, 1.0)).all() or (of_x.sum(axis=1) > 1).any():
@@ -252,7 +311,7 @@ def _fresh(printed: Printed) -> list[str]:
 
 
 def _limits(printed: Printed) -> list[str]:
-    """An estimate outside the known set is refused as a state; not if the bound is a parameter."""
+    """An estimate outside the known set makes the state a refused one, unless the bound is a parameter."""
     contents = printed.contents
     if contents.limits is None or not contents.sizes[3]:
         return []
@@ -291,17 +350,17 @@ static void test_standstill(void)
     in.r[0] = 2 * {macro}_RANGE;
     require({name}_step(&c, &in, &out) == ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST | {refused_status}),
         "a standstill is not reported");
-{refused_misses}    require({begins_again}(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS)),
+{lost_command}{refused_misses}    require({begins_again}(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS)),
         "a step out of range is not omitted");
 }}
 """
 
 
 def _standstill(printed: Printed) -> str:
-    """A lost sample that leads from the end of the range beyond it: it is reported, and nothing changes. Most controllers have
+    """A lost sample that leads from the end of the range to beyond it is reported, and nothing changes. Most controllers have
     such a sample."""
     contents, layout = printed.contents, printed.contents.layout
-    poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started)]
+    poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started, *checked_values(contents))]
     state = contents.vectors.states[1].copy()
     for part in poked:
         state[part.rows] = contents.range
@@ -311,22 +370,24 @@ def _standstill(printed: Printed) -> str:
         return ""
     lines = [f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = {printed.macro}_RANGE; }}" for part in poked]
     names = {"name": printed.name, "macro": printed.macro, "measured": printed.measured, **_after_a_refusal(printed)}
-    return _STANDSTILL.format(**names, poked=indented(lines))
+    counted = ["before.command_outage = 1L;"] if "command_outage" in members(contents.around) else []
+    return _STANDSTILL.format(**names, poked=indented(lines), lost_command=indented(counted))
 
 
 def _after_a_refusal(printed: Printed) -> dict[str, str]:
-    """What the first sample whose result is out of range does: it may be a miss, even one beyond the longest outage."""
+    """The effect of the first sample whose result is out of range: it may be a miss, even one beyond the longest outage."""
     around, status = printed.contents.around, f"{printed.macro}_RESULT_REFUSED"
     longest = None if around is None else around.longest
     return {
         "refused_status": f"({status} | {printed.macro}_FALLBACK)" if longest == 0 else status,
-        "refused_misses": "" if longest is None else indented(["before.outage = 1L;"]),
+        "refused_misses": indented(f"before.{name} = 1L;" for name in counted_misses(around) if name != "command_outage"),
+        "counted": indented(["before.refused = 1;"]),
         "begins_again": "c.outage == 1L || " if longest == 0 else "",
     }
 
 
 def _where_u_is_large(contents: Contents) -> int:
-    """A sample, neither the first nor one of the last, at which no input is near zero, if there is one."""
+    """A sample at which no input is near zero, if there is one, and which is neither the first nor one of the last."""
     u = np.abs(contents.vectors.states[:, list(contents.layout.u.rows)]).min(axis=1)
     return 1 + int(np.argmax(u[1 : len(u) - FADE - 1]))
 

@@ -1,32 +1,57 @@
-"""The C of parameters that can be set while the controller runs: the list of them, their bounds, and the function that sets
-one."""
+"""The C of parameters that can be set while the controller runs: their list, their bounds, and the function that sets one."""
 
 from __future__ import annotations
 
 import re
 
+from barbalat.export.acceptance import Entry, numbers
 from barbalat.export.parameters import Parameter
 from barbalat.export.texts import Printed, comment, filled, indented
 
 
 def settable(printed: Printed) -> dict[str, str]:
-    """The parts of ``controller.h`` and ``controller.c`` for the parameters; empty texts without any."""
-    names = ("parameter_macros", "parameter_declared", "parameter_functions", "parameter_set")
+    """The parts of ``controller.h`` and ``controller.c`` for the parameters; each is empty if there are no parameters."""
+    names = ("parameter_macros", "parameter_declared", "parameter_functions", "parameter_change", "parameter_set")
     if not printed.contents.parameters:
-        return dict.fromkeys(names, "")
+        return dict.fromkeys((*names, "unchanged", "no_change"), "") | {"advances": "        advance(c, in);\n"}
     given = {
         "name": printed.name,
         "macro": printed.macro,
         "real": printed.real,
+        "u": printed.contents.layout.u.name,
         "count": len(printed.contents.parameters),
         "range": printed.number(printed.contents.parameter_range),
         "each": "".join(f"#define {_macro(printed, one)} {i} /* {_about(printed, i)} */\n" for i, one in _numbered(printed)),
-        "tests": "\n        && ".join([f"in_range_of_parameters(c->parameter, {printed.macro}_PARAMETERS)", *_tests(printed)]),
+        "tests": "\n        && ".join([f"in_range_of_parameters(parameter, {printed.macro}_PARAMETERS)", *_tests(printed)]),
         "moves": "\n            && ".join(
-            ["samples > 0L", f"c->{printed.contents.layout.started.name}[0] > 0", *_not_at_start(printed)]
+            [
+                "samples > 0L",
+                f"c->{printed.contents.layout.started.name}[0] > 0",
+                *_not_at_start(printed),
+                "parameters_are_usable(c->parameter)",
+            ]
         ),
     }
-    return {name: filled(f"{name}.txt", **given) for name in names}
+    return {name: filled(f"{name}.txt", **given) for name in names} | {
+        "advances": _ADVANCES.format(macro=printed.macro),
+        "unchanged": "        before.change = 0L; /* what the previous parameters give may be what is out of range */\n",
+        "no_change": "    c->change = 0L;\n",
+    }
+
+
+_ADVANCES = """\
+        const int changes = measured > 0 && c->change > 0L;
+        int pass;
+        for (pass = changes; pass >= 0; --pass) {{ /* after a change first with the previous parameters */
+            if (pass > 0) {{
+                exchange(c);
+            }}
+            advance(c, in);
+            if (pass > 0) {{
+                change(c, &before);
+            }}
+        }}
+"""
 
 
 def parameter_names(printed: Printed) -> list[str]:
@@ -48,28 +73,30 @@ def _about(printed: Printed, i: int) -> str:
     """The path, its meaning, its value in the case, and the admissible values."""
     one, contents = printed.contents.parameters[i], printed.contents
     names = [other.name for other in contents.parameters]
-    bounds = [one.bound] if one.bound else []
-    for low, high, strict in contents.ordered:
-        if i in (low, high):
-            relation = ("<" if i == low else ">") + ("" if strict else "=")
-            bounds.append(f"{relation} {names[high if i == low else low]}")
+    bounds = [
+        condition.of_number(i, lambda entry: names[entry] if isinstance(entry, int) else f"{entry:g}")
+        for condition in contents.conditions
+        if i in numbers(condition)
+    ]
     first = "; takes effect at the next reset" if _only_starts(printed, one) else ""
     return comment(f"{one.name} = {one.value:g}, {one.meaning}{first}{''.join(f'; {bound}' for bound in bounds)}")
 
 
 def _only_starts(printed: Printed, one: Parameter) -> bool:
-    """Whether it is only an initial value of states and no operation reads it."""
+    """Whether the parameter is only an initial value of states, so that no operation reads it."""
     contents = printed.contents
     return one in contents.starts.values() and one not in contents.read_parameters
 
 
 def _tests(printed: Printed) -> list[str]:
-    """Checks of signs and of ordered pairs."""
-    contents = printed.contents
-    tests = [f"c->parameter[{i}] {one.bound}" for i, one in _numbered(printed) if one.bound]
-    return tests + [
-        f"c->parameter[{low}] {'<' if strict else '<='} c->parameter[{high}]" for low, high, strict in contents.ordered
-    ]
+    """The conditions on the parameters."""
+
+    def text(entry: Entry) -> str:
+        if isinstance(entry, int):
+            return f"parameter[{entry}]"
+        return "0" if entry == 0.0 else printed.number(entry)
+
+    return [one.as_c(text, printed.contents.real) for one in printed.contents.conditions]
 
 
 def _not_at_start(printed: Printed) -> list[str]:

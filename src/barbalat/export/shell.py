@@ -6,10 +6,14 @@ from textwrap import fill
 
 import numpy as np
 
-from barbalat.export.texts import Printed, comment, indented
+from barbalat.export.texts import Printed, comment, indented, readable
 from barbalat.loop.around import MOST_COUNTED, ROUNDINGS, Around
 from barbalat.lowering import c99
+from barbalat.validate import Array, counted
 
+REFUSALS = 10
+"""Number of good samples in a row with a result out of range after which the learnt values are no longer trusted: more than a
+burst of bad samples should last, and at the sample times of flight computers less than a vehicle tolerates without control."""
 CLOCK_TOLERANCE = 1e-3
 """Relative difference allowed between a measured sample time and that of the export. A crystal is accurate to 100 ppm, and a
 clock that counts microseconds measures 1 ms to within 0.1 %. For the law a sample time with an error of 0.1 % is equivalent
@@ -23,40 +27,45 @@ def roundings(printed: Printed) -> float:
 
 
 def shell(printed: Printed) -> dict[str, str]:
-    """The parts of ``controller.h`` and ``controller.c`` for a shell; empty texts without one."""
+    """The parts of ``controller.h`` and ``controller.c`` for a shell; they are empty without one."""
     around = printed.contents.around
-    counts, ends, timed = around is not None and around.counts, _ends(around), around is not None and around.band is not None
+    ends, timed = _ends(around), around is not None and around.band is not None
     macro, x = printed.macro, printed.measured
-    late = ["*measured <= 0 || "] if timed else []
-    lost = [f"*status |= {macro}_MEASUREMENT_LOST;", "*measured = 0;"]
+    told = f"*status |= {macro}_MEASUREMENT_LOST;"
+    lost = ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
     return {
         "shell_macros": _macros(printed),
         "shell_members": indented(_members(around)),
-        "shell_functions": _plausible(printed),
-        "fall_back": _FALL_BACK[around.fallback].format(**_names(printed), **_of_baseline(printed))
-        if _falls(around) and around
-        else "",
-        "begin_again": _begin_again(printed, timed=timed) if ends else "",
-        "refused": indented([f"begin_again(&before, c, in{', measured' * timed});"] if ends else [], 8),
+        "shell_functions": _plausible(printed) + _plausible_command(printed),
+        "kept_const": "" if around is not None and around.command_rated else "const ",
+        "command_lost": " || ".join(_command_lost(printed)),
+        "fall_back": _fall_back(printed),
+        "refuse": _refuse(printed, timed=timed),
+        "refuse_before": "&before, " if _goes_back(printed) else "",
         "result_refused": "it counts as a miss, and u and the state keep their values unless the fallback acts"
         if ends
-        else "u and the whole state keep their values",
-        "shell_timer": _TIMER.format(**_names(printed)) if timed else "",
-        "late": "".join(late),
+        else "u is held, and after the first the controller begins again",
+        "restart_fade": f"{macro}_FADE" if ends else "0L",
+        "shell_timer": _timer(printed) if timed else "",
+        "uncalled": "*measured == 0 || " if timed else "",
         "implausible": " || ".join(_implausible(printed)),
-        "lost": indented(["if (*measured > 0) {", *(f"    {line}" for line in lost), "}"] if timed else lost, 8),
-        "returns": indented(
-            [*(_RETURNS.format(**_names(printed)).splitlines() if ends else []), *(["c->outage = 0L;"] if counts else [])], 8
-        ),
-        "counted": indented(_counted(macro, ends=ends, timed=timed) if counts else [], 8),
+        "lost": indented(lost, 8),
+        "returns": indented([*(_returns(printed) if ends else []), "c->refused = 0;"], 8),
+        "seen": indented(_seen(printed)),
+        "accepted": indented(["c->advanced = measured > 0 ? 0L : c->advanced;"] if timed else []),
+        "counted": indented(_one_more("outage") if ends else [], 8),
         "falls_back": indented([f"fall_back({_before(around)}c);"] if _falls(around) else [], 8),
-        "no_outage": indented([*(["c->outage = 0L;"] if counts else []), *_cleared(around)]),
-        "repeated": indented(_repeated(printed), 8),
+        "no_outage": indented(_no_outage(printed, age=str(MOST_COUNTED))),
+        "no_outage_at_start": indented(_no_outage(printed, age="0" if printed.contents.measures_state else str(MOST_COUNTED))),
+        "limit": _limit(printed),
+        "start_control": indented(_started(printed)),
+        **_without_state(printed),
+        "first_misses": ", up to LONGEST_OUTAGE misses" if ends else "",
         "clock_test": (_BAND if timed else _CLOCK).format(**_names(printed)),
         "sample": _sample(printed, timed=timed),
         "one": "" if timed else " = 1",
-        "uncalled": "*measured == 0 || " if timed else "",
-        "untold": indented(_untold(macro, timed=timed), 8),
+        "untold": indented(_untold(macro, timed=timed, rated=around is not None and bool(around.command_rated)), 8),
+        "command_good": " else {\n        c->command_outage = 0L;\n    }" if around is not None and around.command_rated else "",
         "good": "> 0" if timed else "!= 0",
         "fallback_status": indented(_FALLS_BACK.format(macro=macro).splitlines()) if ends else "",
         "shell_statuses": str(31 | (64 | 128 if timed else 0) | (256 if ends else 0)),
@@ -70,12 +79,47 @@ def usable(printed: Printed) -> list[str]:
     if around is None:
         return []
     stuck = [f"c->repeats[{k}] >= 0L && c->repeats[{k}] <= {most}L" for k, (_, most) in enumerate(around.repeats)]
-    return [*([f"c->outage >= 0L && c->outage <= {MOST_COUNTED}L"] if around.counts else []), *stuck]
+    counts = [f"c->{name} >= 0L && c->{name} <= {most}L" for name, most in members(around).items()]
+    return [*counts, *stuck, *_held_in_range(printed)]
 
 
-def members(around: Around | None) -> list[str]:
-    """Names of the integers that a shell adds to the state."""
-    return [] if around is None or not around.counts else ["outage"]
+def _held_in_range(printed: Printed) -> list[str]:
+    """Tests of the last good measurement and command, if there are any: compared with a corrupted one, every good one would be
+    too fast."""
+    around, layout = printed.contents.around, printed.contents.layout
+    assert around is not None
+    of_r = _ranges(printed, f"c->{layout.r.name}", around.command_ranged, around.command_low, around.command_high)
+    found = []
+    for there, count, tests in (
+        (around.rated, "age", in_ranges(printed, f"c->{layout.measured.name}")),
+        (around.command_rated, "command_outage", of_r),
+    ):
+        if there and tests:
+            found.append(f"(c->{count} >= {MOST_COUNTED}L || ({(chr(10) + 12 * ' ' + '&& ').join(tests)}))")
+    return found
+
+
+def members(around: Around | None) -> dict[str, int]:
+    """The integers that a shell adds to the state of every export, with their largest values."""
+    if around is None:
+        return {}
+    timed = around.band is not None
+    found = dict.fromkeys(counted_misses(around), MOST_COUNTED)
+    found |= {"advanced": int(around.longest or 0)} if timed else {}
+    return found | ({"paused": MOST_COUNTED} if timed and around.baseline is not None else {})
+
+
+def counted_misses(around: Around | None) -> list[str]:
+    """Those that count misses, each of which stays at its largest value."""
+    if around is None:
+        return []
+    found = {"outage": _ends(around), "age": bool(around.rated), "command_outage": bool(around.command_rated)}
+    return [name for name, there in found.items() if there]
+
+
+def undone(around: Around | None) -> list[str]:
+    """Those that a sample changes before its result is known, and that are as before if it is refused."""
+    return [*counted_misses(around), *counters(around)]
 
 
 def _implausible(printed: Printed) -> list[str]:
@@ -88,13 +132,30 @@ def _implausible(printed: Printed) -> list[str]:
     return ["is_plausible(c, in) == 0"] if within else [no_number, "is_plausible(c, in) == 0"]
 
 
+def _command_lost(printed: Printed) -> list[str]:
+    """Tests for an invalid command; ranges of all of them imply the range of every number."""
+    around, contents = printed.contents.around, printed.contents
+    no_number = f"!in_range(in->r, {printed.macro}_COMMANDS)"
+    if around is None or not around.checks_commands:
+        return [no_number]
+    within = (np.abs([around.command_low, around.command_high]) <= contents.range).all()
+    return ["command_is_plausible(c, in) == 0"] if within else [no_number, "command_is_plausible(c, in) == 0"]
+
+
 def counters(around: Around | None) -> list[str]:
     """The counters of channels that may be stuck."""
     return [] if around is None else [f"repeats[{k}]" for k in range(len(around.repeats))]
 
 
 def _members(around: Around | None) -> list[str]:
-    found = ["long outage; /* samples in a row without a good measurement */"] if around is not None and around.counts else []
+    meanings = {
+        "outage": "misses in a row",
+        "age": f"samples since the last good measurement; {MOST_COUNTED}: there is none",
+        "command_outage": f"samples in a row without a good command; {MOST_COUNTED}: there was none",
+        "advanced": "misses by which wrong times advanced the outage",
+        "paused": "fade_left when the baseline began to act",
+    }
+    found = [f"long {name}; /* {meanings[name]} */" for name in members(around)]
     if around is not None and around.repeats:
         found.append(
             f"long repeats[{len(around.repeats)}]; /* consecutive good samples equal to the previous one, of channels that "
@@ -103,21 +164,95 @@ def _members(around: Around | None) -> list[str]:
     return found
 
 
-def _cleared(around: Around | None) -> list[str]:
-    return [] if around is None else [f"c->repeats[{k}] = 0L;" for k in range(len(around.repeats))]
+def _no_outage(printed: Printed, *, age: str) -> list[str]:
+    """Nothing has been missed; the last good measurement, if there is one, has this age; there was no command."""
+    around = printed.contents.around
+    values = {"age": age, "command_outage": str(MOST_COUNTED)}
+    counts = [f"c->{name} = {values.get(name, '0')}L;" for name in members(around)]
+    return ["c->refused = 0;", *counts, *(f"c->{name} = 0L;" for name in counters(around))]
 
 
-def _repeated(printed: Printed) -> list[str]:
-    """For a good sample: the counters of channels that may be stuck, compared with the last good one."""
+def _without_state(printed: Printed) -> dict[str, str]:
+    """After a state out of range the controller begins again, or waits: for a measurement, or until no parameter is bad."""
+    around, contents = printed.contents.around, printed.contents
+    if not _ends(around) or not (contents.measures_state or contents.parameters):
+        return {"wait": "", "outage_before": "", "begins": "(void)", "begun": ";", "told_fallback": ""}
+    assert around is not None
+    falls = _ZERO if around.baseline is not None else "    fall_back(&as);\n" if _falls(around) else ""
+    still = " || !state_is_usable(c)" if contents.parameters else ""  # a bad parameter stays
+    back = "            c->outage = outage;\n" if contents.parameters else ""
+    return {
+        "wait": _WAIT.format(
+            **_names(printed), most=MOST_COUNTED, falls=falls.format(**_names(printed)), counted=indented(_one_more("outage"))
+        ),
+        "outage_before": "        const long outage = c->outage;\n" if contents.parameters else "",
+        "begins": "if (",
+        "begun": f" != {printed.macro}_OK{still}) {{\n{back}            wait(c);\n        }}",
+        "told_fallback": indented(_FALLS_BACK.format(macro=printed.macro).splitlines(), 8),
+    }
+
+
+def _seen(printed: Printed) -> list[str]:
+    """Updates, at each sample, the age of the last good measurement (at a right or wrong time) and the counters of channels
+    that may be stuck."""
     around, layout = printed.contents.around, printed.contents.layout
-    if around is None:
+    if around is None or not (around.rated or around.repeats):
         return []
     begun = f"before.{layout.started.name}[0] > 0"
     x, last = f"in->{printed.measured}", f"before.{layout.measured.name}"
-    return [
+    good = [
         f"c->repeats[{k}] = ({begun} && {x}[{i}] == {last}[{i}]) ? c->repeats[{k}] + 1L : 0L;"
         for k, (i, _) in enumerate(around.repeats)
     ]
+    good = [*(["c->age = 0L;"] if around.rated else []), *good]
+    lost = _one_more("age") if around.rated else []
+    otherwise = ["} else {", *(f"    {line}" for line in lost), "}"] if lost else ["}"]
+    return ["if (measured != 0) {", *(f"    {line}" for line in good), *otherwise]
+
+
+def _returns(printed: Printed) -> list[str]:
+    """For a good sample: the return after the fallback, and the end of the outage."""
+    around = printed.contents.around
+    timed = around is not None and around.band is not None
+    limited = indented([_limits_of(printed, "last_u")]) if printed.limits() else ""
+    earlier = "paused" if around is not None and around.baseline is not None else "fade_left"
+    most = f"{MOST_COUNTED}L"  # a start may fade for longer
+    kept = indented([f"const long earlier = c->{earlier} < {most} ? c->{earlier} : {most};"]) if timed else ""
+    begins = indented((_SHORT_FADE if timed else _WHOLE_FADE).format(**_names(printed)).splitlines())
+    returns = _RETURNS.format(**_names(printed), earlier=kept, limited=limited, begins=begins).splitlines()
+    return [*returns, "c->outage = 0L;"]
+
+
+def _started(printed: Printed) -> list[str]:
+    """The last control and the bump of a start, within the actuators' limits."""
+    copied = "c->{0}[i] = {1}[i];".format
+    loop = f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{"
+    if not printed.limits():
+        return [loop, f"    {copied('bump', 'u_now')}", f"    {copied('last_u', 'u_now')}", "}"]
+    first, then = ([loop, f"    {copied(*pair)}", "}"] for pair in (("last_u", "u_now"), ("bump", "c->last_u")))
+    return [*first, _limits_of(printed, "last_u"), *then]
+
+
+def _limits_of(printed: Printed, member: str) -> str:
+    """C that brings a control of the state within the actuators' limits; empty if there are none."""
+    return f"limit({'c, ' if _limits_vary(printed) else ''}c->{member});" if printed.limits() else ""
+
+
+def _limits_vary(printed: Printed) -> bool:
+    """Whether an actuator's limit is a parameter that can be set."""
+    return any("c->" in printed.limit(i, side) for i, side in printed.limits())
+
+
+def _limit(printed: Printed) -> str:
+    """The C function ``limit``; empty without limits."""
+    lines = [
+        line
+        for i, side in printed.limits()
+        for line in (f"if (u[{i}] {'<>'[side]} {printed.limit(i, side)}) {{", f"    u[{i}] = {printed.limit(i, side)};", "}")
+    ]
+    given = f"{f'const {printed.name}_controller *c, ' if _limits_vary(printed) else ''}{printed.real} *u"
+    told = "Brings a control within the actuator's limits."
+    return f"/* {told} */\nstatic void limit({given})\n{{\n{indented(lines)}}}\n\n" if lines else ""
 
 
 def _ends(around: Around | None) -> bool:
@@ -128,12 +263,26 @@ def _falls(around: Around | None) -> bool:
     return around is not None and around.longest is not None and around.fallback in _FALL_BACK
 
 
+def _fall_back(printed: Printed) -> str:
+    """The function of the fallback; empty if u is held."""
+    around = printed.contents.around
+    if around is None or not _falls(around):
+        return ""
+    limited, longest = _limits_of(printed, "last_u"), f"{printed.macro}_LONGEST_OUTAGE"
+    begins = [f"if (c->outage == {longest} + 1L) {{", f"    {limited}", "}"] if limited else []
+    names = {**_names(printed), **_of_baseline(printed), "begins": indented(begins)}
+    names["limited"] = indented([limited], 8) if limited else ""
+    names["pauses"] = indented(["c->paused = left;"], 8) if around.band is not None else ""
+    return _FALL_BACK[around.fallback].format(**names)
+
+
 def _before(around: Around | None) -> str:
     """The argument of a fallback that needs the state before the sample."""
     return "&before, " if around is not None and around.baseline is not None else ""
 
 
 def _checked(around: Around | None) -> bool:
+    """Whether measurements are checked."""
     return around is not None and bool(around.ranged or around.rated or around.repeats)
 
 
@@ -201,61 +350,96 @@ def _of_baseline(printed: Printed) -> dict[str, str]:
 
 
 def in_ranges(printed: Printed, values: str) -> list[str]:
-    """Tests in C for whether the entries of the array ``values`` are in the ranges of their channels."""
-    around, tests = printed.contents.around, list[str]()
-    if around is None:
-        return tests
-    for i in around.ranged:
-        low, high = (printed.number(side[i]) for side in (around.low, around.high))
-        tests += [f"{values}[{i}] >= {low}", f"{values}[{i}] <= {high}"]
-    return tests
+    """Tests in C for whether the entries of the array ``values`` are in the ranges of their measured channels."""
+    around = printed.contents.around
+    return [] if around is None else _ranges(printed, values, around.ranged, around.low, around.high)
 
 
-def _begin_again(printed: Printed, *, timed: bool) -> str:
-    """The function for a sample whose result is out of range, if an outage has a limit."""
+def _ranges(printed: Printed, values: str, places: tuple[int, ...], low: Array, high: Array) -> list[str]:
+    sides = ((i, test, end[i]) for i in places for test, end in ((">=", low), ("<=", high)))
+    return [f"{values}[{i}] {test} {printed.number(end)}" for i, test, end in sides]
+
+
+def _slow(printed: Printed, values: str, last: str, places: tuple[int, ...], rate: Array) -> list[str]:
+    """Tests for whether entries have changed no faster than accepted, over this number of ``samples``."""
+    found = []
+    for i in places:
+        moved, most = f"{values}[{i}] - {last}[{i}]", f"{printed.number(rate[i])} * samples"
+        found += [f"{moved} <= {most}", f"-({moved}) <= {most}"]
+    return found
+
+
+def _refuse(printed: Printed, *, timed: bool) -> str:
+    """The function for a sample whose result is out of range."""
     around, state = printed.contents.around, printed.contents.measures_state
-    limited = []
-    for i, side in printed.limits():
-        u, end = f"c->{printed.contents.layout.u.name}[{i}]", printed.limit(i, side)
-        limited += [
-            f"if ({u} {'<>'[side]} {end}) {{ /* beyond its limits it may be what leads out of range */",
-            f"    {u} = {end};",
-            "}",
-        ]
-    return _BEGIN_AGAIN.format(
+    ends, macro, good = _ends(around), printed.macro, "measured > 0" if timed else "measured != 0"
+    beyond = "/* a control beyond its limits may be the cause */"
+    limited = [f"{_limits_of(printed, printed.contents.layout.u.name)} {beyond}"] if printed.limits() else []
+    rated = around is not None and bool(around.rated)
+    measured = [] if state else _STORES.format(**_names(printed)).splitlines()
+    measured += ["c->age = measured != 0 ? 0L : c->age;"] if rated else []
+    falls_back = [f"fall_back({'before, ' * bool(_before(around))}c);" if _falls(around) else "hold(c);"]
+    counts = {"outage": ends, "age": rated}
+    return _REFUSE.format(
         limited=indented(limited, 8),
         **_names(printed),
-        how=", int measured" if timed else "",
-        counted=indented(_counted(printed.macro, ends=True, timed=timed)),
+        about=_REFUSED_ENDS if ends else _REFUSED,
+        counted=indented([line for name, there in counts.items() if there for line in _one_more(name)]),
+        measured=indented(measured, 8),
+        good=good,
+        when=f"c->outage > {macro}_LONGEST_OUTAGE" if ends else f"{good} && c->refused > 1",
+        outage="const long outage = c->outage;\n        " if ends else "",
+        before=f"const {printed.name}_controller *before, " if _goes_back(printed) else "",
+        undone=_UNDONE.format(restored="            c->outage = outage;\n" if ends else "") if _goes_back(printed) else "",
         given=f"in->{printed.measured}, " if state else "",
-        falls_back=indented([f"fall_back({'before, ' * bool(_before(around))}c);" if _falls(around) else "hold(c);"], 8),
+        falls_back=indented(falls_back if ends else [*falls_back, "c->fade_left = 0L;", "c->matching = 0;"], 8),
     )
+
+
+def _goes_back(printed: Printed) -> bool:
+    """Whether the result may be out of range even after beginning again: by a fallback, or from a measurement in range."""
+    if _ends(printed.contents.around):
+        return True
+    rest, of_x = printed.contents.at_start
+    sizes = np.abs(of_x).sum(axis=1)
+    return bool(printed.contents.opened is not None or (sizes > 1).any() or (np.asarray(rest)[sizes > 0] != 0).any())
 
 
 def _plausible(printed: Printed) -> str:
+    """The function that checks a measurement; empty if measurements are not checked."""
     around = printed.contents.around
     if around is None or not _checked(around):
         return ""
-    names, x, slow = printed.contents.problem.handed_names, printed.measured, []
-    tests = in_ranges(printed, f"in->{x}")
-    last = printed.contents.layout.measured.name
-    for i in around.rated:
-        most = f"{printed.number(around.rate[i])} * samples"
-        moved = f"in->{x}[{i}] - c->{last}[{i}]"
-        slow += [f"{moved} <= {most}", f"-({moved}) <= {most}"]
-    slow += [f"!(in->{x}[{i}] == c->{last}[{i}] && c->repeats[{k}] >= {most}L)" for k, (i, most) in enumerate(around.repeats)]
-    if slow:
-        tests.append(f"(!(c->{printed.contents.layout.started.name}[0] > 0) || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
-    join = "\n        && "
-    counts = ["const long count = c->outage + 1L;", f"const {printed.real} samples = ({printed.real})count;"]
-    counted = counts if around.rated else [] if slow else ["(void)c;"]
-    body = indented([*counted, f"return {join.join(tests)};"])
+    names, x, last = printed.contents.problem.handed_names, f"in->{printed.measured}", printed.contents.layout.measured.name
+    slow = _slow(printed, x, f"c->{last}", around.rated, around.rate)
+    stuck = [f"!({x}[{i}] == c->{last}[{i}] && c->repeats[{k}] >= {most}L)" for k, (i, most) in enumerate(around.repeats)]
     looked_at = {*around.ranged, *around.rated, *(i for i, _ in around.repeats)}
     about = ", ".join(name for i, name in enumerate(names) if i in looked_at)
-    return (
-        f"/* Whether this measurement is plausible: {comment(about)}: in range, not too fast, not stuck. */\n"
-        f"static int is_plausible(const {printed.name}_controller *c, const {printed.name}_input *in)\n{{\n{body}}}\n\n"
-    )
+    told = f"Whether this measurement is plausible: {comment(about)}: in range, not too fast, not stuck."
+    return _check(printed, "is_plausible", told, [*in_ranges(printed, x), *stuck], slow, "age")
+
+
+def _plausible_command(printed: Printed) -> str:
+    """The function that checks a command; empty if commands are not checked."""
+    around = printed.contents.around
+    if around is None or not around.checks_commands:
+        return ""
+    tests = _ranges(printed, "in->r", around.command_ranged, around.command_low, around.command_high)
+    slow = _slow(printed, "in->r", f"c->{printed.contents.layout.r.name}", around.command_rated, around.command_rate)
+    told = "Whether this command is plausible: in range, not too fast."
+    return _check(printed, "command_is_plausible", told, tests, slow, "command_outage")
+
+
+def _check(printed: Printed, function: str, told: str, tests: list[str], slow: list[str], count: str) -> str:
+    """A function that says whether an input passes the ``tests`` and, if there is a last good one, those of its rate."""
+    used, first = [*tests], [] if any("c->" in test for test in tests) else ["(void)c;"]
+    if slow:
+        used.append(f"(c->{count} >= {MOST_COUNTED}L || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
+        first = [f"const long count = c->{count} + 1L;", f"const {printed.real} samples = ({printed.real})count;"]
+    join = "\n        && "
+    body = indented([*first, f"return {join.join(used)};"])
+    given = f"const {printed.name}_controller *c, const {printed.name}_input *in"
+    return f"/* {told} */\nstatic int {function}({given})\n{{\n{body}}}\n\n"
 
 
 def shell_readme(printed: Printed) -> str:
@@ -266,26 +450,35 @@ def shell_readme(printed: Printed) -> str:
     told = []
     if _checked(around):
         names, labels = printed.contents.problem.handed_names, printed.contents.problem.measured_labels
-        units = ["" if labels is None else comment(labels.unit(i)[1:-1]) for i in range(len(names))]
-        limits = [f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g} {units[i]}".rstrip() for i in around.ranged]
-        rates = [f"{comment(names[i])} by {around.rate[i] / T:g} {units[i]}".rstrip() + " per second" for i in around.rated]
-        same = [f"{comment(names[i])} equal to the previous one for {most} samples" for i, most in around.repeats]
+        units = ["" if labels is None else readable(labels.unit(i)[1:-1]) for i in range(len(names))]
+        limits = [f"{readable(names[i])} from {around.low[i]:g} to {around.high[i]:g} {units[i]}".rstrip() for i in around.ranged]
+        rates = [f"{readable(names[i])} by {around.rate[i] / T:g} {units[i]}".rstrip() + " per second" for i in around.rated]
+        same = [f"{readable(names[i])} equal to the previous one for {counted(most, 'sample')}" for i, most in around.repeats]
         told.append(f"*Plausible measurements*: {', '.join([*limits, *rates, *same])}; any other measurement counts as lost.")
+    if around.checks_commands:
+        names = printed.contents.problem.command_names
+        limits = [f"{names[i]} from {around.command_low[i]:g} to {around.command_high[i]:g}" for i in around.command_ranged]
+        rates = [f"{names[i]} by {around.command_rate[i] / T:g} per second" for i in around.command_rated]
+        told.append(
+            f"*Plausible commands*: {', '.join([*limits, *rates])}; the last good command replaces any other, and the status has "
+            f"{macro}_COMMAND_LOST."
+        )
     if around.longest is not None:
         acts = {
             "hold": "u stays",
             "zero": "u is zero",
-            "fade": f"u fades to zero over {around.fade:.0f} samples",
+            "fade": f"u fades to zero over {counted(round(around.fade), 'sample')}",
             "baseline": "only the baseline acts, on the last good measurement and with its states held; u changes to its control "
-            f"over {around.fade:.0f} samples",
+            f"over {counted(round(around.fade), 'sample')}",
         }[around.fallback]
         told.append(
             f"*The longest outage*: after {around.longest:.0f} consecutive misses {acts}, and the status has {macro}_FALLBACK. "
-            f"The next good sample begins with the u applied at that time; the difference to the controller's own u fades "
-            f"out over {around.fade:.0f} samples. "
+            f"The next good sample begins with the u applied at that time; the difference from the controller's own u fades "
+            f"out over {counted(round(around.fade), 'sample')}. "
             f"A sample that would lead out of range ({macro}_RESULT_REFUSED) is a miss, too. If it is beyond the longest outage, "
             "the controller also begins again at it, as by a start that keeps the estimates and with u within its limits, so "
-            "that the next good sample can end the outage."
+            f"that the next good sample can end the outage; from the {REFUSALS}th such good sample in a row on with the initial "
+            "estimates, and the fallback continues from a u of zero."
         )
     if around.band is not None:
         told.append(
@@ -300,24 +493,44 @@ def shell_readme(printed: Printed) -> str:
 
 def _sample(printed: Printed, *, timed: bool) -> str:
     """Accepting a sample; with a timer, missing calls are counted too."""
-    unbegun = f" | {printed.macro}_WRONG_SAMPLE_TIME" if timed else ""
-    lines = _SAMPLE.format(**_names(printed), unbegun=unbegun).splitlines()
-    return _CALLS.format(**_names(printed), sample=indented(lines, 8)) if timed else indented(lines)
+    lines = _SAMPLE.format(macro=printed.macro).splitlines()
+    if not timed:
+        return indented(["taken = *in;", *lines])
+    longest, around = f"{printed.macro}_LONGEST_OUTAGE", printed.contents.around
+    wrong = [
+        f"if (missed < 0L && c->outage < {longest}) {{",
+        f"    c->advanced += {longest} - c->outage;",
+        f"    c->outage = {longest}; /* the fallback acts at once */",
+        "}",
+        "if (missed < -2L) {",
+        "    c->advanced = c->advanced > -missed - 2L ? c->advanced + missed + 2L : 0L;",
+        "}",
+    ]
+    if around is not None and around.rated:
+        wrong += [
+            "if (missed < 0L) {",
+            f"    c->age = c->age - missed < {MOST_COUNTED}L ? c->age - missed - 1L : {MOST_COUNTED}L;",
+            "}",
+        ]
+    freeze = f"{printed.contents.lost:g}"
+    return _CALLS.format(sample=indented(lines, 8), wrong=indented(wrong), freeze=freeze)
 
 
-def _untold(macro: str, *, timed: bool) -> list[str]:
+def _timer(printed: Printed) -> str:
+    """The functions for the time between two calls."""
+    most = c99.constant(float(MOST_COUNTED), printed.contents.real)
+    return _TIMER.format(**_names(printed), most=most, MOST=MOST_COUNTED)
+
+
+def _untold(macro: str, *, timed: bool, rated: bool) -> list[str]:
     """For a lost command; a missing call is not reported."""
     told = f"*status |= {macro}_COMMAND_LOST;"
-    return ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
+    more = _one_more("command_outage") if rated else []
+    return [*(["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]), *more]
 
 
-def _counted(macro: str, *, ends: bool, timed: bool) -> list[str]:
-    """For a miss: one more consecutive miss, and at a wrong time as many as the fallback waits for."""
-    lines = [f"if (c->outage < {MOST_COUNTED}L) {{", "    ++c->outage;", "}"]
-    if ends and timed:
-        longest = f"{macro}_LONGEST_OUTAGE"
-        lines = [f"if (measured < 0 && c->outage < {longest}) {{", f"    c->outage = {longest};", "}", *lines]
-    return lines
+def _one_more(counter: str) -> list[str]:
+    return [f"if (c->{counter} < {MOST_COUNTED}L) {{", f"    ++c->{counter};", "}"]
 
 
 def _comment(around: Around | None, x: str) -> str:
@@ -328,6 +541,8 @@ def _comment(around: Around | None, x: str) -> str:
         told.append(
             f"An entry of {x} outside its range, or farther from its last good value than its rate allows, counts as lost."
         )
+    if around.checks_commands:
+        told.append("So does an entry of r.")
     if around.longest is not None:
         told.append(
             "After LONGEST_OUTAGE consecutive misses the fallback acts; u returns from it without a bump, over FADE samples."
@@ -354,95 +569,156 @@ _BAND = """\
             status |= {macro}_WRONG_SAMPLE_TIME;
         }} else if (missed > 0L) {{
             status |= {macro}_MISSED_CALLS;
-            missed = c->{started}[0] > 0 ? missed : 0L; /* nothing advances before the first sample */
         }} else {{
             status |= {macro}_JITTER;
         }}
     }}
 """
 _TIMER = """\
-/* Missed calls since the last one; -1 if the time is not a multiple of the sample time, or too long. */
+/* Minus the number of samples that have begun in this time, at least one. */
+static long begun({real} time)
+{{
+    if (!(time >= {macro}_SAMPLE_TIME)) {{
+        return -1L;
+    }}
+    if (time >= {most} * {macro}_SAMPLE_TIME) {{
+        return -{MOST}L;
+    }}
+    return -(long)(time / {macro}_SAMPLE_TIME) - 1L;
+}}
+
+/* Missed calls since the last one; below 0 if the time is not a multiple of the sample time, or too long:
+ * minus the number of samples that have begun in it. */
 static long missed_calls(const {name}_input *in)
 {{
     const {real} time = in->sample_time;
-    const {real} band = {macro}_BAND + {rounding} * time; /* its edge belongs to it, however the time was rounded */
+    const {real} band = {macro}_BAND + {rounding} * time; /* the edge belongs to the band, however the time was rounded */
     {real} off;
     long whole;
+    if (!(time >= {half} * {macro}_SAMPLE_TIME
+            && time <= (({real}){macro}_LONGEST_OUTAGE + {more}) * {macro}_SAMPLE_TIME)) {{
+        return begun(time);
+    }}
     off = time - {macro}_SAMPLE_TIME;
     if (off <= band && -off <= band) {{
         return 0L;
     }}
-    if (!(time >= {half} * {macro}_SAMPLE_TIME
-            && time <= (({real}){macro}_LONGEST_OUTAGE + {more}) * {macro}_SAMPLE_TIME)) {{
-        return -1L;
-    }}
     off = time / {macro}_SAMPLE_TIME + {half};
     whole = (long)off;
     off = time - ({real})whole * {macro}_SAMPLE_TIME;
-    return (off <= band && -off <= band) ? whole - 1L : -1L;
+    return (off <= band && -off <= band) ? whole - 1L : begun(time);
 }}
 
 """
 _SAMPLE = """\
-taken = *in;
 take(c, &taken, &measured, &status);
-if ((status & ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST{unbegun})) != 0u && !(c->{started}[0] > 0)) {{
-    give(c, out, status); /* nothing has begun, and no earlier value can replace the lost one */
-    return out->status;
-}}
 if (go_on(c, &taken, measured) == 0) {{
     status |= {macro}_RESULT_REFUSED;
 }}
 """
 _CALLS = """\
-    do {{
+{wrong}    do {{
+        taken = *in;
         measured = 1;
         if (missed > 0L) {{
             measured = 0; /* a missed call is processed */
         }}
         if (missed < 0L) {{
-            measured = -1;
+            measured = -1; /* a measurement is held, but the law needs the right time */
+            taken.freeze = {freeze};
         }}
 {sample}        --missed;
     }} while (missed >= 0L);
 """
 _RETURNS = """\
 if (c->outage > {macro}_LONGEST_OUTAGE) {{
-    for (i = 0; i < {macro}_INPUTS; ++i) {{
+{earlier}{limited}    for (i = 0; i < {macro}_INPUTS; ++i) {{
         c->bump[i] = c->last_u[i];
     }}
-    c->fade = {macro}_FADE;
-    c->fade_left = {macro}_FADE;
-    c->matching = 1;
+{begins}    c->matching = 1;
 }}
 """
-_BEGIN_AGAIN = """\
-/* After a sample whose result is out of range, which is a miss. Beyond the longest outage the fallback acts, and the controller
- * begins again at this sample with its estimates kept: the state itself may be what leads out of range. */
-static void begin_again(const {name}_controller *before, {name}_controller *c, const {name}_input *in{how})
+_WHOLE_FADE = """\
+c->fade = {macro}_FADE;
+c->fade_left = {macro}_FADE;
+"""
+_SHORT_FADE = """\
+c->fade = {macro}_FADE;
+c->fade_left = {macro}_FADE;
+if (c->outage - c->advanced <= {macro}_LONGEST_OUTAGE) {{ /* wrong times, for a short while: an earlier fade goes on */
+    const long missed = c->outage - c->advanced;
+    c->fade = missed < {macro}_FADE ? missed : {macro}_FADE;
+    c->fade = earlier >= c->fade ? earlier + 1L : c->fade;
+    c->fade_left = c->fade - 1L;
+}}
+"""
+_WAIT = """\
+/* A bad state from which the controller cannot begin again: a miss. */
+static void wait({name}_controller *c)
 {{
-{counted}    if (c->outage > {macro}_LONGEST_OUTAGE) {{
-        const long outage = c->outage;
+    {name}_controller as;
+    int i;
+    if (!(c->outage >= 0L && c->outage <= {most}L)) {{
+        c->outage = 0L;
+    }}
+{counted}    as = *c; /* only u changes in it */
+    hold(&as);
+{falls}    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        c->last_u[i] = as.{u}[i];
+    }}
+}}
+
+"""
+_ZERO = """\
+    for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
+        as.{u}[i] = {zero}; /* the baseline would need a state that can't be trusted */
+    }}
+"""
+_REFUSED = """\
+/* After a sample whose result is out of range: u and the state keep their values. From the second in a row with a good
+ * measurement on, the controller begins again at this sample with its estimates kept, since the state itself may be the cause.
+ * After REFUSALS of them it begins again without what was learnt, and with u at zero. */
+"""
+_REFUSED_ENDS = """\
+/* After a sample whose result is out of range, which is a miss. Beyond the longest outage the fallback acts, and the controller
+ * begins again at this sample with its estimates kept, since the state itself may be the cause. After REFUSALS of them in
+ * a row with a good measurement it begins again without what was learnt, and with u at zero before the fallback. */
+"""
+_REFUSE = """\
+{about}static void refuse({before}{name}_controller *c, const {name}_input *in, int measured)
+{{
+{counted}    if ({good} && c->refused < {macro}_REFUSALS) {{
+        ++c->refused;
+    }}
+    if ({when}) {{
+        {outage}const int refused = c->refused;
         int i;
-        begin(c, {given}1);
-        for (i = 0; i < {macro}_MEASURED; ++i) {{
-            c->{last}[i] = in->{x}[i];
-        }}
-        for (i = 0; i < {macro}_COMMANDS; ++i) {{
+        begin(c, {given}refused < {macro}_REFUSALS);
+{measured}        for (i = 0; i < {macro}_COMMANDS; ++i) {{
             c->{last_r}[i] = in->r[i];
         }}
         c->{started}[0] = {one}; /* as after a first sample */
-{falls_back}{limited}        if (!result_is_usable(c)) {{
-            *c = *before;
-            c->outage = outage;
-            return;
+        for (i = 0; i < {macro}_INPUTS && refused >= {macro}_REFUSALS; ++i) {{
+            c->last_u[i] = {zero};
         }}
-        for (i = 0; i < {macro}_INPUTS; ++i) {{
+{falls_back}{limited}{undone}        for (i = 0; i < {macro}_INPUTS; ++i) {{
             c->last_u[i] = c->{u}[i];
         }}
     }}
 }}
 
+"""
+_STORES = """\
+for (i = 0; i < {macro}_MEASURED; ++i) {{
+    c->{last}[i] = in->{x}[i];
+}}
+"""
+_UNDONE = """\
+        if (!result_is_usable(c)) {{
+            copy(c, before);
+{restored}            c->refused = refused;
+            return;
+        }}
 """
 _FALLS_BACK = """\
 if (c->outage > {macro}_LONGEST_OUTAGE) {{
@@ -461,14 +737,12 @@ static void fall_back(const {name}_controller *before, {name}_controller *c)
         return;
     }}
 {rested}{alone}    if (before->outage <= {macro}_LONGEST_OUTAGE) {{
-        c->fade = {macro}_FADE;
+{pauses}        c->fade = {macro}_FADE;
         left = {macro}_FADE;
-        c->matching = 1;
+{limited}        for (i = 0; i < {macro}_INPUTS; ++i) {{
+            c->bump[i] = c->last_u[i] - alone[i];
+        }}
     }}
-    for (i = 0; i < {macro}_INPUTS && c->matching != 0; ++i) {{ /* also where a number has been set since the last sample */
-        c->bump[i] = c->last_u[i] - alone[i];
-    }}
-    c->matching = 0;
     for (i = 0; i < {macro}_INPUTS; ++i) {{
         c->{u}[i] = alone[i];
         if (left > 0L && c->fade > 0L) {{
@@ -495,10 +769,9 @@ static void fall_back({name}_controller *c)
 static void fall_back({name}_controller *c)
 {{
     const long left = c->outage > {macro}_LONGEST_OUTAGE ? {macro}_FADE + {macro}_LONGEST_OUTAGE + 1L - c->outage : 0L;
-    const long less = left - 1L;
     int i;
-    for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
-        c->{u}[i] = left > 0L ? c->last_u[i] * (({real})less / ({real})left) : {zero};
+{begins}    for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
+        c->{u}[i] = left > 0L ? c->last_u[i] * ({one} - {one} / ({real})left) : {zero};
     }}
 }}
 

@@ -6,15 +6,16 @@ import numpy as np
 
 from barbalat.export.shell import CLOCK_TOLERANCE, baseline_terms
 from barbalat.export.texts import Printed, indented
+from barbalat.loop.around import MOST_COUNTED
 from barbalat.lowering import c99
 from barbalat.validate import Array
 
 BEYOND_RATE = 1.5
-"""Multiple of a channel's allowed change per sample: refused at once, accepted after one miss."""
+"""Multiple of a channel's allowed change per sample that is refused at once and accepted after one miss."""
 
 MOST_MADE_UP = 10_000
-"""Largest number of missed calls for which the test checks the longest time between two calls: it runs them, and float32
-resolves them."""
+"""Largest number of missed calls for which the test checks the longest time between two calls, since it runs them and float32
+must resolve them."""
 
 
 def shell_tests(printed: Printed) -> str:
@@ -24,7 +25,7 @@ def shell_tests(printed: Printed) -> str:
         return ""
     tests = [*_ranges(printed), *_rates(printed), *_stuck(printed), *(_OUTAGE if around.longest is not None else [])]
     if around.band is not None:
-        tests += [*_TIMER, *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else [])]
+        tests += [*_TIMER, *(_AGE if around.rated else []), *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else [])]
     if around.longest is not None and around.longest > 0:
         tests += _SHORTER
     return _WHOLE.format(
@@ -36,20 +37,33 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
     around = printed.contents.around
     assert around is not None
     band = 0.0 if around.band is None else around.band
-    off = 0.9 * band if 0.9 * band > 1.05 * CLOCK_TOLERANCE * around.T else band / 2
+    off, (late, reported) = _off(band, around.T), jitter(printed)
     several, number = (around.longest or 0) >= 2, printed.contents.real.numbers
     calls = "{M}_MISSED_CALLS" if several else "({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)"
     names = {
         "n": printed.name, "M": printed.macro, "real": printed.real, "x": printed.measured, "fallen": fallen(printed, "last"),
         "alone": alone_of(printed),
-        "jitter": printed.number(around.T + off),
-        "jittered": f"{printed.macro}_JITTER" if off > CLOCK_TOLERANCE * around.T else f"{printed.macro}_OK",
+        "jitter": late, "jittered": reported,
         "edge": printed.number(float(np.nextafter(number(around.T + band), number(1e9)))),
         "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T + off),
         "beyond": printed.number(around.T + band + min(0.1 * band, (around.T / 2 - band) / 2)),
-        "several": int(several), "close": int(around.fade > 0),
+        "held": printed.contents.layout.measured.name, "most": MOST_COUNTED, "suffix": printed.contents.real.suffix,
+        "several": int(several), "lost": f"{printed.contents.lost:g}", "close": int(around.fade > 0),
     }  # fmt: skip
     return [line.replace("{calls}", calls).format(**names) for line in lines]
+
+
+def _off(band: float, T: float) -> float:
+    return 0.9 * band if 0.9 * band > 1.05 * CLOCK_TOLERANCE * T else band / 2
+
+
+def jitter(printed: Printed) -> tuple[str, str]:
+    """A late time between two calls, and its status: within the band, if there is one."""
+    around = printed.contents.around
+    if around is None or around.band is None:
+        return f"2 * {printed.macro}_SAMPLE_TIME", f"{printed.macro}_WRONG_SAMPLE_TIME"
+    off = _off(around.band, around.T)
+    return printed.number(around.T + off), f"{printed.macro}_{'JITTER' if off > CLOCK_TOLERANCE * around.T else 'OK'}"
 
 
 def fallen(printed: Printed, last: str) -> str:
@@ -57,9 +71,11 @@ def fallen(printed: Printed, last: str) -> str:
     around = printed.contents.around
     assert around is not None
     found = {"hold": f"{last}[i]", "zero": f"0.0{printed.contents.real.suffix}"}
-    left = f"({printed.real})({printed.macro}_FADE - 1L) / ({printed.real}){printed.macro}_FADE"
-    found["baseline"] = f"alone[i] + ({last}[i] - alone[i]) * {int(around.fade > 0)}"
-    found["fade"] = f"{last}[i] * ({left})" if around.fade else found["zero"]
+    one = f"1.0{printed.contents.real.suffix}"
+    left = f"{one} - {one} / ({printed.real}){printed.macro}_FADE"
+    within = f"({last}[i] < limits[i][0] ? limits[i][0] : {last}[i] > limits[i][1] ? limits[i][1] : {last}[i])"
+    found["baseline"] = f"alone[i] + ({within} - alone[i]) * {int(around.fade > 0)}"
+    found["fade"] = f"{within} * ({left})" if around.fade else found["zero"]
     return found[around.fallback]
 
 
@@ -69,38 +85,50 @@ def alone_of(printed: Printed) -> str:
     return f"const {printed.real} alone[] = {{ {', '.join(terms)} }};" if terms else ""
 
 
+def _checked(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, ...], ...], tuple[Array, ...]]]:
+    """For measurements and for commands: the input's member, the status, the simulation's samples, the places with a range and
+    with a rate, and the limits."""
+    around, vectors, x = printed.contents.around, printed.contents.vectors, printed.measured
+    assert around is not None
+    of_commands = around.command_low, around.command_high, around.command_rate
+    return [
+        (x, "MEASUREMENT_LOST", vectors.measured, (around.ranged, around.rated), (around.low, around.high, around.rate)),
+        ("r", "COMMAND_LOST", vectors.commands, (around.command_ranged, around.command_rated), of_commands),
+    ]
+
+
 def _ranges(printed: Printed) -> list[str]:
     """The ends of each range are accepted, and the next numbers beyond them are not."""
-    around, x, lines = printed.contents.around, printed.measured, []
-    assert around is not None
-    number = printed.contents.real.numbers
-    for i in around.ranged:
-        for end, far in ((around.low[i], -np.inf), (around.high[i], np.inf)):
-            beyond = c99.constant(float(np.nextafter(number(end), number(far))), printed.contents.real)
-            for value, status in ((printed.number(end), "OK"), (beyond, "MEASUREMENT_LOST")):
-                lines.append(f"{{n}}_init(&c); in = sample(0); in.{x}[{i}] = {value};")
-                lines.append(f'require({{n}}_step(&c, &in, &out) == {{M}}_{status}, "a range differs: {x}[{i}]");')
+    lines, number = list[str](), printed.contents.real.numbers
+    for member, lost, _, (ranged, _), (lows, highs, _) in _checked(printed):
+        for i in ranged:
+            for end, far in ((lows[i], -np.inf), (highs[i], np.inf)):
+                beyond = c99.constant(float(np.nextafter(number(end), number(far))), printed.contents.real)
+                for value, status in ((printed.number(end), "OK"), (beyond, lost)):
+                    lines.append(f"{{n}}_init(&c); in = sample(0); in.{member}[{i}] = {value};")
+                    lines.append(f'require({{n}}_step(&c, &in, &out) == {{M}}_{status}, "a range differs: {member}[{i}]");')
     return lines
 
 
 def _rates(printed: Printed) -> list[str]:
-    """A change beyond the rate is refused, and accepted a sample later, when enough time has passed."""
-    around, x, lines = printed.contents.around, printed.measured, []
-    assert around is not None
-    measured: Array = printed.contents.vectors.measured
-    for i in around.rated:
-        for value in (measured[1, i] + sign * BEYOND_RATE * around.rate[i] for sign in (-1, 1)):
-            if around.low[i] <= value <= around.high[i] and abs(value) < printed.contents.range:
-                lines += ["{n}_init(&c); (void)replay(&c, 2); in = sample(1);", f"in.{x}[{i}] = {printed.number(value)};"]
-                lines += [
-                    f'require(({{n}}_step(&c, &in, &out) & {{M}}_MEASUREMENT_LOST) != 0u, "a rate is not checked: {x}[{i}]");'
-                ]
-                lines += [f'require({{n}}_step(&c, &in, &out) == {{M}}_OK, "a rate does not grow with the gap: {x}[{i}]");']
+    """A change beyond the rate is refused, and accepted a sample later, when enough time has passed; the same change back is
+    refused, because the gap has ended."""
+    lines, step = list[str](), "{n}_step(&c, &in, &out)"
+    for member, lost, samples, (_, rated), (lows, highs, rates) in _checked(printed):
+        for i in rated:
+            for value in (samples[1, i] + sign * BEYOND_RATE * rates[i] for sign in (-1, 1)):
+                if not (lows[i] <= value <= highs[i] and abs(value) < printed.contents.range):
+                    continue
+                lines += ["{n}_init(&c); (void)replay(&c, 2); in = sample(1);", f"in.{member}[{i}] = {printed.number(value)};"]
+                lines += [f'require(({step} & {{M}}_{lost}) != 0u, "a rate is not checked: {member}[{i}]");']
+                lines += [f'require({step} == {{M}}_OK, "a rate does not grow with the gap: {member}[{i}]");']
+                lines += [f"in.{member}[{i}] = {printed.number(samples[1, i])};"]
+                lines += [f'require(({step} & {{M}}_{lost}) != 0u, "the end of a gap is ignored: {member}[{i}]");']
     return lines
 
 
 def _stuck(printed: Printed) -> list[str]:
-    """A repeated measurement is accepted as often as a channel may repeat itself, and no more often."""
+    """A repeated measurement is accepted as often as the channel may repeat its value, and not more often."""
     around, lines = printed.contents.around, []
     assert around is not None
     for place, (_, most) in enumerate(around.repeats):
@@ -121,12 +149,13 @@ static void test_shell(void)
     {name}_output out, expected;
     {real} last[{macro}_INPUTS];
     const {real} nothing = 0;
+    long k = 0L;
     int i;
     none = sample(0);
     none.sample_time = {macro}_SAMPLE_TIME;
     for (i = 0; i < {macro}_MEASURED; ++i) {{ none.{x}[i] = nothing / nothing; }}
     for (i = 0; i < {macro}_COMMANDS; ++i) {{ none.r[i] = nothing / nothing; }}
-    (void)none; (void)other; (void)expected; (void)last; (void)in; (void)c; (void)out;
+    (void)k; (void)none; (void)other; (void)expected; (void)last; (void)in; (void)c; (void)out;
 {tests}}}
 """
 _SHORTER = [
@@ -136,8 +165,10 @@ _SHORTER = [
     "in.{x}[0] = nothing / nothing;",
     'require({n}_step(&c, &in, &out) == {M}_MEASUREMENT_LOST && same(out.u, last, {M}_INPUTS), "an outage ends too early");',
 ]
+_BEYOND = "for (i = 0; i < {M}_INPUTS; ++i) {{ c.last_u[i] = limits[i][1] <= {M}_RANGE ? limits[i][1] + 1 : c.last_u[i]; }}"
 _OUTAGE = [
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4);",
+    _BEYOND,
     "memcpy(last, c.last_u, sizeof last);",
     "c.outage = {M}_LONGEST_OUTAGE;",
     "in.{x}[0] = nothing / nothing;",
@@ -145,8 +176,13 @@ _OUTAGE = [
     "{alone}",
     "for (i = 0; i < {M}_INPUTS; ++i) {{ last[i] = {fallen}; }}",
     'require(same(out.u, last, {M}_INPUTS) && is_limited(&out), "the fallback differs");',
+    _BEYOND,
+    "memcpy(last, c.last_u, sizeof last);",
     "in = sample(4);",
     'require({n}_step(&c, &in, &out) == {M}_OK && c.outage == 0L, "the controller does not return from an outage");',
+    "for (i = 0; i < {M}_INPUTS; ++i) {{",
+    "    last[i] = last[i] < limits[i][0] ? limits[i][0] : last[i] > limits[i][1] ? limits[i][1] : last[i];",
+    "}}",
     "require({close} == 0 || (close_to(out.u, last, {M}_INPUTS) && c.fade_left == {M}_FADE - 1L),",
     '    "a return causes a bump");',
 ]
@@ -160,6 +196,10 @@ _TIMER = [
     'require({n}_step(&c, &in, &out) == {M}_JITTER, "the edge of the band is outside of it");',
     "in.sample_time = {half};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "the fallback does not act at a wrong time");',
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {half}; (void){n}_step(&c, &in, &out);",
+    'require(same(c.{held}, in.{x}, {M}_MEASURED), "a good measurement at a wrong time is not held");',
+    "{n}_init(&other); (void)replay(&other, 4); in.freeze = {lost}; (void){n}_step(&other, &in, &expected);",
+    'require(same_state(&c, &other), "the law learns at a wrong time");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {beyond};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time beyond the band is accepted");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = 0;",
@@ -169,6 +209,18 @@ _TIMER = [
     "in.sample_time = {M}_SAMPLE_TIME;",
     "(void){n}_step(&other, &none, &expected); (void){n}_step(&other, &none, &expected); (void){n}_step(&other, &in, &expected);",
     'require({several} == 0 || same_state(&c, &other), "missed calls do not count as misses");',
+]
+_AGE = [
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.{x}[0] = nothing / nothing; in.sample_time = {half};",
+    "require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_MEASUREMENT_LOST | {M}_FALLBACK) && c.age == 2L,",
+    '    "the age of the last good measurement differs");',
+    "in.sample_time = ({real})1000000 * {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out); k = c.age;",
+    'require(k >= 1000002L && k <= 1000003L, "the age after a long time differs");',
+    'in.sample_time = 0; (void){n}_step(&c, &in, &out); require(c.age == k + 1L, "the age after a time of zero differs");',
+    "in.sample_time = 1e12{suffix} * {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out);",
+    'require(c.age == {most}L, "an age is counted too far");',
+    "c.age = 5L; in.sample_time = {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out);",
+    'require(c.age == 6L, "the age of the last good measurement is not counted");',
 ]
 _LONGEST_TIME = [
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4);",

@@ -1,4 +1,4 @@
-"""The effect of 32-bit numbers at a high gain: the gain from which the compiled export departs from the simulation."""
+"""The effect of 32-bit numbers at a high gain: the gain above which the compiled export departs from the simulation."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 VISIBLE_SHARE = 0.01
-"""Share of the largest |x| that is visible in a figure, far above the effect of rounding to 24 bits, 6e-8 of each number."""
+"""Share of the largest |x| that is visible in a plot; rounding to 24 bits changes each number by far less, 6e-8."""
 DECADES = 8
-"""Largest number of decades above the case's gain, or below it if the two already differ there; more than 24 bits can
+"""Largest number of decades above the case's gain, or below it if the two already differ there: more than 24 bits can
 resolve."""
 GAINS = ("gamma", "covariance0")
 """The names of the laws' initial gains."""
@@ -39,8 +39,8 @@ class PrecisionLimit:
 
     setting  the gain's name, and its value in the case
     apart    by gains that were tried, the largest difference of the plant's state by its largest value
-    at       the lowest gain that was tried and at which they part; None if they do at none
-    diverges  the lowest gain that was tried and at which the simulation in 64 bits diverges; None if it does at none
+    at       the lowest tried gain at which they depart; None if there is none
+    diverges  the lowest tried gain at which the simulation in 64 bits diverges; None if there is none
     """
 
     setting: str
@@ -63,9 +63,9 @@ class PrecisionLimit:
 def precision_limit(
     problem: TrackingProblem, controller: Controller, simulation: Simulation, *, progress: Progress | None = None
 ) -> PrecisionLimit:
-    """Simulate with the 32-bit export in the loop, and as usual, at increasing gains.
+    """Simulate at increasing gains, both with the 32-bit export in the loop and as usual.
 
-    InputError for a controller without a gain, and as for ``simulate_export``.
+    InputError for a controller without a gain, and as in ``simulate_export``.
     """
     found = next((one for one in in_object(controller, ()) if one[0][-1] in GAINS), None)
     if found is None:
@@ -114,7 +114,7 @@ def _downwards(gain: float) -> Iterator[float]:
 
 
 def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
-    """The upper end of a smaller range with the same property: the two depart there."""
+    """The upper end, at which the two depart, of a narrower range."""
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if parts(middle) else (middle, high)

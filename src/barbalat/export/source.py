@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
+from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
 from barbalat.export.contents import Contents
 from barbalat.export.log import log_body, log_header
 from barbalat.export.settable import settable
-from barbalat.export.shell import in_ranges, shell
+from barbalat.export.shell import REFUSALS, in_ranges, shell, undone
 from barbalat.export.shell import usable as shell_usable
-from barbalat.export.texts import Printed, comment, filled, indented
+from barbalat.export.texts import Printed, comment, comments, filled, indented, readable
 from barbalat.loop.around import LOST
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
@@ -54,15 +56,19 @@ def source(printed: Printed) -> str:
         usable=_usable(printed),
         usable_result=_usable_result(printed),
         advance=_operations(printed),
+        copied=indented(_copied(printed)),
         give=indented(_given(printed)),
         defaults=indented(
-            f"c->parameter[{k}] = {printed.number(one.value)}; /* {one.name} */" for k, one in enumerate(contents.parameters)
+            f"c->{member}[{k}] = {printed.number(one.value)};{f' /* {one.name} */' * (member == 'parameter')}"
+            for k, one in enumerate(contents.parameters)
+            for member in ("parameter", "previous")
         ),
         reset=indented(f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()),
         start=_start(printed),
         begin_argument=f"const {printed.real} *{printed.measured}, " if state else "",
         begin_given=f"{printed.measured}, " if state else "",
         log=log_body(printed),
+        measured_given=f"in->{printed.measured}, " if state else "",
         start_refused=" || ".join(
             [
                 *([f"!in_range({printed.measured}, {printed.macro}_MEASURED)"] if state else []),
@@ -75,7 +81,7 @@ def source(printed: Printed) -> str:
 
 
 def _initial(printed: Printed, row: int, value: float) -> str:
-    """C text of an entry's initial value: a parameter, or this value."""
+    """C text of an entry's initial value: a parameter, or the given value."""
     starts = printed.contents.starts
     return printed.parameter(starts[row]) if row in starts else printed.number(value)
 
@@ -106,8 +112,22 @@ def inputs(printed: Printed) -> dict[tuple[int, int], str]:
     return found
 
 
+def _copied(printed: Printed) -> list[str]:
+    """Every member of the state."""
+    contents = printed.contents
+    m, counted = contents.sizes[2], undone(contents.around)
+    sizes = {part.name: part.size for part in contents.layout.parts} | {
+        "last_u": m,
+        "bump": m,
+    }
+    more = ["change"] if contents.parameters else []
+    numbers = [f"{name}[{i}]" for name, size in sizes.items() for i in range(size)]
+    return [f"to->{text} = from->{text};" for text in (*numbers, *more, "fade", "fade_left", "matching", "refused", *counted)]
+
+
 def _usable_result(printed: Printed) -> str:
-    """Every number is in range and the estimates are in their set up to rounding; a set with all its bounds implies the range."""
+    """The condition that every number is in range and the estimates are in their set up to rounding; a set with all its bounds
+    implies the range."""
     contents, theta_hat, bounds = printed.contents, printed.contents.layout.theta_hat, list[str]()
     ends = _estimate_ends(contents)
     for i, (low, high) in enumerate(ends.tolist()):
@@ -130,7 +150,9 @@ def _estimate_ends(contents: Contents) -> Array:
 def _usable(printed: Printed) -> str:
     """Checks of the held control, of the fade and of the counters."""
     tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", "c->fade_left >= 0L && c->fade_left <= c->fade"]
-    tests += ["parameters_are_usable(c)"] if printed.contents.parameters else []
+    if printed.contents.parameters:
+        tests += ["parameters_are_usable(c->parameter)"]
+        tests += ["(c->change == 0L || (c->change > 0L && parameters_are_usable(c->previous)))"]
     return _all([*tests, *shell_usable(printed)])
 
 
@@ -140,10 +162,7 @@ def _all(tests: Sequence[str]) -> str:
 
 def _given(printed: Printed) -> list[str]:
     contents = printed.contents
-    zero = f"0.0{contents.real.suffix}"
-    held = f"(status & {printed.macro}_STATE_REFUSED) == 0u || in_range(c->last_u, {printed.macro}_INPUTS)"
-    lines = ["int i;", f"const int held = {held}; /* otherwise the held control is invalid too */"]
-    lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
+    lines = ["int i;", f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", "    out->u[i] = c->last_u[i];"]
     lines += ["    out->u_limited[i] = out->u[i];", "}"]
     for i, side in printed.limits():
         text = printed.limit(i, side)
@@ -155,7 +174,8 @@ def _given(printed: Printed) -> list[str]:
 
 
 def _start(printed: Printed) -> str:
-    """Everything as at t = 0 with the measured state instead of the case's; learnt values are reset only if they are not kept."""
+    """Sets everything as at t = 0, with the measured state instead of the case's; learnt values are reset only if they are not
+    kept."""
     contents, y = printed.contents, printed.measured
     kept: list[str] = []
     others: list[str] = []
@@ -180,7 +200,11 @@ def header(printed: Printed) -> str:
         f"{printed.real} {part.name}[{part.size}]; /* {shape(part.shape)}{part.meaning} */" for part in contents.layout.parts
     ]
     if contents.parameters:
-        members.append(f"{printed.real} parameter[{macro}_PARAMETERS]; /* set by {printed.name}_set */")
+        members += [
+            f"{printed.real} parameter[{macro}_PARAMETERS]; /* set by {printed.name}_set */",
+            f"{printed.real} previous[{macro}_PARAMETERS]; /* before a change that is to fade out */",
+            "long change; /* samples over which this change fades out, from the next good sample on; 0: there is none */",
+        ]
     estimates = [f"{printed.real} theta_hat[{macro}_ESTIMATES]; /* estimates */"] if p else []
     state = contents.measures_state
     return filled(
@@ -191,8 +215,9 @@ def header(printed: Printed) -> str:
         real=printed.real,
         mark=printed.mark,
         measured=printed.measured,
+        refusals=REFUSALS,
         measured_meaning=_labelled(printed, "measured state" if printed.measured == "x" else "measured output"),
-        units=_input_units(printed),
+        units=comment(input_units(printed)),
         **_wrong_time(contents),
         **_freezes(contents),
         start_range=", or outside its plausible range" if state and in_ranges(printed, printed.measured) else "",
@@ -216,7 +241,9 @@ def _place_of_baseline(printed: Printed) -> str:
     if not problem.handed_controls:
         return ""
     at = f"{printed.measured}[{printed.macro}_U_BASELINE]"
-    return f"#define {printed.macro}_U_BASELINE {problem.measured} /* {at}: u of the existing loop, without what adapts */\n"
+    return (
+        f"#define {printed.macro}_U_BASELINE {problem.measured} /* {at}: u of the existing loop, without the adaptive part */\n"
+    )
 
 
 def _starting(printed: Printed) -> str:
@@ -225,25 +252,31 @@ def _starting(printed: Printed) -> str:
         return "model and filters start at rest"
     if printed.contents.problem.fixed_observer is None:
         return "model and filters start at the measured state x"
-    return "model, filters and observer start at the smallest state of which y is measured"
+    return "model, filters and observer start at the smallest state that gives the measured y"
 
 
 def _wrong_time(contents: Contents) -> dict[str, str]:
-    """Which times count as wrong, and the reaction to them."""
+    """Which times count as wrong, and how the controller reacts."""
     if contents.around is not None and contents.around.band is not None:
         return {
             "tolerated": "BAND and by no whole number of calls",
             "wrong_time": "a miss, after which the fallback acts at once",
         }
-    return {"tolerated": "0.1 %", "wrong_time": "the step was made as if after the right one"}
+    return {"tolerated": "0.1 %", "wrong_time": "the step was made as if the time were right"}
+
+
+def is_piecewise(contents: Contents) -> bool:
+    """Whether the law is a piecewise-constant one, whose estimate is its only feedback."""
+    return isinstance(contents.controller, (L1PiecewiseConstant, L1OutputPiecewiseConstant))
 
 
 def _freezes(contents: Contents) -> dict[str, str]:
     """The effect of the freeze switch, and what continues during a lost measurement."""
+    opens = ". This opens the law's only feedback" if is_piecewise(contents) else ""
     if contents.loop.observer is None:
-        return {"predicts_only": "", "with_what": "the last good measurement and this u"}
+        return {"predicts_only": opens, "with_what": "the last good measurement and this u"}
     return {
-        "predicts_only": f". {LOST:g}: the observer predicts as well, without the measurement",
+        "predicts_only": f"{opens}. {LOST:g}: the observer predicts as well, without the measurement",
         "with_what": "what the observer predicts from this u",
     }
 
@@ -252,19 +285,26 @@ def _labelled(printed: Printed, text: str) -> str:
     """The measurements, with the case's names and units."""
     problem, beside = printed.contents.problem, ""
     if problem.handed_controls:
-        beside = f"; then, from place {printed.macro}_U_BASELINE on, what the existing loop asks for"
+        beside = f"; then, from place {printed.macro}_U_BASELINE on, the control of the existing loop"
     labels = problem.measured_labels
     if labels is None:
         return text + beside
-    each = [f"{labels.name(i)} {labels.unit(i)}".strip() for i in range(problem.measured)]
-    return text + (f": {comment(', '.join(each))}" if all(each) else "") + beside
+    each = channels(printed)
+    return text + (f": {', '.join(comments(each))}" if all(each) else "") + beside
 
 
-def _input_units(printed: Printed) -> str:
+def channels(printed: Printed) -> list[str]:
+    """The case's name and unit of each measurement; an empty text if it has none."""
+    problem = printed.contents.problem
+    labels = problem.measured_labels
+    return [readable("" if labels is None else f"{labels.name(i)} {labels.unit(i)}".strip()) for i in range(problem.measured)]
+
+
+def input_units(printed: Printed) -> str:
     """The units of the inputs after their meaning, if the case has some."""
     labels = printed.contents.problem.labels
     units = () if labels is None else labels.input_units
-    return f" [{comment(', '.join(one or '1' for one in units))}]" if any(units) else ""
+    return readable(f" [{', '.join(one or '1' for one in units)}]") if any(units) else ""
 
 
 def shape(of: tuple[int, ...]) -> str:

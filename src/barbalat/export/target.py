@@ -1,4 +1,4 @@
-"""Targets to which a controller can be exported. A target is a folder: in this package, or in another distribution.
+"""Targets to which a controller can be exported. A target is a folder in this package or in another distribution.
 
 The folder has a module ``target`` with ``TARGETS``, a tuple of ``Target``s. Another distribution declares its package as an
 entry point, ``[project.entry-points."barbalat.export_targets"]`` with ``any_name = "its_package"``.
@@ -21,7 +21,10 @@ GROUP = "barbalat.export_targets"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Request:
-    """The request for an export; the fields are the arguments of ``export_controller``."""
+    """The request for an export; the fields are the arguments of ``export_controller``.
+
+    warning  a sentence if the case's own run is lost or refused, else empty; called once the export is known to be possible
+    """
 
     problem: TrackingProblem
     controller: Controller
@@ -32,18 +35,19 @@ class Request:
     place: int
     name: str = ""
     parameters: bool = False
+    warning: Callable[[], str] = lambda: ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
     """One value of ``--target``. Its module imports what it needs only when files are made: the command's help lists all targets.
 
-    name      the name by which users request it
+    name      its name in --target
     help      what they get, in one phrase
     files     the files' contents by their names; raises InputError for what the target can't take
     check     the shell command that checks an export, from the quoted folder and whether it contains the closed loop
     float32   whether its numbers always have 32 bits
-    parameters  whether numbers of the case can be left open as parameters; units of FMI always have them
+    parameters  whether numbers of the case can be left open as parameters; FMUs always have them
     handed    whether the control of an external baseline can be an input
     compiles  whether the files contain binaries for this machine, which ``sources_only`` leaves out
     replaced  names of files of an earlier export that are removed even if they are not written again

@@ -1,13 +1,15 @@
-"""Pieces of C that several of an export's files share."""
+"""Pieces of C that several files of an export share."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
 from string import Template
+from unicodedata import combining, name, normalize
 
 import numpy as np
 
@@ -20,14 +22,14 @@ from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
 
 SHORT_NUMBER_LENGTH = 8
-"""Longest decimal number that is readable at a glance; a longer one adds nothing to the exact constant."""
+"""Most characters of a decimal number that is readable at a glance; a longer one adds nothing to the exact constant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Printed:
     """One export with its names in C.
 
-    prefix  what the functions' names begin with; made of the controller's name where it is empty
+    prefix  the beginning of the functions' names; if empty, it is derived from the controller's name
     """
 
     contents: Contents
@@ -54,7 +56,7 @@ class Printed:
         return "x" if self.contents.measures_state and self.contents.problem.fixed_observer is None else "y"
 
     def number(self, value: float) -> str:
-        """A constant, exactly, with its decimal form if that is short."""
+        """An exact constant, with its decimal form if that is short."""
         text, short = c99.constant(value, self.contents.real), repr(float(value))
         return f"{text} /* {short} */" if len(short) <= SHORT_NUMBER_LENGTH else text
 
@@ -65,7 +67,7 @@ class Printed:
         return f"c->parameter[{self.contents.parameters.index(wanted)}]"
 
     def limit(self, i: int, side: int) -> str:
-        """C text of a limit of the i-th input, side 0 for the lower one, where all have some."""
+        """C text of a limit of the i-th input, side 0 for the lower one, if all inputs have limits."""
         assert self.contents.saturation is not None
         open_one = next((one for one in self.contents.parameters if one.limit == (i, side)), None)
         return self.number(self.contents.saturation[side, i]) if open_one is None else self.parameter(open_one)
@@ -85,10 +87,14 @@ class Printed:
 
     @property
     def origin(self) -> str:
-        """The program that made the files, and their source."""
-        case, each = comment(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
+        """The program that made the files, and their source, for a comment of C."""
+        return self.told_origin(comment)
+
+    def told_origin(self, written: Callable[[str], str]) -> str:
+        """The same with names in this form."""
+        case, each = written(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
         return (
-            f"{comment(self.contents.controller.name)}: {self._scheme}, {each},\n * for the case "
+            f"{written(self.contents.controller.name)}: {self._scheme}, {each},\n * for the case "
             f"{case}. Made by barbalat {__version__} from the operations of its simulation."
         )
 
@@ -116,9 +122,49 @@ def filled(template: str, /, **given: object) -> str:
 
 
 def comment(text: str) -> str:
-    """Text that can neither end a comment of C nor continue it on the next line."""
-    plain = text.encode("ascii", "replace").decode()
-    return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
+    """Text in ASCII that can neither end a comment of C nor continue it on the next line."""
+    powers = _RAISED.sub(lambda found: f"^{normalize('NFKD', found[0])}", normalize("NFD", text))
+    return readable("".join(map(_in_ascii, powers)))
+
+
+def readable(text: str) -> str:
+    """The same with all its characters, for Markdown."""
+    return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
+
+
+def comments(texts: Sequence[str], written: Callable[[str], str] = comment) -> list[str]:
+    """Each in this form; where it makes different ones equal, the characters that it changes are numbers instead."""
+    found = [written(one) for one in texts]
+    meant = {short: {one for one, other in zip(texts, found, strict=True) if other == short} for short in found}
+    return [
+        short if len(meant[short]) == 1 else written("".join(c if written(c) == c else _number(c) for c in one))
+        for one, short in zip(texts, found, strict=True)
+    ]
+
+
+def _in_ascii(character: str) -> str:
+    """The letters for a character that is none in ASCII, of which accents are separate; else its number."""
+    if character.isascii() or character in _LETTERS:
+        return _LETTERS.get(character, character)
+    if combining(character):
+        return ""
+    kind, _, letter = name(character, "").removeprefix("GREEK ").partition(" LETTER ")
+    if letter.isalpha() and kind in ("SMALL", "CAPITAL"):
+        return letter.lower() if kind == "SMALL" else letter.capitalize()
+    plain = normalize("NFKD", character)
+    return plain if plain.isascii() else _number(character)
+
+
+def _number(character: str) -> str:
+    return f"(U+{ord(character):04X})"
+
+
+_RAISED = re.compile("[⁰¹²³⁴-⁹⁺⁻]+")
+_LETTERS = {
+    "°": "deg", "µ": "u", "Ω": "Ohm", "·": "*", "⋅": "*", "×": "*", "−": "-", "–": "-", "√": "sqrt", "’": "'", "\u0307": "_dot",
+    "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "ł": "l", "Ł": "L",
+}  # fmt: skip
+"""For signs of units, a derivative's dot, and letters that are not made of another one and an accent."""
 
 
 def indented(lines: Iterable[str], by: int = 4) -> str:

@@ -25,23 +25,27 @@ from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PA
 from barbalat.validate import Array
 
 ROUNDS = 40
-"""Largest number of rounds of candidates; the stated budget of the search, together with the next constants."""
+"""Largest number of rounds of candidates; with the next constants it is the budget of the search."""
 WORK = 12000
 """Operations of the list times rounds after which the search of a long list ends, after at least ten rounds."""
+MORE_ROUNDS = 40
+"""Further rounds, with ``MORE_PAIRS`` times as many pairs, if more than the share ``WEAK`` of the mutants are undecided."""
+WEAK, MORE_PAIRS = 0.03, 4
 FEW = 20
 """Largest number of remaining mutants for which proofs are tried again with a larger budget."""
 PROVEN_AFTER = 2
 """Rounds after which proofs are tried for the remaining mutants."""
 CANDIDATES = 384
-"""In a round."""
+"""Number of candidates in a round."""
 PAIRS = 6
-"""Pairs between which a comparison's sides are made equal, in every second round."""
+"""Number of pairs, in every second round, between which a comparison's sides are made equal."""
 BEGUN = 6
-"""Columns of a round at which a remaining fault changes a value, and whose neighbours are candidates of the next round."""
+"""Number of columns of a round at which a remaining fault changes a value, and whose neighbours become candidates of the next
+round."""
 WIDE = 7.0
-"""Decades by which some columns' entries are scaled: steps far out of the known set, whose way back is rounded."""
+"""Decades by which the entries of some columns are scaled, for steps far out of the known set, whose way back is rounded."""
 HALVINGS = 64
-"""Bisections between the two of a pair: more than the bits of a number."""
+"""Number of bisections between the two columns of a pair: more than a number has bits."""
 TOLERATED = ESTIMATE_TOLERANCE / 2
 """Relative distance of an estimate outside its set here: half of what the exported C tolerates."""
 COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
@@ -74,8 +78,8 @@ class Vectors:
     outcomes: tuple[int, int]
 
     def counted(self, *, ties: bool) -> tuple[int, int, int]:
-        """The numbers of mutants, of detected ones and of those proven equivalent: among those that differ only at ties, or among
-        all others."""
+        """The numbers of mutants, of detected mutants and of mutants proven equivalent, either among those that differ only at
+        ties or among all others."""
         missed = {mutant: proof for mutant, proof in self.missed.items() if mutant.tie == ties}
         count = sum(mutant.tie == ties for mutant in self.mutants)
         return count, count - len(missed), sum(map(bool, missed.values()))
@@ -83,7 +87,7 @@ class Vectors:
 
 @lru_cache(maxsize=2)
 def chosen(contents: Contents) -> Vectors:
-    """The vectors of one export, the same every time."""
+    """The vectors of one export; repeated calls give the same ones."""
     return _Search(contents).run()
 
 
@@ -126,10 +130,10 @@ class _Search:
         at_first, kept, proofs = tuple(left), [np.zeros((len(self.nominal), 0))], dict[Mutant, str]()
         number = 0
         most = min(ROUNDS, max(10, WORK // len(contents.step.operations)))
-        while _faults(left) and number < most:
+        while _faults(left) and number < most + (MORE_ROUNDS if self._is_weak(every, left, proofs) else 0):
             pool = self._usable(self._drawn() if number else self._special())
             if number % 2:
-                pool = np.hstack([pool, self._usable(self._bisected(pool))])
+                pool = np.hstack([pool, self._usable(self._bisected(pool, PAIRS if number < most else PAIRS * MORE_PAIRS))])
             pool = np.hstack([pool, self._usable(self._neighbours())])
             best, rest = self._covering(pool, left)
             kept.append(best)
@@ -149,6 +153,10 @@ class _Search:
         outcomes = self._judge(np.hstack([self.nominal, columns])).outcomes()
         return Vectors(states, measured, commands, given, freeze, after, every, missed, at_first, outcomes)
 
+    def _is_weak(self, every: Sequence[Mutant], left: Sequence[Mutant], proofs: dict[Mutant, str]) -> bool:
+        """Whether the score is too small: the share of mutants that are detected, among those that are not proven equivalent."""
+        return _faults(left) > WEAK * (_faults(every) - _faults(list(proofs)))
+
     def _proofs(self, left: Sequence[Mutant], most_cases: int = CASES) -> dict[Mutant, str]:
         """The mutants among these that are proven equivalent."""
         contents, most = self.contents, float(self.numbers(self.contents.range))
@@ -167,7 +175,7 @@ class _Search:
         prover = Prover(contents.step, within, contents.real, self.rows, most_cases)
         last_first = sorted(
             left, key=lambda one: -one.place
-        )  # what little depends on is proven cheaply, before the budget is spent
+        )  # a fault on which little depends is cheap to prove, before the budget is spent
         found = {one: proof for one in last_first if (proof := prover.proof(one))}
         return {one: found[one] for one in left if one in found}
 
@@ -176,11 +184,8 @@ class _Search:
         if isinstance(one, float):
             return Interval(float(self.numbers(one)), float(self.numbers(one)))
         most = float(self.numbers(self.contents.parameter_range))
-        least = float(np.nextafter(self.numbers(0), self.numbers(1)))
-        low, high = {"> 0": (least, most), ">= 0": (0.0, most), "< 0": (-most, -least), "<= 0": (-most, 0.0)}.get(
-            one.bound, (-most, most)
-        )
-        return Interval(low, high)
+        low, high = self.contents.bounds(self.contents.parameters.index(one))
+        return Interval(max(-most, low), min(most, high))
 
     def _covering(self, pool: Array, left: Sequence[Mutant]) -> tuple[Array, list[Mutant]]:
         """A small number of columns that detect all mutants that the pool detects, and the undetected mutants."""
@@ -207,10 +212,15 @@ class _Search:
         after = np.broadcast_to(after.reshape(len(self.rows), -1), (len(self.rows), columns.shape[1]))
         good = (np.abs(columns) <= contents.range).all(axis=0) & (np.abs(after) <= contents.range).all(axis=0)
         good &= contents.takes(columns[self.ends[2] : -1])
-        if contents.around is not None:  # what the case's shell accepts as a measurement
-            now, last = columns[slice(*self.ends[:2])], columns[[self.place[row] for row in contents.layout.measured.rows]]
-            low, high, rate = (limit[:, None] for limit in (contents.around.low, contents.around.high, contents.around.rate))
-            good &= ((now >= low) & (now <= high) & (np.abs(now - last) <= rate * (1 - TOLERATED))).all(axis=0)
+        if contents.around is not None:  # only columns that the case's shell accepts
+            around = contents.around
+            for ends, part, limits in (
+                (self.ends[:2], contents.layout.measured, (around.low, around.high, around.rate)),
+                (self.ends[1:], contents.layout.r, (around.command_low, around.command_high, around.command_rate)),
+            ):
+                now, last = columns[slice(*ends)], columns[[self.place[row] for row in part.rows]]
+                low, high, rate = (limit[:, None] for limit in limits)
+                good &= ((now >= low) & (now <= high) & (np.abs(now - last) <= rate * (1 - TOLERATED))).all(axis=0)
         if contents.checked_limits is not None:
             at = [self.place[row] for row in contents.layout.theta_hat.rows]
             low, high = (
@@ -222,7 +232,7 @@ class _Search:
         return columns[:, good]
 
     def _special(self) -> Array:
-        """At rest: all zeros, of either sign, and all but one entry zero."""
+        """Columns at rest: all entries zero, of either sign, or all but one."""
         count = CANDIDATES // 2
         columns = np.zeros((len(self.nominal), count))
         columns[self.random.random(columns.shape) < 0.5] = -0.0
@@ -233,7 +243,7 @@ class _Search:
         return self._of_sets(columns, kept)
 
     def _drawn(self) -> Array:
-        """Around samples of the simulation."""
+        """Columns near samples of the simulation."""
         random, count = self.random, CANDIDATES
         columns = self.nominal[:, random.integers(0, self.nominal.shape[1], count)].copy()
         shape = columns.shape
@@ -258,7 +268,7 @@ class _Search:
         return found if lost == 1 else found * self.random.choice([1.0, lost], size=count)
 
     def _neighbours(self) -> Array:
-        """Around the columns at which a fault changes a value without changing an output: first by the last bits."""
+        """Columns near those at which a fault changes a value without changing an output; some differ only in the last bits."""
         random, columns = self.random, np.tile(self.begun, 4)
         size = 10.0 ** random.uniform(-17, 0, columns.shape[1])
         moved = random.random(columns.shape) < random.choice([0.1, 0.5, 1.0], size=columns.shape[1])
@@ -266,7 +276,8 @@ class _Search:
         return np.where(moved, columns * (1 + size * random.normal(size=columns.shape)), columns)
 
     def _of_sets(self, columns: Array, drawn_of: Array) -> Array:
-        """With the necessary properties: estimates in their set or on its faces, symmetric matrices, started or not."""
+        """The columns with the necessary properties: estimates in their set or on its faces, symmetric matrices, and either
+        started or not."""
         random, layout, count, before = self.random, self.contents.layout, columns.shape[1], drawn_of
         for part in layout.parts:
             at = [self.place[row] for row in part.rows]
@@ -295,21 +306,24 @@ class _Search:
         return columns
 
     def _parameters(self, count: int) -> Array:
-        """Parameters as in the case, some of them changed a little or a lot."""
+        """Parameters of the case, some of them changed a little or a lot, or set to zero of either sign."""
         if not len(self.set):
             return np.zeros((0, count))
         random, shape = self.random, (len(self.set), count)
         moved = random.random(shape) < random.choice([0.0, 0.2, 1.0], size=count)
         factor = 10.0 ** (random.uniform(-1, 1, shape) * random.choice([0.05, 1.0, 2.0], size=count))
         drawn = np.where(self.set == 0, random.normal(size=shape), self.set * factor)
-        return np.where(moved, drawn, self.set)
+        drawn = np.where(moved, drawn, self.set)
+        free = np.array([[self.contents.bounds(i) == (-np.inf, np.inf)] for i in range(len(self.set))])
+        none = free & (random.random(shape) < random.choice([0.0, 0.0, 0.3], size=count))
+        return np.where(none, np.where(random.random(shape) < 0.5, 0.0, -0.0), drawn)
 
     def _matrices(self, at: list[int], n: int, count: int) -> Array:
-        """Symmetric positive definite matrices, like covariances, from almost zero to large."""
+        """Symmetric positive definite matrices, like covariances, from almost zero to large and nearly singular."""
         random = self.random
         base = self.nominal[at][:, random.integers(0, self.nominal.shape[1], count)]
         size = np.abs(base).max(axis=0)
-        v = random.normal(size=(n, count)) * 10.0 ** random.uniform(-2, 1, count)
+        v = random.normal(size=(n, count)) * 10.0 ** random.uniform(-2, 3, count)
         more = (v[:, None] * v[None]).reshape(n * n, count) * size * (random.random(count) < 0.5)
         scale = np.where(random.random(count) < 0.5, 1.0, 10.0 ** random.uniform(-4, 2, count))
         return (base + more) * scale
@@ -355,8 +369,8 @@ class _Search:
         pool[at] = np.where(random.random(pool.shape[1]) < 0.3, outside, pool[at])
         return pool
 
-    def _bisected(self, pool: Array) -> Array:
-        """For each comparison columns at which its sides are equal, or as near as numbers can be."""
+    def _bisected(self, pool: Array, pairs: int = PAIRS) -> Array:
+        """For each comparison, columns at which its sides are equal or as close as numbers allow."""
         operations, random = self.contents.step.operations, self.random
         pool = self._beyond(pool)
         places = [i for i, op in enumerate(operations) if op.name in COMPARED]
@@ -367,7 +381,7 @@ class _Search:
         for place, row in zip(places, found, strict=True):
             for frozen in (0.0, 0.0, 1.0):
                 below, above = (np.flatnonzero(side & (pool[-1] == frozen)) for side in (row <= 0, row > 0))
-                for _ in range(PAIRS // 3 if len(below) and len(above) else 0):
+                for _ in range(pairs // 3 if len(below) and len(above) else 0):
                     ones.append(int(random.choice(below)))
                     others.append(int(random.choice(above)))
                     of.append(place)
@@ -385,7 +399,7 @@ class _Search:
         return np.hstack([low, high])
 
     def _differences(self, columns: Array, of: Array, tiled: int = 1) -> Array:
-        """For each column by how much the first side of its comparison exceeds the second."""
+        """For each column, the amount by which the first side of its comparison exceeds the second."""
         contents = self.contents
         found = values(contents.step, contents.inputs(*self._split(columns)), contents.real)
         count = columns.shape[1] * tiled

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 
 from barbalat import validate
 from barbalat.export.layout import require_prefix
+from barbalat.export.own_run import own_run_warning
 from barbalat.export.target import Request, require_case, targets
 from barbalat.folders import output_folder
+from barbalat.judge.settings import Judge
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -27,6 +31,8 @@ def export_controller(
     place: int = 0,
     name: str | None = None,
     parameters: bool = False,
+    judge: Judge | None = None,
+    note: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Write a sampled controller as source code that computes the same as the simulation, bit for bit; returns the folder.
 
@@ -42,11 +48,14 @@ def export_controller(
     place                index of the controller in its case: the parameters of units have the case's paths,
                          ``controller[0].gamma``
     name                 prefix of functions, types, macros and files, so that several exports can be linked; by default the
-                         identifiers derive from the controller's name, and the files have no prefix. C99 exports with their own
-                         names in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
+                         identifiers are derived from the controller's name, and the files have no prefix. C99 exports with
+                         their own names in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
     parameters           leave gains, limits and initial estimates open in the C, to be set within their bounds while it runs;
-                         units of FMI always have them as parameters
-    sources_only         units without a binary for this machine, for which a C compiler is needed
+                         FMUs always have them as parameters
+    sources_only         FMUs without a binary for this machine, for which a C compiler is needed
+    judge                the judge of the case's own run, as in ``simulate``
+    note                 called with one sentence if the controller is lost in that run, or the shell refuses samples of it; the
+                         README has it as well
 
     Raises InputError, and leaves nothing behind, if the export is impossible.
     """
@@ -55,15 +64,16 @@ def export_controller(
         raise InputError(f"target must be one of {', '.join(known)}, got {validate.show(target)}")
     chosen = known[target]
     if sources_only and not chosen.compiles:
-        raise InputError(f"sources_only is for units of FMI: the target {target} always has sources")
+        raise InputError(f"sources_only is for FMUs: the target {target} always has sources")
     if parameters and not chosen.parameters:
         able = ", ".join(one.name for one in known.values() if one.parameters)
-        raise InputError(f"parameters are for the target {able}; units of FMI always have them; got {target}")
+        raise InputError(f"parameters are for the target {able}; FMUs always have them; got {target}")
     into = validate.local_path("out", out)
     require_case(problem, simulation)
     if problem.handed_controls and not chosen.handed:
         able = ", ".join(one.name for one in known.values() if one.handed)
         raise InputError(f"baseline.external = true makes u_baseline an input of the target {able} alone; got {target}")
+    warning = cache(partial(own_run_warning, problem, controller, simulation, judge))
     made = chosen.files(
         Request(
             problem=problem,
@@ -75,8 +85,11 @@ def export_controller(
             place=place,
             name="" if name is None else require_prefix(name),
             parameters=parameters,
+            warning=warning,
         )
     )
+    if warning():
+        note(warning())
     with output_folder(into) as folder:
         for file, content in made.items():
             folder.write(file, content)

@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
-from barbalat.identify.identification import CONFIDENCE, Identification
+from barbalat.identify.result import CONFIDENCE, Identification
 from barbalat.linear.pole_placement import place
 from barbalat.validate import Array, InputError
 
 SPREAD = 0.25
 """Relative distance between neighbouring poles of the file's model, as a share of the plant's fastest pole."""
+SHARE_OF_DELAY = 0.5
+"""Poles of the file's model, at most, times the dead time."""
 PERIODS, STEPS = 4.0, 100.0
 """Periods of the file's command; solver steps per fastest time constant."""
 AT_REST = 1e-6
@@ -21,12 +24,13 @@ AT_REST = 1e-6
 
 
 def case_text(found: Identification, source: str) -> str:
-    """A whole case file. Ranges are those of the known set, or without a noise bound those of least squares.
+    """A whole case file. Ranges are those of the known set, or without a noise bound the confidence intervals.
 
     Raises InputError if a range is unbounded, and if no poles can be placed.
     """
     names = found.recording.output_names
-    ranges = np.array([row.ranges for row in found.rows])
+    n, m = len(names), len(found.recording.input_names)
+    ranges = np.array([row.ranges for row in found.rows])[:, : n + m]
     if not np.isfinite(ranges).all():
         i, j = np.argwhere(~np.isfinite(ranges).all(axis=2))[0]
         raise InputError(
@@ -39,7 +43,6 @@ def case_text(found: Identification, source: str) -> str:
     speed = float(np.abs(np.linalg.eigvals(A_m)).max())
     slow = float(np.abs(np.linalg.eigvals(A_m)).min())
     amplitude = float(f"{np.ptp(found.recording.outputs[:, followed]) / 4 or 1.0:.2g}")
-    n = len(names)
     A = "\n".join(f"  [{', '.join(row[:n])}]," for row in entries)
     columns = [f"[{', '.join(row[n:])}]" for row in entries]
     single = found.B.shape[1] == 1
@@ -54,7 +57,7 @@ A = [
 {A}
 ]
 b = [{b}]
-
+{f"input = {{ delay = {found.delay!r} }}" if found.delay else ""}
 [labels]
 names = {labels}
 
@@ -75,17 +78,24 @@ dt = {float(f"{1 / (STEPS * speed):.1g}")}
 [[controller]]
 name = "MRAC"
 scheme = "mrac"
-gamma = 1.0
+gamma = {_adaptation_gain(found, A_m, followed, amplitude):.2g}
 """
 
 
 def _heading(found: Identification, source: str) -> str:
     """Comments on the ranges, their assumptions, and what the data did not show; and the name."""
-    every, intervals = "these ranges contain every plant that explains the data", f"{CONFIDENCE:.0%} confidence intervals"
+    every, intervals = "these ranges contain every plant that explains the data", f"{100 * CONFIDENCE:.0f} % confidence intervals"
     lines = [f"Identified by `barbalat identify` from {_one_line(source)}: {every if found.guaranteed else intervals}."]
     if found.noise is not None and found.slope is not None:
-        lines.append("They depend on these bounds of the measurements' error and of the motion's slope:")
+        lines.append("They depend on these bounds of the measurement error and of the rate of change:")
         lines += [f"  {_one_line(name)}: {found.noise[name]!r} and {found.slope[name]!r}" for name in found.noise]
+    if found.reference is not None:
+        point = found.operating_point
+        lines.append(
+            "The signals are deviations from an operating point, and the plant has no equilibrium: its drift is left out."
+            if point is None
+            else f"All signals are deviations from the operating point {_one_line(point_text(point))}."
+        )
     lines += found.findings
     return (
         "".join(f"# {_one_line(line) if line[0] != ' ' else line}\n" for line in lines)
@@ -99,7 +109,7 @@ def _parameters(found: Identification, ranges: Array) -> tuple[str, list[list[st
     entries: list[list[str]] = []
     for i, row in enumerate(found.rows):
         entries.append([])
-        for j, value in enumerate(row.nominal):
+        for j, value in enumerate(row.nominal[: ranges.shape[1]]):
             low, high = ranges[i, j]
             if low == high:
                 entries[-1].append(repr(float(value)))
@@ -114,6 +124,8 @@ def _parameters(found: Identification, ranges: Array) -> tuple[str, list[list[st
 def _model(found: Identification) -> tuple[list[float], Array]:
     """Real poles as fast as the plant's fastest, and A_m."""
     fastest = float(np.abs(np.linalg.eigvals(found.A)).max()) or 1.0
+    if found.delay:
+        fastest = min(fastest, SHARE_OF_DELAY / found.delay)
     poles = [-float(f"{fastest * (1 + SPREAD * k):.3g}") for k in range(len(found.rows))]
     b = found.B[:, 0] if found.B.shape[1] == 1 else found.B
     return poles, place(found.A, b, poles)
@@ -125,9 +137,26 @@ def _followed(A_m: Array, B: Array) -> int:
     return int(np.argmax(gains > AT_REST * gains.max()))
 
 
+def _adaptation_gain(found: Identification, A_m: Array, followed: int, amplitude: float) -> float:
+    """The gain with which the estimates' oscillation, sqrt(gamma b'Pb (|x|^2 + |u|^2)) while the followed state rests at the
+    command's amplitude, is as fast as the model's fastest pole."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    gain = -np.linalg.solve(A_m, found.B)
+    x = gain @ gain[followed] * amplitude / (gain[followed] @ gain[followed])
+    u = np.linalg.lstsq(found.B, -found.A @ x, rcond=None)[0]
+    bPb = np.linalg.norm(found.B.T @ solve_continuous_lyapunov(A_m.T, -np.eye(len(A_m))) @ found.B, 2)
+    return float(np.abs(np.linalg.eigvals(A_m)).max() ** 2 / (bPb * (x @ x + u @ u)))
+
+
 def _label(name: str) -> str:
     """A name as a label in a case file."""
     return re.sub(r"\W+", "_", name).strip("_") or "x"
+
+
+def point_text(point: Mapping[str, float]) -> str:
+    """An operating point in words."""
+    return ", ".join(f"{name} = {value:.6g}" for name, value in point.items())
 
 
 def _one_line(text: str) -> str:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linprog
@@ -34,6 +35,12 @@ EPS = float(np.finfo(float).eps)
 SLACK = 1e-9
 """Share of a window's error bound by which programmes are widened, so that rounding leaves them feasible."""
 CHORD_PASSES = 6
+BEYOND_ALL = 1e9
+"""Emptiness is proven for rows up to this many times the ratio of the changes to the regressors; a larger one does not describe
+a plant."""
+TOLERANCE = 1e-6
+"""Tolerance of the programmes, in units of the windows' error bounds; the solver's own is a tenth of it."""
+FACTOR_PASSES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +66,10 @@ class Windows:
 
     def factor(self, a: Array) -> float:
         """The factor by which the error bounds would have to be multiplied for a row to explain all windows."""
-        return float((np.abs(self.left - self.Q @ a) / (self.left_error + self.Q_error @ np.abs(a))).max())
+        missed = np.abs(self.left - self.Q @ a)
+        with np.errstate(divide="ignore"):
+            ratio = np.divide(missed, self.left_error + self.Q_error @ np.abs(a), where=missed > 0, out=np.zeros_like(missed))
+        return float(ratio.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +77,7 @@ class Enclosure:
     """(p,): contain every row that explains the windows; infinite if unbounded.
 
     exact    whether the orthants were searched, so that only the correlation of the coefficients is lost
-    empty    proven: no row explains the windows
+    empty    proven: no row explains the windows, up to ``BEYOND_ALL`` if their errors leave the set's directions unbounded
     """
 
     lower: Array
@@ -79,40 +89,97 @@ class Enclosure:
 def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
     """Bounds of every coefficient over all rows that explain the windows.
 
-    within  (p, 2), bounds known beforehand, infinite if there are none
+    within  (p, 2), prior bounds, infinite if there are none
     """
     p = windows.Q.shape[1]
-    prior = np.column_stack([np.full(p, -np.inf), np.full(p, np.inf)]) if within is None else np.array(within, dtype=float)
-    scale = 2.0 ** np.round(np.log2(np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)))  # powers of two: no rounding
-    scaled = Windows(windows.left, windows.Q / scale, windows.left_error, windows.Q_error / scale)
-    bounds = prior * scale[:, None]
-    exact = int(windows.noisy.sum()) <= MOST_ORTHANTS
+    prior = _everything(p) if within is None else np.array(within, dtype=float)
+    silent = ~(windows.Q.any(axis=0) | windows.Q_error.any(axis=0))  # no window bounds these coefficients
+    scaled, scale = _by_columns(Windows(windows.left, windows.Q[:, ~silent], windows.left_error, windows.Q_error[:, ~silent]))
+    bounds = prior[~silent] * scale[:, None]
+    exact = int(scaled.noisy.sum()) <= MOST_ORTHANTS
     found = _by_orthants(scaled, bounds) if exact else _by_chords(scaled, bounds)
     if found is None:
         return Enclosure(np.full(p, np.inf), np.full(p, -np.inf), exact, empty=True)
-    return Enclosure(found[:, 0] / scale, found[:, 1] / scale, exact)
+    box = prior.copy()
+    box[~silent] = found / scale[:, None]
+    return Enclosure(box[:, 0], box[:, 1], exact)
+
+
+def least_factor(windows: Windows, within: Array | None = None) -> float:
+    """The smallest factor found of all error bounds with which some row explains the windows.
+
+    The largest ratio of a misfit to its bound is minimised over the rows of each orthant by linear programmes (Dinkelbach 1967,
+    Management Science 13(7)); with more than ``MOST_ORTHANTS`` noisy coefficients only over that of least squares.
+    """
+    scaled, scale = _by_columns(windows)
+    bounds = _everything(len(scale)) if within is None else within * scale[:, None]
+    best = np.clip(np.linalg.lstsq(scaled.Q, scaled.left, rcond=None)[0], bounds[:, 0], bounds[:, 1])
+    noisy = np.flatnonzero(scaled.noisy)
+    of_best = tuple(np.where(best[noisy] < 0, -1.0, 1.0))
+    others = product((-1.0, 1.0), repeat=len(noisy)) if len(noisy) <= MOST_ORTHANTS else ()
+    for signs in (of_best, *(other for other in others if other != of_best)):
+        best = _least_factor_of(scaled, _orthant(bounds, noisy, signs), best)
+    return scaled.factor(best)
+
+
+def _least_factor_of(windows: Windows, bounds: Array, best: Array) -> Array:
+    """The row of an orthant with the smallest factor, or ``best`` if none of them is better."""
+    if (bounds[:, 0] > bounds[:, 1]).any():
+        return best
+    signs = np.where(bounds[:, 0] >= 0, 1.0, np.where(bounds[:, 1] <= 0, -1.0, 0.0))
+    for _ in range(FACTOR_PASSES):
+        factor = windows.factor(best)
+        unit = windows.left_error + windows.Q_error @ np.abs(best)
+        E = factor * windows.Q_error * signs
+        G = np.vstack([-windows.Q - E, windows.Q - E]) / np.tile(unit, 2)[:, None]
+        g = np.concatenate([factor * windows.left_error - windows.left, factor * windows.left_error + windows.left])
+        reach = [(low if np.isfinite(low) else None, high if np.isfinite(high) else None) for low, high in bounds]
+        solved = linprog(
+            np.append(np.zeros(len(bounds)), 1.0), A_ub=np.column_stack([G, -np.ones(len(G))]), b_ub=g / np.tile(unit, 2),
+            bounds=[*reach, (-factor, None)], method="highs",
+        )  # fmt: skip
+        if solved.x is None:
+            return best
+        found = np.clip(solved.x[:-1], bounds[:, 0], bounds[:, 1])
+        if windows.factor(found) >= factor * (1 - 1e-4):
+            return best
+        best = found
+    return best
+
+
+def _everything(p: int) -> Array:
+    return np.column_stack([np.full(p, -np.inf), np.full(p, np.inf)])
+
+
+def _by_columns(windows: Windows) -> tuple[Windows, Array]:
+    """The windows for coefficients multiplied by powers of two, without rounding, so that all regressors are of size 1."""
+    scale = 2.0 ** np.round(np.log2(np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)))
+    return Windows(windows.left, windows.Q / scale, windows.left_error, windows.Q_error / scale), scale
+
+
+def _orthant(bounds: Array, noisy: Array, signs: tuple[float, ...]) -> Array:
+    """The part of the bounds in which the noisy coefficients have these signs."""
+    part = bounds.copy()
+    for j, sign in zip(noisy, signs, strict=True):
+        part[j] = (max(part[j, 0], 0.0), part[j, 1]) if sign > 0 else (part[j, 0], min(part[j, 1], 0.0))
+    return part
 
 
 def _by_orthants(windows: Windows, prior: Array) -> Array | None:
     """The hull over the orthants of the noisy coefficients; None if all are proven empty."""
     noisy = np.flatnonzero(windows.noisy)
-    hull = None
+    parts = []
     for signs in product((-1.0, 1.0), repeat=len(noisy)):
-        bounds = prior.copy()
-        for j, sign in zip(noisy, signs, strict=True):
-            bounds[j] = (max(bounds[j, 0], 0.0), bounds[j, 1]) if sign > 0 else (bounds[j, 0], min(bounds[j, 1], 0.0))
+        bounds = _orthant(prior, noisy, signs)
         if (bounds[:, 0] > bounds[:, 1]).any():
             continue
         slope, offset = np.zeros(len(prior)), np.zeros(len(prior))
         slope[noisy] = signs
-        found = _polyhedron(windows, bounds, slope, offset)
-        if found is not None:
-            hull = (
-                found
-                if hull is None
-                else np.column_stack([np.minimum(hull[:, 0], found[:, 0]), np.maximum(hull[:, 1], found[:, 1])])
-            )
-    return hull
+        parts.append(_polyhedron(windows, bounds, slope, offset))
+    if all(part.empty for part in parts):
+        return None
+    boxes = np.array([part.box for part in parts if part.box is not None])
+    return np.column_stack([boxes[:, :, 0].min(axis=0), boxes[:, :, 1].max(axis=0)])
 
 
 def _by_chords(windows: Windows, prior: Array) -> Array | None:
@@ -134,9 +201,9 @@ def _by_chords(windows: Windows, prior: Array) -> Array | None:
         point = windows.noisy & (width == 0)
         offset[point] = np.abs(upper[point])
         found = _polyhedron(windows, bounds, slope, offset)
-        if found is None:
+        if found.empty or found.box is None:
             return None
-        bounds = np.column_stack([np.maximum(bounds[:, 0], found[:, 0]), np.minimum(bounds[:, 1], found[:, 1])])
+        bounds = np.column_stack([np.maximum(bounds[:, 0], found.box[:, 0]), np.minimum(bounds[:, 1], found.box[:, 1])])
     return bounds
 
 
@@ -165,8 +232,15 @@ def _self_bounded(beta: Array, R: Array) -> Array | None:
     return box if (box * (1 - 1e-12) >= (beta + R @ box) * (1 + 1e-12)).all() else None
 
 
-def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) -> Array | None:
-    """(p, 2) bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}; None if proven empty.
+class _Part(NamedTuple):
+    """Bounds (p, 2) of a polyhedron, None if it has no point; and whether it has none up to ``BEYOND_ALL``."""
+
+    box: Array | None
+    empty: bool
+
+
+def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) -> _Part:
+    """Bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}.
 
     For coefficients that are not noisy Q_error is rounding, and its effect is covered by the far larger slack.
     """
@@ -177,20 +251,24 @@ def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) ->
     g = np.concatenate([right - windows.left, right + windows.left])
     g = g + SLACK * np.concatenate([right, right]) + 16 * EPS * (np.abs(np.concatenate([windows.left] * 2)) + np.abs(g))
     G_error = 8 * EPS * np.vstack([np.abs(windows.Q) + E] * 2) + np.vstack([np.where(noisy, 0.0, windows.Q_error)] * 2)
-    G, g, G_error = _with_bounds(G, g, G_error, bounds)
+    unit = 2.0 ** -np.round(np.log2(np.maximum(windows.left_error + E @ (np.abs(slope) + offset), 1e-300)))  # no rounding
+    unit = np.concatenate([unit, unit])
+    G, g, G_error = _with_bounds(G * unit[:, None], g * unit, G_error * unit[:, None], bounds)
     p = len(bounds)
     free = [(None, None)] * p
     most_violated = np.column_stack([G, -np.ones(len(G))])
     least = linprog(np.append(np.zeros(p), 1.0), A_ub=most_violated, b_ub=g, bounds=[*free, (-1.0, None)], method="highs")
     needed = max(0.0, float(least.x[-1])) if least.x is not None else 0.0
-    relaxed = g + needed * (1 + 1e-9) + (1e-12 * np.abs(g).max() if needed else 0.0)
-    programmes = _dual_bounds(G, relaxed, G_error)
+    # beyond what is needed, so that the solver does not take the set of a single point for an empty one
+    programmes = _dual_bounds(G, g + (2 * needed + TOLERANCE if needed else 0.0), G_error)
+    size = max(np.abs(windows.left).max(), windows.left_error.max(), np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0))
+    box = np.full(p, BEYOND_ALL * size) if programmes is None else programmes[0]
+    empty = needed > 0 and _proven_empty(G, g, G_error, -np.asarray(least.ineqlin.marginals), box)
     if programmes is None:
-        return np.where(np.isfinite(bounds), bounds, [-np.inf, np.inf])
-    box, found = programmes
-    if needed and _proven_empty(G, g, G_error, -np.asarray(least.ineqlin.marginals), box):
-        return None
-    return np.column_stack([np.maximum(found[:, 0], bounds[:, 0]), np.minimum(found[:, 1], bounds[:, 1])])
+        return _Part(np.where(np.isfinite(bounds), bounds, [-np.inf, np.inf]), empty)
+    found = programmes[1]
+    inside = np.column_stack([np.maximum(found[:, 0], bounds[:, 0]), np.minimum(found[:, 1], bounds[:, 1])])
+    return _Part(None if empty else inside, empty)
 
 
 def _with_bounds(G: Array, g: Array, G_error: Array, bounds: Array) -> tuple[Array, Array, Array]:

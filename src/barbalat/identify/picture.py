@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from barbalat.identify.identification import Identification
+from barbalat.identify.result import Identification
 from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, new_figure
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,10 @@ from barbalat.validate import Array, InputError
 TEXT_BYTE = Estimate(memory=40.0, seconds=2e-7)
 """The cost of a byte of a CSV file: its text, its cells, its numbers."""
 LEAST_SAMPLES = 8
+EVEN = 1e-6
+"""Relative difference up to which sampling intervals count as one sample time."""
+CONSTANT = "constant"
+"""The name of a constant term, as of an input that is always 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,41 @@ class Recording:
         cut = slice(start, stop)
         return Recording(self.times[cut], self.inputs[cut], self.outputs[cut], self.input_names, self.output_names)
 
+    @property
+    def sample_time(self) -> float | None:
+        """The sample time [s]; None if the samples are not evenly spaced."""
+        h = float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
+        return h if float(np.abs(np.diff(self.times) - h).max()) <= EVEN * h + 1e-14 * float(np.abs(self.times).max()) else None
+
+    def delayed(self, delay: float) -> Recording:
+        """The recording with the inputs that arrive after a dead time [s]; it begins when the first of them does.
+
+        Raises InputError unless the dead time is a multiple of the sample time and shorter than the recording.
+        """
+        h = self.sample_time
+        if h is None:
+            raise InputError.of("delay", "needs samples at equal intervals, and these are not")
+        steps = round(delay / h)
+        if delay < 0 or abs(delay / h - steps) > 1e-6:
+            low = max(0, math.floor(delay / h))
+            raise InputError.of(
+                "delay", f"must be a multiple of the sample time, such as {low * h:g} or {(low + 1) * h:g}, got {delay:g}"
+            )
+        if len(self.times) - steps < LEAST_SAMPLES:
+            raise InputError.of("delay", f"is {delay:g}, and the recording has only {self.times[-1] - self.times[0]:g} s")
+        return self.shifted(steps)
+
+    def shifted(self, steps: int) -> Recording:
+        """The samples from the number ``steps`` on, with the inputs from as many samples before."""
+        N = len(self.times)
+        return Recording(self.times[steps:], self.inputs[: N - steps], self.outputs[steps:], self.input_names, self.output_names)
+
+    def about(self, reference: Array) -> Recording:
+        """Deviations from a reference of the outputs and inputs (n + m,), with an input 1 for a constant term in each row."""
+        n = len(self.output_names)
+        inputs = np.column_stack([self.inputs - reference[n:], np.ones(len(self.times))])
+        return Recording(self.times, inputs, self.outputs - reference[:n], (*self.input_names, CONSTANT), self.output_names)
+
 
 def read_csv(file: str | Path, inputs: Sequence[str], outputs: Sequence[str], time: str | None = None) -> Recording:
     """The columns of these names; the time is the column ``time``, by default t or time.
@@ -75,7 +115,7 @@ def read_csv(file: str | Path, inputs: Sequence[str], outputs: Sequence[str], ti
             found = "twice" if name in header else f"not in its first line{validate.hint(name, header)}"
             raise InputError(f"{path}: the column {validate.show(name)} is {found}")
     places = [header.index(name) for name in names]
-    data = np.array([_numbers(path, i, row, places) for i, row in enumerate(rows[1:], start=2) if any(row)])
+    data = np.array([_numbers(path, i, row, names, places) for i, row in enumerate(rows[1:], start=2) if any(row)])
     if not len(data):
         raise InputError(f"{path} has no rows of numbers below its first line")
     m = len(inputs)
@@ -90,10 +130,16 @@ def _require_names(inputs: Sequence[str], outputs: Sequence[str]) -> None:
         raise InputError(f"inputs and outputs must be different columns, got {validate.show(twice[0])} twice")
 
 
-def _numbers(path: Path, line: int, row: Sequence[str], places: Sequence[int]) -> list[float]:
-    try:
-        return [float(row[place]) for place in places]
-    except (ValueError, IndexError):
-        raise InputError(
-            f"{path}, line {line}: expected numbers in all named columns, got {validate.show(','.join(row))}"
-        ) from None
+def _numbers(path: Path, line: int, row: Sequence[str], names: Sequence[str], places: Sequence[int]) -> list[float]:
+    """The finite numbers of a line in the named columns; InputError with the line and the column."""
+    found = []
+    for name, place in zip(names, places, strict=True):
+        cell = row[place].strip() if place < len(row) else ""
+        try:
+            found.append(float(cell))
+        except ValueError:
+            found.append(math.nan)
+        if not math.isfinite(found[-1]):
+            got = validate.show(cell) if cell else "an empty cell"
+            raise InputError(f"{path}, line {line}, column {validate.show(name)}: expected a number, got {got}")
+    return found

@@ -18,7 +18,7 @@ from barbalat.validate import Array
 def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None = None, renewed: bool = False) -> Array:
     """The memory (rows,) after K samples, each entry of which is (K, size).
 
-    start    the memory before them; by default its initial value
+    start    the memory before these samples; by default its initial value
     renewed  whether the parts for the tail restart with these samples
     """
     sizes = tuple(np.asarray(part).reshape(len(samples.y), -1).shape[1] for part in samples)
@@ -35,7 +35,7 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
 
 @lru_cache(maxsize=16)  # all flights of a vehicle share it
 def _kernel(memory: Memory, sizes: tuple[int, ...], ranges: tuple[float, ...]) -> Kernel:
-    """The list as machine code, for rows that contain the parts of a sample with these sizes."""
+    """The judge's list as machine code, for rows that contain the parts of a sample, which have these sizes."""
     import casadi as ca
 
     row_column, row = symbols("row", sum(sizes))

@@ -1,4 +1,4 @@
-"""The judge's list, appended to the operations of a kernel's step: it reads their results and changes no bit of them."""
+"""The judge's list, appended to the operations of a kernel's step: it reads their results and does not change them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.judge.memory import Memory, Sample
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.packing import column, symbols
+from barbalat.loop.packing import column, symbols, together
 from barbalat.lowering.operations import Operation, Program, following, read
 from barbalat.lowering.optimize import optimize
 from barbalat.protocols import Value
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STATE, MEMORY, PARAMETERS, SIGNALS, PAST, NOISE, ERROR, DEMAND = range(8)
-"""Arguments of the judge's list: those of a step, with the memory in place of its accumulators, and values that the step
-computes anyway."""
+"""Arguments of the judge's list: those of a step, with the memory in place of the accumulators, and values that the step has
+already computed."""
 ARRIVED = 1e-3
-"""Share of a control's range: this close to its limit a rate limiter counts as arrived, since it approaches the limit
-exponentially."""
+"""Share of a control's range: a rate limiter this close to the control's limit counts as having arrived, since it approaches
+the limit exponentially."""
 
 
 class Given(NamedTuple):
@@ -92,10 +92,10 @@ def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value
         y_m=loop.model.output(state.x_m).reshape(-1),
         e=e,
         u=u,
-        limited=_together(limited),
-        at_limit=_together(at_limit),
-        at_rate_limit=_together(at_rate_limit),
-        r=_together([given.r]) if loop.commands is None else given.r,
+        limited=together(limited),
+        at_limit=together(at_limit),
+        at_rate_limit=together(at_rate_limit),
+        r=together([given.r]) if loop.commands is None else given.r,
         steps=steps,
     )
 
@@ -103,14 +103,7 @@ def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value
 def ranges_of(loop: ClosedLoop) -> Value:
     """(m,) upper - lower of each input's limits; 1 without limits."""
     limits = [None if path is None else path.saturation for path in loop.paths]
-    return _together([1.0 if found is None else found[1] - found[0] for found in limits])
-
-
-def _together(values: list[Value]) -> Value:
-    """Numbers, or expressions, as one array."""
-    if any(hasattr(value, "is_symbolic") or hasattr(value, "shape") for value in values):
-        return np.concatenate([np.reshape(value, 1) if isinstance(value, (int, float)) else value.reshape(1) for value in values])
-    return np.array(values, dtype=float)
+    return together([1.0 if found is None else found[1] - found[0] for found in limits])
 
 
 def update_function(loop: ClosedLoop, memory: Memory, given: Given) -> ca.Function:

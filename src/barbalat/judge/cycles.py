@@ -11,16 +11,17 @@ from barbalat.judge.held import Held
 from barbalat.validate import Array
 
 FEWEST_REVERSALS = 2
-"""In the tail: a suspect reverses more often than this, which is at least one and a half periods."""
+"""A suspect reverses more often than this in the tail, for at least one and a half periods."""
 TURNS_EXPLAIN = 2
-"""Reversals that are explained by each turn of the commands and disturbances; also the ratio of the control's path to theirs,
-each as a multiple of its range."""
+"""Number of reversals that one turn of the commands and disturbances explains, and the largest explained ratio of the control's
+path to theirs, each as a multiple of its range."""
 LIMITED_SHARE = 0.25
-"""Share of the tail: a control that is at a limit, or at a limited rate, for longer responds to that and not to the command."""
+"""A control that is at a limit, or at its limited rate, for more than this share of the tail responds to the limit and not to
+the command."""
 SLOWEST_PERIODS = 3.0
 """A window of a continuation has this many periods of the model's slowest mode, unless the run is shorter."""
 FEWEST_CYCLES = 4.0
-"""It also has at least this many of the periods seen in the tail."""
+"""It also has at least this many periods of the oscillation seen in the tail."""
 LONGEST_SHARE = 0.5
 """Share of the run that a window has at most, so that a continuation takes less than MOST_WINDOWS halves of it."""
 KEPT_SHARE = 0.8
@@ -30,7 +31,7 @@ STEADY_SHARE = 0.02
 LEVELLING_SHARE = 0.5
 """Largest ratio of successive changes between windows for a swing that converges to a limit cycle's."""
 FEWEST_WINDOWS = 3
-"""The first shows the effect of holding the command, the other two are compared."""
+"""Least number of windows: the first shows the effect of holding the command, and the other two are compared."""
 FIRST_PIECES = 3
 """Pieces of the first window: a run whose control is quiet in all pieces but the first, and as quiet in the last, needs no
 other window."""
@@ -43,7 +44,7 @@ def suspects(reversals: Array) -> Array:
 
 
 def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Array:
-    """(M,) whether the driving signals explain a member's reversals, as far as counts show, if the member follows.
+    """(M,) whether the driving signals explain a member's reversals according to the counts, if the member follows.
 
     It requires that no control reverses more than twice for each turn of the commands and disturbances, that its path between
     turns is at most twice theirs, and that no control is at its limits for long: ``reversals``, ``swings`` and ``limited``, the
@@ -94,7 +95,7 @@ def frequency_of(t: Array, v: Array) -> float:
 def quiet(swing: Array, band: Array) -> Array:
     """(M,) which runs are at rest, judged by the pieces of their first window: ``swing`` (FIRST_PIECES, M, m), ``band`` (M, m).
 
-    A control that stays in its band for all that time, which is two periods of the model's slowest mode unless the run is
+    A control that stays in its band for the whole window, which is two periods of the model's slowest mode unless the run is
     shorter, could only oscillate with a period several times as long.
     """
     with np.errstate(invalid="ignore"):

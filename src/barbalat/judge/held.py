@@ -15,7 +15,7 @@ from barbalat.validate import Array
 INSTANTS = 2**14
 """Number of instants of the tail at which the signals are evaluated."""
 RIPPLE = 0.025
-"""Share of a signal's range in the tail: smaller movements are no turn of it, and explain no reversal of a control."""
+"""Share of a signal's range in the tail: smaller movements do not count as a turn, and do not explain a reversal of a control."""
 
 
 @dataclass(frozen=True, eq=False)

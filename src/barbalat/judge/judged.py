@@ -13,11 +13,11 @@ from barbalat.judge.verdict import Class, Cycle, Deviation, Figures, Response, V
 from barbalat.validate import Array
 
 CLASSES = tuple(Class)
-"""The classes by their numbers in ``Judged.kinds``; a run has the first one that applies."""
+"""The classes, by their numbers in ``Judged.kinds``; the class of a run is the first that applies."""
 TIE = 1e-9
 """Components whose errors relative to their bands differ by less count as equal, because the difference is rounding."""
 LEAST_BESIDE = 1e-3
-"""Share of its band below which the worst error is told alone, whichever state is declared to follow."""
+"""Share of its band below which only the worst error is reported, whichever state is declared to follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Kept:
     whole: Array
 
     def of(self, name: str) -> Array:
-        """(M, entries) for the whole run, or for the tail if it has its own rows."""
+        """(M, entries) of the whole run, or of the tail if the quantity has separate rows for it."""
         return self.whole[self.memory.places[name]].T
 
     def in_tail(self, name: str) -> Array:
@@ -55,7 +55,7 @@ class Kept:
         of turns is odd, the middle of the range is used twice, for the first and the last one.
         """
         direction = self.before_tail[self.memory.places["direction"]].T
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             odd = np.where(self.in_tail("reversals") % 2 == 1, direction * (self.of("low") + self.of("high")), 0.0)
             return np.asarray(np.where(self.reversals > 0, (2 * self.in_tail("turned at") - odd) / self.ranges, 0.0))
 
@@ -67,7 +67,7 @@ class Kept:
         return np.asarray(LEAST_RANGE * magnitudes.max(axis=0).T)
 
     def of_inputs(self, name: str, which: tuple[bool, ...], *, in_tail: bool = False) -> Array:
-        """(M, m) values for inputs that have this quantity; 0 for the others."""
+        """(M, m) the values for inputs that have this quantity, and 0 for the others."""
         found = np.zeros((self.whole.shape[1], self.memory.inputs))
         found[:, np.flatnonzero(which)] = self.in_tail(name) if in_tail else self.of(name)
         return found

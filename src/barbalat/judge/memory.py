@@ -49,7 +49,7 @@ class Sample(NamedTuple):
 
 
 class Begins(IntEnum):
-    """When a quantity restarts: only with the run, also with each window of a continuation, or also with its tail."""
+    """When a quantity restarts: only with the run, also with each window of a continuation, or also with the tail."""
 
     RUN = 0
     WINDOW = 1
@@ -170,8 +170,8 @@ class Memory:
     def _reversed(self, old: dict[str, Value], new: dict[str, Value], sample: Sample, ranges: Value) -> dict[str, Value]:
         """The limited control reverses when its distance from its farthest point exceeds the hysteresis.
 
-        Everything is measured in the direction of motion: a farther point has a larger value. A fall at the start counts as a
-        reversal, too.
+        Everything is measured in the direction of motion: a farther point has a larger value. A decrease at the start also
+        counts as a reversal.
         """
         free = tuple(not limited for limited in self.limited)
         moved, far = _chosen(new["high"] - new["low"], free), _chosen(np.abs(sample.limited), free)

@@ -25,7 +25,7 @@ class Uncommanded:
 
     answer  (n,) their largest response to the disturbances alone in the model, which is the loop with known parameters; an output
             disturbance of a fed-back output takes the place of the command
-    spread  (n, n) the largest value of each in the model's free motion from a unit of another
+    spread  (n, n) the largest value of each component in the model's free motion from an initial value of 1 of another
     """
 
     answer: Array
@@ -33,7 +33,7 @@ class Uncommanded:
 
     @classmethod
     def of(cls, problem: TrackingProblem, t_end: float) -> Uncommanded:
-        """For the time from 0 to t_end [s]."""
+        """The scale for a run from 0 to t_end [s]."""
         A, B, C = problem.model.matrices
         C = np.atleast_2d(C)
         step = t_end / INSTANTS

@@ -16,15 +16,16 @@ from barbalat.validate import Array, InputError
 LOST_SHARE = 100.0
 """Default multiple of its scale beyond which a component is lost: 40 dB above everything that was requested."""
 CYCLE_SHARE = 0.025
-"""Share of the control's range. On the flexible joint, with noise, every hysteresis from 1 to 5 % separates cycles from other
-runs."""
+"""Default hysteresis, as a share of the control's range. On the flexible joint with noise, every hysteresis from 1 to 5 %
+separates cycles from other runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judge(Settings):
     """The criteria for following, for being lost, and for a limit cycle; all have defaults.
 
-    follows  by component, the largest |error| of the tail with which a run follows, in the plant's units; 5 % of the component's
+    follows  by component, the largest |error| in the tail up to which a run counts as following, in the plant's units; 5 % of
+             the component's
              scale by default. The scale is the model's largest motion; if the model is at rest, the largest of initial state,
              noise and the model's response to the disturbances
     lost     by component, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale by default
@@ -70,7 +71,9 @@ class Judge(Settings):
             for key, value in getattr(self, bands).items():
                 name = also.get(key, key)
                 if name not in names:
-                    raise InputError.of(f"judge.{bands}.{key}", f"does not name a component; there are {', '.join(names)}")
+                    raise InputError.of(
+                        f"judge.{bands}.{key}", f"does not name a component; the components are {', '.join(names)}"
+                    )
                 if name in by_name:
                     raise InputError.of(f"judge.{bands}.{key}", f"is a second band of {name}; give only one")
                 by_name[name] = value
@@ -108,11 +111,7 @@ class Bands:
         each = zip(self.names, self.units, self.follows[i], self.lost[i], strict=True)
         return "; ".join(
             f"{name} follows within {follows:.3g}{_unit(unit)} and "
-            + (
-                f"is lost beyond {lost:.3g}{_unit(unit)}"
-                if np.isfinite(lost)
-                else "has no scale of which 100 times would be lost"
-            )
+            + (f"is lost beyond {lost:.3g}{_unit(unit)}" if np.isfinite(lost) else "has no scale, so no size counts as lost")
             for name, unit, follows, lost in each
         )
 

@@ -19,7 +19,7 @@ class Specification(Settings):
     u_max      largest demanded |u|, before the limits
     delay      additional delay at the plant's input that the loop tolerates without oscillation [s]
     gain       the loop tolerates factors from 1/gain to gain on the input's effectiveness
-    noise      largest RMS of the effect of measurement noise on u, as a share of the largest |u| without noise
+    noise      largest RMS, over these steps, of the effect of measurement noise on u, as a share of the largest |u| without noise
     """
 
     settling: float | None = None

@@ -129,7 +129,7 @@ class Verdict:
     lost_at        the time by which the run was lost [s]; None if it was not
     lost_within    how much earlier that may have been [s]; 0 if it is known to the step
     lost_when_held whether a suspect that is not lost in its run is lost when it is continued with everything held
-    figures        IAE and the like; None if they were not asked for
+    figures        IAE and similar ones; None if they were not requested
     bands          the bands of all components, as text
     of_the_solver  whether a finer step gives the same class without the oscillation that the run shows
     suspect        what looks like a limit cycle if the run can't be continued, as with a flight model; else empty
@@ -156,7 +156,7 @@ class Verdict:
     beside: Deviation | None = None
 
     def __str__(self) -> str:
-        """Such as "follows within 3 %, at its limits 12 % of the time"."""
+        """The verdict in words, such as "follows within 3 %, at its limits 12 % of the time"."""
         said = [self._said, *self._limits, *([self.suspect] if self.suspect else [])]
         if self.of_the_solver:
             said.append("also at a finer step, but its oscillation is due to the solver")
@@ -216,5 +216,5 @@ class Verdict:
 
 
 def percent(share: float) -> str:
-    """With two digits: "3 %", "0.021 %"; a nonzero share is never printed as 0."""
+    """A share with two digits, such as "3 %" or "0.021 %"; a nonzero share is never printed as 0."""
     return f"{float(np.format_float_positional(100 * share, 2, fractional=False)):.12g} %"

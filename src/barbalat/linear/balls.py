@@ -13,7 +13,7 @@ from barbalat.linear.enclosure import power
 from barbalat.validate import Array
 
 BELOW_ZERO = 2.0**-28
-"""How far, relatively, a ball of nonnegative numbers may extend below zero: its radius has 30 bits."""
+"""How far a ball of nonnegative numbers may extend below zero, relative to its centre: a radius has 30 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Ball:
 
     def __pow__(self, exponent: float) -> Ball:
         whole = float(exponent).is_integer()
-        if whole and exponent > 0 and exponent % 2 == 0:  # nonnegative: from the ends of |value|
+        if whole and exponent > 0 and exponent % 2 == 0:  # the ends of |value| keep it nonnegative
             return Ball((self.value.abs_lower() ** int(exponent)).union(self.value.abs_upper() ** int(exponent)))
         return Ball(power(self.value, int(exponent)) if whole else self.value ** as_arb(exponent))
 

@@ -9,8 +9,8 @@ from barbalat.validate import Array, InputError, show
 
 
 def balance(A: Array) -> tuple[Array, Array]:
-    """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded; different time scales then no longer
-    dominate the norm."""
+    """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded. Fast states then no longer dominate the
+    norm."""
     from scipy.linalg import matrix_balance
 
     with np.errstate(invalid="ignore"):  # SciPy converts all scales to integers for a permutation that is not requested
@@ -19,7 +19,7 @@ def balance(A: Array) -> tuple[Array, Array]:
 
 
 def scaled(matrix: Array) -> tuple[Array, float]:
-    """The matrix divided by a power of two near its largest entry, exactly, and that power: norms and roots then don't
+    """The matrix divided by a power of two near its largest entry, exactly, and that power. Norms and roots of the result don't
     overflow."""
     exponent = int(np.frexp(np.abs(matrix).max(initial=0.0))[1])
     with np.errstate(under="ignore"):
@@ -34,12 +34,17 @@ def rounding(A: Array) -> float:
 
 def require_hurwitz(field: str, A: Array) -> None:
     """InputError unless every eigenvalue has a negative real part, by more than rounding."""
+    largest, stable = largest_real_part(A)
+    if not stable:
+        raise InputError.of(field, f"must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
+
+
+def largest_real_part(A: Array) -> tuple[float, bool]:
+    """The largest real part of the eigenvalues, and whether it is negative by more than rounding."""
     unit, half = scaled(A)
     balanced, _ = balance(unit)
     largest = float(np.linalg.eigvals(balanced).real.max())
-    if not largest < -rounding(balanced):
-        largest = largest * half * 2
-        raise InputError.of(field, f"must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
+    return largest * half * 2, largest < -rounding(balanced)
 
 
 def require_controllable(fields: str, A: Array, b: Array) -> None:
@@ -52,7 +57,7 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
     norm = float(np.linalg.norm(balanced, 2))
     for eigenvalue in np.linalg.eigvals(balanced):
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
-        # 100, since the eigenvalue itself has a few rounding errors
+        # 100 because the eigenvalue itself has a few rounding errors
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
             raise InputError.of(
                 fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
@@ -62,7 +67,7 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
 def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex | None:
     """An eigenvalue of A whose mode is not observable in y = C x, beyond rounding; None if there is none.
 
-    stable_too  whether modes in Re s < 0 count; without them the test is for detectability
+    stable_too  whether modes in Re s < 0 are included; without them the test is for detectability
     """
     unit, half = scaled(A.T)
     balanced, scale = balance(unit)
@@ -115,5 +120,5 @@ def lyapunov_holds(P: Array, A_m: Array) -> bool:
 
 
 def exact_matrix(matrix: Array) -> arb_mat:
-    """The matrix in balls, without rounding."""
+    """The matrix as balls, without rounding."""
     return arb_mat(matrix.tolist())

@@ -1,5 +1,5 @@
-"""The frequencies at which a linear loop's response crosses the unit circle and the real axis; none is missed between grid
-points.
+"""All frequencies at which a linear loop's response crosses the unit circle or the real axis; none between grid points is
+missed.
 
 Source: the crossings are zeros of 1 - L(-s)L(s) and of L(s) - L(-s) on the imaginary axis, as in Boyd, Balakrishnan, Kabamba
 (1989).
@@ -39,7 +39,7 @@ class Crossings:
         """All w > 0 with function(L(j w)) = 0, from the zeros of ``system`` on the axis and from sign changes on a grid around
         the poles.
 
-        The zeros miss nothing between grid points; the grid guards against rounding errors of zeros near lightly damped poles.
+        The zeros cover what lies between grid points; the grid guards against rounding errors of zeros near lightly damped poles.
         Both are bracketed and refined on the function itself, so that no spurious crossing is returned.
         """
         from scipy.optimize import brentq
@@ -60,7 +60,7 @@ class Crossings:
 
 
 _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
-"""Relative distances around a computed zero that bracket the true one whatever the rounding error."""
+"""Relative distances around a computed zero; they bracket the true one whatever the rounding error."""
 
 
 _ROUNDING = 1e-15
@@ -68,9 +68,9 @@ _ROUNDING = 1e-15
 
 
 _LARGE_RESPONSE = 1e3
-"""A response that keeps growing towards lower frequencies: L is c/s there, or c/s^2."""
+"""The ratio by which a response keeps growing towards lower frequencies if L is c/s or c/s^2 there."""
 _LEAST_SHARE = 1e-15
-"""Share of the lowest frequency: further below, an integrator's response vanishes in the rounding errors of the others."""
+"""Share of the lowest frequency: below it, the other poles' responses are lost in an integrator's rounding errors."""
 
 
 def frequency_grid(loop: StateSpace) -> Array:
@@ -133,5 +133,5 @@ def zeros(system: StateSpace) -> Array:
 def axis_zeros(system: StateSpace) -> Array:
     """The positive w near which the system vanishes at s = j w."""
     found = zeros(system)
-    # wide: a doubtful zero costs some evaluations, a missed one gives a wrong margin
+    # a wide band: a spurious zero costs some evaluations, but a missed one gives a wrong margin
     return np.asarray(found[(np.abs(found.real) <= 1e-3 * np.abs(found)) & (found.imag > 0)].imag)

@@ -16,7 +16,7 @@ MOST_INSTANTS = 20_000
 def driven_response(
     A: Array, B: Array, C: Array, x0: Array, signals: Sequence[Signal], t_end: float, steps: int
 ) -> tuple[Array, Array]:
-    """Instants (K,) from 0 to ``t_end`` [s] and the output C x there, (K, outputs), of x' = A x + B [signals], x(0) = x0.
+    """Instants (K,) from 0 to ``t_end`` [s], and the output C x at each, (K, outputs), of x' = A x + B [signals], x(0) = x0.
 
     There are ``steps`` intervals, or MOST_INSTANTS if that is fewer.
     """
@@ -34,8 +34,8 @@ def driven_response(
 def _over_an_interval(A: Array, B: Array, dt: float) -> tuple[Array, Array, Array]:
     """The factors, as rows, of the state and of the signals' values at both ends of an interval.
 
-    By one exponential of the system augmented with its signals and their slopes (Van Loan 1978). SciPy's ``lsim`` gives the same
-    bits; its module takes half a second to import, an eighth of a command's time.
+    By one exponential of the system augmented with its signals and their slopes (Van Loan 1978). SciPy's ``lsim`` gives the
+    same bits, but its module takes half a second to import, an eighth of a command's time.
     """
     from scipy.linalg import expm
 

@@ -20,11 +20,11 @@ from barbalat.validate import Array, InputError
 
 FIRST_BITS, MOST_BITS = 192, 3072
 MOST_STEPS = 2000
-"""Some seconds for ten states."""
+"""Largest number of steps; they take some seconds for ten states."""
 MISSED = 2.0**-60
 """Admissible remainder of a step's Taylor polynomial relative to the outputs, far below the printed digits of a certificate."""
 SHORTEST_STEP = 2.0**-40
-"""[s]: a shorter step is due to the balls' radii, and the precision is increased."""
+"""Shortest step [s]. If a shorter one is needed, the balls' radii are the cause, and the precision is increased."""
 GROWTH_ROOM = 0.5
 """[1/s], added to the growth rate of the matrix of magnitudes: it keeps the components' weights within a moderate range."""
 SPREAD = 2.0**-30
@@ -33,7 +33,7 @@ SPREAD = 2.0**-30
 
 @dataclass(frozen=True)
 class Generator:
-    """w' = S w, r = c w, restarted by each piece's w; ``pieces`` are (duration, w), and end at the requested time."""
+    """A signal r = c w with w' = S w, where each piece (duration, w) restarts w; the pieces end at the requested time."""
 
     S: Array
     c: Array
@@ -42,7 +42,8 @@ class Generator:
 
 @dataclass(frozen=True)
 class Motion:
-    """z' = A z, where the first states belong to the signal's generator; ``start`` contains the others, the outputs are C z."""
+    """A system z' = A z with outputs C z, where the first states belong to the signal's generator and ``start`` contains the
+    initial values of the others."""
 
     A: arb_mat
     C: arb_mat
@@ -51,7 +52,7 @@ class Motion:
 
 
 class Followed(NamedTuple):
-    """The response up to the end of the signal's pieces, and the numbers with which it can be followed again.
+    """The response up to the end of the signal's pieces, and the numbers that are needed to compute it again.
 
     bounds   for each step an array (outputs, 25), whose rows' largest entries bound the outputs; the entries are Bernstein
              coefficients, so that sums of magnitudes of outputs can be bounded entry by entry too
@@ -67,7 +68,7 @@ class Followed(NamedTuple):
 
 
 def followed(motion: Motion) -> Followed:
-    """Follow the response; InputError if it takes too many steps."""
+    """Compute the response; InputError if it takes too many steps."""
     bits = FIRST_BITS
     while bits <= MOST_BITS:
         with ctx.workprec(bits):
@@ -128,7 +129,7 @@ class _Steps:
         return float_above(max((abs(one) / v).upper() for one, v in zip(z.entries(), self.weights, strict=True)))
 
     def _longest(self, beyond: float) -> float | None:
-        """The longest power of two, at most twice the last one, with a small remainder; None if rounding forbids it."""
+        """The longest power of two with a small remainder, at most twice the last step; None if rounding forbids it."""
         step, size = 2 * self.step, float(self.growth)
         scale = max(self.largest, self.first)
         room = math.log(MISSED * scale / self.gain) if self.gain * scale > 0 else math.inf

@@ -12,10 +12,11 @@ from collections.abc import Callable
 from itertools import count
 
 SMALLEST_FLOAT = sys.float_info.min
-"""The smallest float with full precision: a search downward that reaches it has found no tolerated value."""
+"""The smallest float with full precision; a downward search that reaches it has found no tolerated value."""
 
 NEIGHBOUR_GAP = 4 * sys.float_info.epsilon
-"""Relative distance at which a search for neighbouring floats ends; between closer ones a geometric mean may not fall."""
+"""Relative distance at which a search for neighbouring floats ends; the geometric mean of closer ones may not lie between
+them."""
 
 
 SECANTS = 5
@@ -23,7 +24,7 @@ SECANTS = 5
 
 
 def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
-    """Between ``low``, which is tolerated or 0, and ``high``, which is not: a tolerated value such that the value ``within``
+    """A value between ``low``, which is tolerated or 0, and ``high``, which is not: it is tolerated, and the value ``within``
     above it is not.
 
     ``within`` is relative. 0 if no positive value was found to be tolerated.
@@ -100,8 +101,8 @@ def _ends(bears: Callable[[float], bool], start: float, factor: float, least: fl
 
 
 def largest_whole(bears: Callable[[int], bool], *, stride: int, most: int) -> int:
-    """A tolerated number up to ``most`` such that the next one is not: by strides from 0, which is assumed to be tolerated, then
-    by bisection.
+    """A tolerated whole number up to ``most`` such that the next one is not, by strides from 0, which is assumed to be
+    tolerated, and then by bisection.
 
     ``most`` if all numbers tried are tolerated.
     """
@@ -122,5 +123,6 @@ def geometric_mean(low: float, high: float) -> float:
 
 
 def halvings(ratio: float, within: float) -> int:
-    """Bisections in ratio until a bracket whose ends have this ratio is at most ``within`` wide, relative to its lower end."""
+    """Number of bisections in ratio until a bracket whose ends have this ratio is at most ``within`` wide, relative to its
+    lower end."""
     return max(0, math.ceil(math.log2(math.log(ratio) / math.log1p(within)))) if ratio > 1 else 0

@@ -18,8 +18,8 @@ from barbalat.validate import Array, InputError
 
 LARGEST_FACTOR = 1e6
 """Largest change of the gain, up or down: a loop that is practically open, or that tolerates this change, has no margin. A
-crossing beyond it depends on the last bits of a cancellation in L, or on a practically vanishing theta, and no actuator's gain
-varies that much."""
+crossing beyond it depends on the last bits of a cancellation in L or on a theta that is practically zero, and no actuator's
+gain varies that much."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,8 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
 
 
 def _gain_factors(loop: StateSpace, delay: float, at: Array) -> tuple[float, float]:
-    """The factors next to 1, up to ``LARGEST_FACTOR``, that bring L e^(-s d) to -1 at some w of ``at``, at 0 or infinity."""
+    """The factors closest to 1, up to ``LARGEST_FACTOR``, that bring L e^(-s d) to -1 at some w of ``at``, at 0 or at
+    infinity."""
     values = (loop.response(at) * np.exp(-1j * at * delay)).real.tolist()
     if loop.order == 0 or np.linalg.cond(loop.A) < 1 / np.finfo(float).eps:
         values.append(float(loop.response(np.zeros(1))[0].real))

@@ -3,7 +3,7 @@
 Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak if no zero of level^2 -
 G(-s)G(s) is on the imaginary axis, so that no peak between grid points is missed.
 
-For a loop with a delay, |S| and |T| are searched by branch and bound over frequency, which misses no peak either.
+For a loop with a delay, the peaks of |S| and |T| are found by branch and bound over frequency, which misses no peak either.
 
 |S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With the zeros and poles r_i of X, the
 middle w_m of an interval and half its width delta,
@@ -56,7 +56,7 @@ def peak_gain(system: StateSpace) -> Peak:
 
 
 class Peaks(NamedTuple):
-    """Upper bounds: the peaks themselves are at most ``PEAK_PRECISION`` below."""
+    """Upper bounds of the peaks, which are at most ``PEAK_PRECISION`` lower."""
 
     sensitivity: float
     complementary: float
@@ -68,7 +68,7 @@ def delayed_peaks(loop: StateSpace, delay: float) -> Peaks:
     InputError for a loop that is not strictly proper: its peaks recur up to infinite frequency.
     """
     if loop.D != 0:
-        raise InputError(f"peaks beside a delay need a strictly proper loop, but L(infinity) = {loop.D:.6g}")
+        raise InputError(f"peaks with a delay need a strictly proper loop, but L(infinity) = {loop.D:.6g}")
     crossings, rotation = Crossings(loop), Rotation(loop, delay)
     low = rotation.low
     w = np.concatenate([np.geomspace(low, 10 / delay, 400), crossings.of_unit_circle()])

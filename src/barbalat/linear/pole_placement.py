@@ -15,7 +15,7 @@ FIELD = "reference_model.poles"
 
 
 def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
-    """A - b K with the requested poles, by state feedback; b is (n,) or (n, m).
+    """A - b K with the requested poles, where K is found by state feedback; b is (n,) or (n, m).
 
     A complex pole is given once, as [real, imaginary], or as a complex number; a pole may be repeated as often as there are
     inputs, and with one input without limit.
@@ -32,8 +32,8 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     elif wanted.count(often) > inputs:
         raise InputError.of(
             FIELD,
-            f"has {_text(often)} {wanted.count(often)} times, and {counted(inputs, 'input')} can place a pole as often as that: "
-            "move them a little apart, or give A_m",
+            f"has {_text(often)} {wanted.count(often)} times, and {counted(inputs, 'input')} can place a pole that many times: "
+            "move the poles slightly apart, or give A_m",
         )
     else:
         K = _robust(A, b, wanted, FIELD)
@@ -41,7 +41,7 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
 
 
 def observer_gain(A: Array, C: Array, wanted: list[complex], field: str) -> Array:
-    """L, (n, p), for which A - L C has the requested eigenvalues: state feedback of the dual pair, by the sources of ``place``.
+    """L, (n, p), for which A - L C has the requested eigenvalues: state feedback of the dual pair, by the methods of ``place``.
 
     ``field`` names the setting with the poles, for messages.
     """
@@ -53,8 +53,8 @@ def observer_gain(A: Array, C: Array, wanted: list[complex], field: str) -> Arra
     if count > p:
         raise InputError.of(
             field,
-            f"has one pole {count} times, and {counted(p, 'measured quantity')} can place a pole as often as that: "
-            "move them a little apart",
+            f"has one pole {count} times, and {counted(p, 'measured quantity')} can place a pole that many times: "
+            "move the poles slightly apart",
         )
     return np.asarray(_robust(A.T, C.T, wanted, field).T)
 

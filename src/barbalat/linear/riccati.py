@@ -46,7 +46,7 @@ def _scaled(solve: Callable[..., Array], A: Array, B: Array, Q: Array, R: Array)
     s = 2.0 ** np.round(np.log2(scale[:n] / scale[n:]) / 2)
     try:
         X = solve(A * s / s[:, None], unit / s[:, None], Q * np.outer(s, s), np.eye(len(R)))
-    except ValueError as failed:  # SciPy's for a pencil that is too badly conditioned
+    except ValueError as failed:  # SciPy raises it for a pencil that is too badly conditioned
         raise np.linalg.LinAlgError(str(failed)) from failed
     return np.asarray(X / np.outer(s, s))
 

@@ -1,8 +1,8 @@
 """The uncertainty that a linear loop tolerates: mu of the matched family over all frequencies, and the parameters that
 destabilise it.
 
-A grid proves nothing between its points. So every peak of mu is refined, the frequencies at which a real parameter alone could
-act are solved for, and the destabilising parameters from mu are verified by the eigenvalues.
+A grid proves nothing between its points. Therefore every peak of mu is refined, the frequencies at which a real parameter could
+act alone are computed, and the destabilising parameters from mu are verified by eigenvalues.
 
 The family is the matched one, (1) and (11): real parameters, and complex dynamics at the plant's input.
 
@@ -79,7 +79,7 @@ class MatchedFamily:
 
     loop    broken at the plant's input, with theta at the box's centre; its first n states are the plant's
     width   (n,) half the box's sides
-    weight  W(s), the size of the unmodelled dynamics; ``None`` without any
+    weight  W(s), the size of the unmodelled dynamics; ``None`` if there are none
 
     Raises InputError if the loop is unstable at the centre: mu is then meaningless.
     """

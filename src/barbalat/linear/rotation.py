@@ -1,8 +1,8 @@
-"""Loops with a delay: the frequencies at which L(j w) e^(-j w d) is real and negative, and its distance from -1, without a gap.
+"""Loops with a delay: all frequencies at which L(j w) e^(-j w d) is real and negative, and its distance from -1.
 
-The delay makes the loop's phase rotate without end, and the pencils of ``crossings`` need rational functions. But the phase is a
-sum of arcs, each monotone in w: one for every zero and pole of L, and -w d. So it is bounded over an interval of w, and intervals
-are halved until they provably contain no crossing, or exactly one.
+The delay makes the loop's phase rotate endlessly, and the pencils of ``crossings`` need rational functions. But the phase is a
+sum of arcs, each monotone in w: one for every zero and pole of L, and -w d. It can therefore be bounded over an interval of w,
+and intervals are halved until each provably contains no crossing, or exactly one.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
 
 HALVING_STEPS = 60
-"""Halvings of an interval: to below rounding. An interval that is still undecided then has a phase that touches -pi without
+"""Halvings of an interval, down to below rounding. If an interval is still undecided then, its phase touches -pi without
 crossing it."""
 
 CLEAR_OF_A_LEVEL = 1e-9
-"""Relative: far above the rounding errors of a phase, whatever the order of its sum."""
+"""Relative allowance, far above the rounding errors of a phase in whatever order it is summed."""
 
 START_SHARE = 1e-9
 """The start of a search, as a share of the smallest zero, pole and 1/d: below it L is constant, or an integrator, within 1e-8."""
@@ -38,7 +38,7 @@ class Rotation:
         roots = np.concatenate([self.zeros, self.poles])
         sense = np.concatenate([np.ones(len(self.zeros)), -np.ones(len(self.poles))])
         self._sense = np.where(roots.real <= 0, sense, -sense)
-        """For each arc: 1 if it rises with w, like that of a zero in the left half plane."""
+        """For each arc: 1 if it rises with w, as it does for a zero in the left half plane, else -1."""
         self._width = np.maximum(np.abs(roots.real), 1e-150)  # its square must not underflow to zero
         self._at = roots.imag
         sizes = np.abs(roots)
@@ -97,7 +97,7 @@ class Rotation:
         return np.unique([*found, *right])
 
     def _crossed(self, left: Array, right: Array, levels: Array) -> Iterator[tuple[float, float, float]]:
-        """Return the intervals of monotone phase whose ends may be on both sides of their level: few of many."""
+        """Return those few intervals of monotone phase whose ends may be on different sides of their level."""
         wanted = (2 * levels + 1) * np.pi
         off = np.array([self.phase(end) - wanted for end in (left, right)])
         clear = (np.abs(off) > CLEAR_OF_A_LEVEL * np.maximum(1.0, np.abs(wanted))).all(axis=0)
@@ -125,7 +125,7 @@ def _levels(lowest: Array, highest: Array) -> tuple[Array, Array]:
 
 
 def phase_crossings(crossings: Crossings, delay: float, crossovers: Array) -> Array:
-    """All w at which L e^(-j w d) is negative and real, up to where |L| is below its largest such value under 1.
+    """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest such value under 1.
 
     Above the last crossover w_c the delay alone causes one: zeros and poles rotate the phase by at most pi each, so that it falls
     through an odd multiple of pi before w_c + (R + 2) pi/d. With k the factor there, no smaller one is beyond the last w with k

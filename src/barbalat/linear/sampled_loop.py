@@ -6,10 +6,10 @@ v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, at f
     X[k+1] = J (e^(A T) X[k] + e^(A (1-f) T) Gamma(f T) u[k-l-1] + Gamma((1-f) T) u[k-l]),  Gamma(t) = integral_0^t e^(A s) ds E.
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
-margins and peaks of one input are those of L(z) on the unit circle, the other inputs closed; by z = (1 + s T/2)/(1 - s T/2) they
-are those of a continuous system. Everything that no single L(z) shows is searched for.
+margins and peaks of one input are those of L(z) on the unit circle with the other inputs closed; with z = (1 + s T/2)/(1 - s
+T/2) they are those of a continuous system. What no single L(z) shows is found by a search.
 
-Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are no whole samples), 8.2.
+Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are not whole samples) and 8.2.
 
 No single transfer function shows the delay margin, nor that of a gain that all inputs share.
 
@@ -72,7 +72,7 @@ class SampledLoop:
         input."""
         found = self.effects(delay)
         s, m = self.E.shape
-        of_earlier: dict[tuple[int, int], int] = {}  # position of u_i of this number of samples ago, while it is in the delay
+        of_earlier: dict[tuple[int, int], int] = {}  # position of the u_i of this many samples ago, while it is in the delay
         depths = found.whole + (found.part > 0)
         for age in range(1, int(depths.max()) + 1):
             of_earlier |= {(age, i): s + len(of_earlier) + k for k, i in enumerate(np.flatnonzero(depths >= age).tolist())}
@@ -144,19 +144,19 @@ class SampledLoop:
 
 
 def _split(delay: float, T: float) -> tuple[int, float]:
-    """Whole samples and the remaining share of one; a remainder within rounding of a sample is none."""
+    """Whole samples and the remaining share of one; a remainder within rounding of a whole sample is rounded to it."""
     whole = int(np.floor(delay / T + 1e-12))
     return whole, max(delay / T - whole, 0.0)
 
 
 LEAST_STEP = 1e-4
-"""Share of a sample, or of the factor: the search advances by at least this much, which the grid of frequencies does not
-resolve."""
+"""Share of a sample, or of the factor: the search advances by at least this much, which is below the resolution of the grid of
+frequencies."""
 FREQUENCIES = 600
 """Number of frequencies of the grid up to pi/T, once with equal ratios and once with equal steps; the modes without feedback
 are added."""
 CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
-"""Refinements between the neighbours of a minimum on the grid: a hundredth of the grid's steps."""
+"""Number of refinements between the neighbours of a minimum on the grid, down to a hundredth of the grid's steps."""
 SHORT_STEP = 0.1
 """Share of a sample, or of the factor: shorter steps of the search are close to a loss of stability, which is then examined."""
 MOST_SAMPLES_OF_DELAY = 500
@@ -164,8 +164,8 @@ MOST_SAMPLES_OF_DELAY = 500
 EDGE_PLACES = 100
 """Positions of the edge within a sample at which |L| < 1 is checked."""
 GRID_ALLOWANCE = 2e-3
-"""Allowance for a peak of |L| between the grid's frequencies, which are close to every mode that is not damped within two
-samples."""
+"""Allowance for a peak of |L| between the grid's frequencies; every mode that is not damped out within two samples has grid
+points near it."""
 LARGEST_TURN = 0.05
 """Largest rotation of e^(A t) between the instants within a sample at which it is evaluated."""
 SHARE_OF_ROOM = 0.9
@@ -175,15 +175,15 @@ SHARE_OF_ROOM = 0.9
 def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:
     """The smallest additional delay [s] at which the loop with ``delay`` loses stability; infinite if there is none.
 
-    at  the one input that is delayed further; by default all are, by the same delay
+    at  the one input whose delay grows; by default the delays of all inputs grow alike
     InputError if the loop is unstable, and if nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
     """
     return _DelaySearch(_stable(loop, delay), delay, at).margin()
 
 
 def gain_margins(loop: SampledLoop, delay: float) -> tuple[float, float]:
-    """The factors next to 1, below and above, at which stability is lost if they multiply all inputs; 0 and infinite if there is
-    none.
+    """The factors closest to 1, below and above it, that destabilise the loop if they multiply all inputs; 0 and infinite if
+    there are none.
 
     Factors up to ``LARGEST_FACTOR`` are examined. InputError if the loop is unstable.
     """
@@ -207,7 +207,7 @@ def _grid(loop: SampledLoop, M: Array) -> Array:
 
 
 def _largest_gain(matrices: Array) -> Array:
-    """The largest singular values, (K,); for one input the magnitude, which is a hundred times as fast."""
+    """The largest singular values, (K,); for one input they are the magnitudes, which are computed a hundred times as fast."""
     if matrices.shape[1:] == (1, 1):
         return np.asarray(np.abs(matrices[:, 0, 0]))
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
@@ -250,7 +250,7 @@ class _DelaySearch:
                     stable = late if radius(late) < 1 else 0.0  # a mode narrower than the grid may have been missed
                     return float(brentq(lambda one: radius(one) - 1, stable, late + step, xtol=1e-12 * T))
             late += step
-        raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises it, and longer ones were not tried")
+        raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises the loop; longer ones were not tried")
 
     @property
     def _columns(self) -> Array:

@@ -1,7 +1,7 @@
 """Upper bounds of the response of a stable system s[k+1] = M s[k] + N w[k], y[k] = C s[k] at its samples, by sums and tails.
 
-With P - M'PM >= q I > 0, |M s|_P <= beta |s|_P, beta^2 = 1 - q/lambda_max(P): the part that is not summed is at most a geometric
-series. P is solved for q = 1, and q is then computed from the P found, less its rounding errors.
+With P - M'PM >= q I > 0, |M s|_P <= beta |s|_P, beta^2 = 1 - q/lambda_max(P): the part that is not summed is at most a
+geometric series. P is the solution for q = 1, and q is then computed from this P, minus its rounding errors.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.validate import Array, InputError
 
 TAIL_SHARE = 1e-3
-"""Share of the sum: a bound need not be tighter."""
+"""Share of the sum at which the tail is negligible; a bound need not be tighter."""
 MOST_SAMPLES = 4_000_000
 """Largest number of summed samples; a loop that decays more slowly has no bound."""
 PROVEN_SHARE, CERTAIN_SHARE = 1e-4, 0.999
-"""Shares of a sum that a proof leaves out, about, and of a decay that it claims."""
+"""Approximate share of a sum that a proof leaves out, and share of the decay that it claims."""
 MOST_PROVEN = 12_000
-"""Samples that ``barbalat-check`` follows: some minutes."""
+"""Largest number of samples that ``barbalat-check`` follows, which takes some minutes."""
 BLOCK_SAMPLES = 64
-"""Samples that are summed together."""
-TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or its states are of too far sizes, for a bound"
+"""Number of samples that are summed together."""
+TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or its states differ too much in size, for a bound"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class SampledNorms:
         return self._bounded(s, np.inf)[0]
 
     def samples(self, s: Array) -> int:
-        """How many samples are summed before what is left is negligible."""
+        """The number of samples that are summed before the rest is negligible."""
         return self._bounded(s, 1)[1]
 
     def _bounded(self, s: Array, order: float) -> tuple[Array, int]:
@@ -74,15 +74,15 @@ class SampledNorms:
             tail = np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
             if (tail <= TAIL_SHARE * found.max(initial=0.0)).all():
                 return np.asarray((found + tail) * OUTWARD_FACTOR), followed
-        raise InputError("the loop forgets too slowly for a bound")
+        raise InputError("the loop's transients decay too slowly for a bound")
 
 
 def _contraction(M: Array) -> tuple[Array, float]:
-    """Root with root'root = P, and at most 1 - beta; InputError if the P found shows none."""
+    """A root with root'root = P, and a lower bound of 1 - beta; InputError if this P shows none."""
     from scipy.linalg import LinAlgError, LinAlgWarning, cholesky, solve_discrete_lyapunov
 
     try:
-        with warnings.catch_warnings():  # about an ill-conditioned equation: its solution is verified here
+        with warnings.catch_warnings():  # SciPy warns of an ill-conditioned equation; its solution is verified here
             warnings.simplefilter("ignore", LinAlgWarning)
             root = cholesky(solve_discrete_lyapunov(M.T, np.eye(len(M))))
     except LinAlgError as error:
@@ -97,7 +97,7 @@ def _contraction(M: Array) -> tuple[Array, float]:
 
 
 def contraction_witness(M: Array, samples: int) -> dict[str, Any]:
-    """P and a share with M'PM < (1 - share) P, and a number of samples well beyond ``samples``; InputError without any."""
+    """P and a share with M'PM < (1 - share) P, and a number of samples well beyond ``samples``; InputError if there are none."""
     from scipy.linalg import matrix_balance
 
     balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)

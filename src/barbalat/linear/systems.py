@@ -1,4 +1,4 @@
-"""Linear time-invariant SISO systems: transfer functions, their realisation, and the numbers that conditions need."""
+"""Linear time-invariant SISO systems: transfer functions, their realisation, frequency responses and filters."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class StateSpace(Settings):
 
     @classmethod
     def gain(cls, D: float) -> StateSpace:
-        """A number, without dynamics."""
+        """A static gain."""
         return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
 
     def transfer_function(self) -> TransferFunction:
@@ -105,7 +105,7 @@ class StateSpace(Settings):
         return cls(matrix, b, c, float(d))
 
     def derivative(self, state: Value, u: Value) -> Value:
-        """x'; with a state (n, m) for m copies of the system with u (m,)."""
+        """The derivative x'; a state (n, m) with u (m,) stands for m copies of the system."""
         return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))
 
     def output(self, state: Value, u: Value) -> Value:
@@ -113,7 +113,7 @@ class StateSpace(Settings):
 
     def response(self, w: Array) -> Array:
         """C (j w I - A)^-1 B + D at frequencies (K,) in rad/s."""
-        # a sum, not a product: BLAS would start threads for it, which wait for each other on a busy machine
+        # a sum instead of a matrix product, for which BLAS would start threads that wait for each other on a busy machine
         return np.asarray((states_response(self.A, self.B, w) * self.C).sum(axis=1) + self.D)
 
     @property
@@ -168,7 +168,7 @@ class TransferFunction(Settings):
         if len(den) == 0:
             raise InputError(f"den must not be zero, got {validate.show(self.den)}")
         num = num if len(num) else np.zeros(1)
-        with np.errstate(over="ignore"):  # refused below, with the coefficients
+        with np.errstate(over="ignore"):  # refused below, where the message quotes the coefficients
             object.__setattr__(self, "num", num / den[0])
             object.__setattr__(self, "den", den / den[0])
         if not (np.isfinite(self.num).all() and np.isfinite(self.den).all()):
@@ -265,8 +265,8 @@ def open_loop(field: str, system: Any) -> tuple[Array, Array]:
         return system[0], system[1]
     found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
     if found is None:
-        wanted = "a continuous state space, whose state is what is measured, or a pair (A, B)"
-        remedy = "where an output is measured, OutputPlant(transfer_function=...) takes it"
+        wanted = "a continuous state-space model with a measured state, or a pair (A, B)"
+        remedy = "if only an output is measured, use OutputPlant(transfer_function=...)"
         raise InputError.of(field, f"must be {wanted}; {remedy}; got {validate.show(system)}")
     return found[0], found[1]
 
@@ -280,7 +280,8 @@ SOLVED_AT_ONCE = 2**22
 
 
 def of_response(states: float, frequencies: int) -> Estimate:
-    """The cost of frequency responses by solving at each frequency: 3.6 s in all for the 165 states of a network's loop."""
+    """The cost of frequency responses, with one linear system solved at each frequency: 3.6 s in total for the 165 states of a
+    network's loop."""
     return Estimate(memory=64.0 * max(states**2, SOLVED_AT_ONCE), seconds=2e-9 * frequencies * states**3)
 
 
@@ -294,9 +295,9 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
         "the linear loop",
         n,
         lambda states: of_response(states, len(w)),
-        given=f"has {n} states, and {len(w)} frequency responses",
-        fits=lambda states: f"at most {states} states",
-        what=f"{len(w)} frequency responses of {n} states",
+        given=f"has {validate.counted(n, 'state')}, and {len(w)} frequency responses",
+        fits=lambda states: f"at most {validate.counted(states, 'state')}",
+        what=f"{len(w)} frequency responses of {validate.counted(n, 'state')}",
     )
     columns, together = b[:, None], max(SOLVED_AT_ONCE // max(n * n, 1), 1)
 
@@ -310,7 +311,7 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
 
     try:
         return solved(w)
-    except np.linalg.LinAlgError:  # a frequency is a pole: next to it the response is as large as floats allow
+    except np.linalg.LinAlgError:  # the frequency is a pole; next to it the response is as large as floats allow
         return solved(w * (1 + POLE_OFFSET_SHARE) + POLE_OFFSET_SHARE * float(np.abs(A).max(initial=0.0)))
 
 
@@ -331,7 +332,7 @@ def input_filter(kappa: float, order: int = 1) -> TransferFunction:
 def two_slopes(kappa: float, ratio: float = 1.0) -> TransferFunction:
     """C(s) with 1 - C = kappa s/(kappa s + 1) kappa_2 s/(kappa_2 s + 1), kappa_2 = ratio kappa; both positive, kappa in s.
 
-    If the ratio is so large that 1/kappa_2 is slower than everything else, it is (6).
+    With a ratio so large that 1/kappa_2 is slower than everything else, it equals (6).
     """
     kappa, ratio = validate.positive("kappa", kappa), validate.positive("ratio", ratio)
     first, second = kappa, ratio * kappa
@@ -354,7 +355,7 @@ def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
         product = A @ adjugate
         den.append(-float(np.trace(product)) / (k + 1))
         adjugate = product + den[-1] * np.eye(n)
-    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|: below n rounding errors of that they are zero
+    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|; below n rounding errors of this bound they are zero
     bound = np.linalg.norm(c) * np.linalg.norm(b) * np.linalg.norm(A, 2) ** np.arange(n)
     leading = 0
     while leading < n and abs(num[leading]) <= 10 * n * np.finfo(float).eps * bound[leading]:

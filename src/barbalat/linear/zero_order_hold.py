@@ -1,4 +1,4 @@
-"""A linear system from sample to sample under an input that is held in between: exact for every sample time."""
+"""A linear system from sample to sample with an input that is held in between; exact for every sample time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class HeldSystem:
         return self.Phi @ x + np.dot(self.Gamma, r)
 
 
-@lru_cache(maxsize=64)  # the members of an ensemble mostly share the model
+@lru_cache(maxsize=64)  # cached, since the members of an ensemble mostly share the model
 def _discretised(A: bytes, B: bytes, shape: tuple[int, ...], T: float) -> HeldSystem:
     """Discretise by one exponential of [[A, B], [0, 0]] T (Van Loan 1978, IEEE TAC 23(3))."""
     from scipy.linalg import expm

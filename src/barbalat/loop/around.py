@@ -8,7 +8,7 @@ tests compare the two bit for bit.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, NamedTuple
 
@@ -27,46 +27,56 @@ MOST_COUNTED = 10**9
 """The largest count of consecutive misses, at which the counter stays. The count plus any increment fits into the long of
 every C compiler."""
 LOST = 2.0
-"""The value of the freeze switch at a sample without a measurement, which corrects no observer; the value 1 freezes only what
-is learnt."""
+"""The value of the freeze switch at a sample without a measurement, where an observer is not corrected; the value 1 freezes
+only what is learnt."""
 ROUNDINGS = 4 * float(np.finfo(float).eps)
-"""Relative rounding of a time between two calls: by so much it may be beyond the edge of the band, which belongs to it."""
+"""Allowed relative rounding of a time between two calls at the edge of the band, since the edge belongs to the band."""
 MOST_LATE = 1000
 """The largest latency in samples, each of which is stored."""
 
 
 class Kept(NamedTuple):
-    """The values stored from sample to sample; parts that a case does not need are empty."""
+    """The values that are stored from sample to sample; parts that a case does not need are empty."""
 
-    outage: Value  # () consecutive misses
+    outage: Value  # () consecutive misses, if they have a limit
     fade_left: Value  # () remaining samples of the fade after a fallback
     bump: Value  # (m,) the step that fades out
     repeats: Value  # (k,) consecutive good samples equal to the previous one, for the channels that may be stuck
     offered: Value  # (y,) the sensor's last output, right or wrong
     lost: Value  # (2,) 1 if the last measurement, or the last command, was lost
     late: Value  # (d y,) earlier measurements, the newest first
+    age: Value  # () samples since the last good measurement, if a rate is limited; MOST_COUNTED before the first
+    command_outage: Value  # () samples in a row without a good command, if a command's rate is limited; MOST_COUNTED at first
+    advanced: Value  # () misses by which wrong times advanced the outage, if they are checked, as the next two
+    fade: Value  # () samples of the fade that fade_left belongs to
+    paused: Value  # () fade_left when the baseline began to act as the fallback
+    commanded: Value  # (q,) the last command that arrived, right or wrong, if commands are checked
     timer: Value  # (4,) steps to the next call, lateness of the last one, steps since it, time between the last two; or (0,).
     # Without fixed steps, when only calls are evaluated: 0, the next one's lateness, the time until it, time between the last two
 
 
 class Taken(NamedTuple):
-    """A sample as the controller's list receives it, and the decisions about it."""
+    """A sample in the form that the controller's list receives, and the decisions about it."""
 
     y: Value
     r: Value
     freeze: Value  # LOST on a miss, else 0
     begun: Value  # 1 if there is a controller that continues, now or before
+    fresh: Value  # 1 if y is a good measurement, also at a wrong time
+    elapsed: Value  # samples since the last call, the last of which may not be whole
     due: Value  # 1 if the timer calls
     wrong_time: Value  # 1 if it calls at a time that the shell does not accept
     offered: Value
     lost: Value
     late: Value
+    command_outage: Value
+    commanded: Value
     timer: Value
 
 
 @dataclass(frozen=True, eq=False)
 class OnLoop:
-    """The effect of a fault while it is present; signals say when it is.
+    """The effect of a fault while it is present; signals state when it is.
 
     where    (y,) the channels that it affects
     command  whether it affects the command instead
@@ -81,7 +91,8 @@ class OnLoop:
 
     @classmethod
     def of(cls, fault: Fault, names: tuple[str, ...], T: float, measured: int) -> OnLoop:
-        """InputError for a time that does not fit the sample time; a fault of all channels affects one of those measured."""
+        """InputError for a time that does not fit the sample time. ``where`` selects the measured channels; without a channel a
+        fault affects all of them."""
         on = np.array([fault.channels == name or (not fault.channels and i < measured) for i, name in enumerate(names)])
         samples = 0
         if isinstance(fault, Latency):
@@ -96,18 +107,20 @@ class OnLoop:
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """A shell in numbers, and the faults; arrays are (y,) for the measured channels.
+    """A shell in numbers, and the faults; arrays are (y,) for the measured channels, and (q,) for the commands.
 
     low, high  accepted range; infinite for a channel without one
     rate       the fastest accepted change between samples; infinite for a channel without a limit
     repeats    accepted number of equal samples in a row, by the channels' indices
     baseline   the fixed controller that acts as the fallback; None if another fallback acts
-    gains      the nonzero entries (input, entry) of the gains of the command and of what is fed back, with its own states after
-               the measurements
+    gains      the nonzero entries (input, entry) of the gains of the command and of the feedback, where the baseline's own states
+               follow the measurements
     ranged, rated  indices of the channels with a range or a rate limit, also if their numbers are symbols
+    command_*  the same for the commands
+    u_low, u_high  (m,) the actuators' limits, within which a fade begins; ``limited``: the inputs that have limits
     T          [s] between two calls, with the tolerance ``band`` [s]; None if a wrong time is only reported
     longest    consecutive misses before the fallback acts, a whole number; None for no limit
-    fade       samples of the fallback's fade, and of the return, a whole number; ``fades`` says whether there are any
+    fade       samples of the fallback's fade and of the return's, a whole number; ``fades`` says whether there is one
     """
 
     low: Array
@@ -123,6 +136,14 @@ class Around:
     fades: bool = False
     ranged: tuple[int, ...] = ()
     rated: tuple[int, ...] = ()
+    command_low: Array = field(default_factory=lambda: np.zeros(0))
+    command_high: Array = field(default_factory=lambda: np.zeros(0))
+    command_rate: Array = field(default_factory=lambda: np.zeros(0))
+    command_ranged: tuple[int, ...] = ()
+    command_rated: tuple[int, ...] = ()
+    u_low: Array = field(default_factory=lambda: np.zeros(0))
+    u_high: Array = field(default_factory=lambda: np.zeros(0))
+    limited: tuple[int, ...] = ()
     baseline: FixedController | None = None
     gains: tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]] = ((), ())
 
@@ -133,12 +154,12 @@ class Around:
         if shell is None and not problem.faults:
             return None
         names = problem.handed_names
-        ranges = [(-inf, inf) if shell is None else shell.range.get(name, (-inf, inf)) for name in names]
-        low, high = np.array(ranges, dtype=float).T
-        rate = np.array([inf if shell is None else shell.rate.get(name, inf) for name in names]) * T
+        commands = tuple("" if name in names else name for name in problem.command_names)
+        (low, high, rate), (command_low, command_high, command_rate) = (_limits(shell, each, T) for each in (names, commands))
         ends = shell is not None and shell.longest_outage is not None
         longest, fade = map(float, shell.samples(T)) if shell is not None and ends else (None, 0.0)
         faults = tuple(OnLoop.of(fault, names, T, len(problem.measured_names)) for fault in problem.faults)
+        u_low, u_high = np.array([(-inf, inf) if path.saturation is None else path.saturation for path in problem.plant.paths]).T
         baseline = problem.fixed if shell is not None and shell.fallback == "baseline" else None
         if (late := sum(one.time for one in faults)) > T / 4 * (1 + 1e-9):  # otherwise two calls could coincide
             limit = f"a quarter of the sample time of {T:g} s, also for several jitters together"
@@ -157,6 +178,14 @@ class Around:
             repeats=() if shell is None else _repeats(shell, names, T),
             ranged=tuple(np.flatnonzero(np.isfinite(low)).tolist()),
             rated=tuple(np.flatnonzero(np.isfinite(rate)).tolist()),
+            command_low=command_low,
+            command_high=command_high,
+            command_rate=command_rate,
+            command_ranged=tuple(np.flatnonzero(np.isfinite(command_low)).tolist()),
+            command_rated=tuple(np.flatnonzero(np.isfinite(command_rate)).tolist()),
+            u_low=u_low,
+            u_high=u_high,
+            limited=tuple(np.flatnonzero(np.isfinite(u_low)).tolist()),
             baseline=baseline,
             gains=((), ()) if baseline is None else (_places(baseline.k_r), _places(baseline.K)),
         )
@@ -166,18 +195,25 @@ class Around:
         """The shell alone, for export."""
         return None if problem.shell is None or T is None else cls.of(replace(problem, faults=()), T)  # type: ignore[type-var]
 
-    def require_taken(self, measured: Array, names: tuple[str, ...]) -> None:
-        """InputError if a sample of a run without faults, of which (K, y) was measured, is not accepted."""
-        for name, key, wrong in (
-            ("range", "leaves", (measured < self.low) | (measured > self.high)),
-            ("rate", "changes faster than", np.abs(np.diff(measured, axis=0, prepend=measured[:1])) > self.rate),
+    def require_taken(self, measured: Array, commands: Array, problem: TrackingProblem) -> None:
+        """InputError if a sample of a run without faults, of which (K, y) was measured, with (K, q) ``commands``, is not
+        accepted."""
+        names = problem.handed_names
+        of_commands = self.command_low, self.command_high, self.command_rate
+        for given, each, (low, high, rate) in (
+            (measured, names, (self.low, self.high, self.rate)),
+            (commands, problem.command_names, of_commands),
         ):
-            if wrong.any():
-                k, i = np.argwhere(wrong)[0].tolist()
-                raise InputError.of(
-                    f"shell.{name}.{names[i]}",
-                    f"refuses the case's own run: {names[i]} {key} it at sample {k}, t = {k * self.T:g} s, without any fault",
-                )
+            for name, key, wrong in (
+                ("range", "leaves", (given < low) | (given > high)),
+                ("rate", "changes faster than", np.abs(np.diff(given, axis=0, prepend=given[:1])) > rate),
+            ):
+                if wrong.any():
+                    k, i = np.argwhere(wrong)[0].tolist()
+                    raise InputError.of(
+                        f"shell.{name}.{each[i]}",
+                        f"refuses the case's own run: {each[i]} {key} it at sample {k}, t = {k * self.T:g} s, without any fault",
+                    )
         for i, most in self.repeats:
             run = 0
             for k in range(1, len(measured)):
@@ -185,7 +221,7 @@ class Around:
                 if run > most:
                     raise InputError.of(
                         f"shell.stuck.{names[i]}",
-                        f"refuses the case's own run: {names[i]} repeats itself up to t = {k * self.T:g} s, without any fault",
+                        f"refuses the case's own run: {names[i]} repeats its value up to t = {k * self.T:g} s, without any fault",
                     )
 
     @property
@@ -194,7 +230,7 @@ class Around:
         return any(one.kind == Jitter.kind for one in self.faults)
 
     def calls(self, faults: Sequence[Callable[[Array], Array]], end: float) -> Array:
-        """The exact instants [s] of the timer's calls from t = 0 up to the first one beyond ``end``.
+        """The exact instants [s] of the timer's calls, from t = 0 to the first one after ``end``.
 
         faults  the signals of the case's faults; the jitter at each call determines when the next one comes
         """
@@ -212,29 +248,36 @@ class Around:
                 raise InputError(f"a jitter's time must be at least simulation.dt = {dt:g} s, got {one.time:g} s")
 
     @property
-    def counts(self) -> bool:
-        """Whether anything depends on the number of missed samples."""
-        return self.longest is not None or bool(self.rated)
+    def checks_commands(self) -> bool:
+        """Whether a command may be refused."""
+        return bool(self.command_ranged or self.command_rated)
 
     def initial(self, y: Array, inputs: int) -> Kept:
         """The stored values before the first sample; ``y`` has the shape of the measurement."""
         flat, late = y.reshape(-1), max((one.samples for one in self.faults), default=0)
-        some, ends = (np.zeros(1 if there else 0) for there in (self.counts, self.longest is not None))
+        ends, timed = np.zeros(0 if self.longest is None else 1), np.zeros(0 if self.band is None else 1)
         return Kept(
-            outage=some,
+            outage=ends,
             fade_left=ends,
             bump=np.zeros(inputs if self.longest is not None else 0),
             repeats=np.zeros(len(self.repeats)),
             offered=flat,
             lost=np.zeros(2),
             late=np.concatenate([flat] * late) if late else np.zeros(0),
+            age=np.full(1 if self.rated else 0, float(MOST_COUNTED)),
+            command_outage=np.full(1 if self.command_rated else 0, float(MOST_COUNTED)),
+            advanced=timed,
+            fade=timed,
+            paused=timed if self.baseline is not None else np.zeros(0),
+            commanded=np.zeros(len(self.command_low) if self.checks_commands else 0),
             timer=np.zeros(4 if self.jitters else 0),
         )
 
     def take(self, held: Held, y: Value, r: Value, faults: Value, dt: Value = None) -> Taken:
         """The sample that the controller receives, from the sensor's output, the command, and the faults' values.
 
-        dt  [s] of a solver step, in which a timer with jitter counts; None if only its calls are evaluated, each when it is due
+        dt  [s] of a solver step, the unit in which a timer with jitter counts; None if only its calls are evaluated, each when
+        it is due
         """
         kept: Kept = held.around
         flat, lost_y, lost_r = y.reshape(-1), 0 * faults[0] if self.faults else np.zeros(()), np.zeros(())
@@ -252,18 +295,27 @@ class Around:
             else:
                 offered = self._spoilt(one, value, offered, kept)
         due, wrong, timer = self._timer(kept.timer, next_late, dt)
-        good = np.where(lost_y > 0, 0.0, np.where(wrong > 0, 0.0, self._plausible(offered, held)))
-        begun = np.where(held.started > 0, 1.0, np.where(lost_r > 0, 0.0, good))
+        elapsed = np.where(wrong > 0, np.floor(timer[3] / self.T) + 1.0, 1.0) if self.jitters else np.ones(())
+        fresh = np.where(lost_y > 0, 0.0, self.plausible(offered, held.measured.reshape(-1), held, elapsed))
+        good = np.where(wrong > 0, 0.0, fresh)
+        command: Value = np.where(lost_r > 0, held.r, r)
+        good_r = np.where(lost_r > 0, 0.0, self.plausible_command(command.reshape(-1), held.r.reshape(-1), held))
+        begun = np.where(held.started > 0, 1.0, good)
+        more = np.fmin(kept.command_outage + 1.0, float(MOST_COUNTED))
         return Taken(
-            y=np.where(good > 0, offered, held.measured.reshape(-1)).reshape(y.shape),
-            r=np.where(lost_r > 0, held.r, r),
+            y=np.where(fresh > 0, offered, held.measured.reshape(-1)).reshape(y.shape),
+            r=np.where(good_r > 0, command, held.r),
             freeze=LOST * (1.0 - good),
             begun=begun,
+            fresh=fresh,
+            elapsed=elapsed,
             due=due,
             wrong_time=wrong,
             offered=offered,
             lost=np.concatenate([lost_y.reshape(1), lost_r.reshape(1)]),
             late=late,
+            command_outage=np.where(good_r > 0, 0 * more, more),
+            commanded=command.reshape(-1)[: kept.commanded.size],
             timer=timer,
         )
 
@@ -278,18 +330,32 @@ class Around:
             wrong = offered + value
         return np.where(one.where, wrong, offered)
 
-    def _plausible(self, offered: Value, held: Held) -> Value:
-        """1 if every channel is in its range, and has changed no faster than accepted since the last good sample."""
-        good, last = 1.0 + 0 * held.started, held.measured.reshape(-1)
+    def plausible(self, offered: Value, last: Value, held: Held, elapsed: Value) -> Value:
+        """1 if every channel is in its range, and has changed no faster than accepted since the last good sample, if there is
+        one; also for many samples at once, in the columns of every array.
+
+        elapsed  samples since the last call
+        """
+        good = 1.0 + 0 * held.started
         for i in self.ranged:
             good = np.where(offered[i] >= self.low[i], np.where(offered[i] <= self.high[i], good, 0.0), 0.0)
         for i in self.rated:
-            moved, most = offered[i] - last[i], self.rate[i] * (held.around.outage[0] + 1.0)
-            slow = np.where(moved <= most, np.where(-moved <= most, 1.0, 0.0), 0.0)
-            good = np.where(held.started > 0, np.where(slow > 0, good, 0.0), good)
+            slow = _slow(offered[i] - last[i], self.rate[i] * (held.around.age[0] + elapsed))
+            good = np.where(held.around.age[0] >= MOST_COUNTED, good, np.where(slow > 0, good, 0.0))
         for place, (i, most) in enumerate(self.repeats):
             stuck = np.where(offered[i] == last[i], np.where(held.around.repeats[place] >= float(most), 1.0, 0.0), 0.0)
-            good = np.where(held.started > 0, np.where(stuck > 0, 0.0, good), good)
+            good = np.where(stuck > 0, 0.0, good)
+        return good
+
+    def plausible_command(self, r: Value, last: Value, held: Held) -> Value:
+        """1 if every command is in its range, and has changed no faster than accepted since the last good one, if there is
+        one."""
+        good = 1.0 + 0 * held.started
+        for i in self.command_ranged:
+            good = np.where(r[i] >= self.command_low[i], np.where(r[i] <= self.command_high[i], good, 0.0), 0.0)
+        for i in self.command_rated:
+            slow = _slow(r[i] - last[i], self.command_rate[i] * (held.around.command_outage[0] + 1.0))
+            good = np.where(held.around.command_outage[0] >= MOST_COUNTED, good, np.where(slow > 0, good, 0.0))
         return good
 
     def _repeated(self, taken: Taken, before: Held, old: Kept) -> Value:
@@ -300,7 +366,7 @@ class Around:
         counted = []
         for place, (i, _) in enumerate(self.repeats):
             more = np.where(before.started > 0, np.where(now[i] == last[i], old.repeats[place] + 1.0, 0.0), 0.0)
-            counted.append(np.where(taken.freeze > 0, old.repeats[place], more).reshape(1))
+            counted.append(np.where(taken.fresh > 0, more, old.repeats[place]).reshape(1))
         return np.concatenate(counted)
 
     def _timer(self, timer: Value, next_late: Value, dt: Value) -> tuple[Value, Value, Value]:
@@ -328,57 +394,92 @@ class Around:
         old: Kept = before.held.around
         miss = taken.freeze
         u, kept = np.where(miss > 0, before.held.u, after.held.u), old
-        if self.counts:
-            counted: Value = old.outage
-            if self.longest is not None:
-                counted = np.where(taken.wrong_time > 0, np.fmax(old.outage, self.longest), old.outage)
-            outage = np.where(miss > 0, np.fmin(counted + 1.0, float(MOST_COUNTED)), 0.0)
-            kept = kept._replace(outage=outage)
         if self.longest is not None:
-            u, kept = self._with_fallback(u, miss, before.held, after.held, kept)
-        kept = kept._replace(repeats=self._repeated(taken, before.held, old))
+            counted: Value = np.where(taken.wrong_time > 0, np.fmax(old.outage, self.longest), old.outage)
+            if self.band is not None:
+                missed = np.where(taken.wrong_time > 0, np.fmax(taken.elapsed - 2.0, 0.0), 0.0)
+                advanced = np.fmax(old.advanced + (counted - old.outage) - missed, 0.0)
+                kept = kept._replace(advanced=np.where(miss > 0, advanced, 0.0))
+            kept = kept._replace(outage=np.where(miss > 0, np.fmin(counted + 1.0, float(MOST_COUNTED)), 0.0))
+            u, kept = self._with_fallback(u, taken, before.held, kept)
+        age = np.where(taken.fresh > 0, 0.0, np.fmin(old.age + taken.elapsed, float(MOST_COUNTED))) if self.rated else old.age
+        kept = kept._replace(repeats=self._repeated(taken, before.held, old), age=age)
         held = after.held._replace(u=u, around=kept)
-        if self.baseline is not None:  # whose states are held while it acts on a held measurement
+        if self.baseline is not None:  # the baseline's states are held while it acts on a held measurement
             acts = kept.outage[0] > self.longest
             held = held._replace(baseline=np.where(acts, before.held.baseline, held.baseline))
-        going = choose(taken.begun > 0, after._replace(held=held), before)
-        seen = going.held.around._replace(offered=taken.offered, lost=taken.lost, late=taken.late)
+        waiting = before.held._replace(u=u, measured=taken.y, r=taken.r, around=kept)  # for the first good sample
+        going = choose(taken.begun > 0, after._replace(held=held), before._replace(held=waiting))
+        arrived = {name: getattr(taken, name) for name in ("offered", "lost", "late", "command_outage", "commanded")}
+        seen = going.held.around._replace(**arrived)
         whole = going._replace(held=going.held._replace(around=seen))
         whole = choose(taken.due > 0, whole, before) if self.jitters else whole
         around = whole.held.around._replace(timer=taken.timer)
         return whole._replace(held=whole.held._replace(around=around))
 
-    def _with_fallback(self, u: Value, miss: Value, before: Held, after: Held, kept: Kept) -> tuple[Value, Kept]:
-        """The control and the stored values if an outage has a limit: the fallback, and the bumpless return."""
+    def _with_fallback(self, u: Value, taken: Taken, before: Held, kept: Kept) -> tuple[Value, Kept]:
+        """The control and the stored values if an outage has a limit: the fallback and the bumpless return, both of which begin
+        from the control limited to the actuators' range."""
         assert self.longest is not None
+        miss = taken.freeze
         old: Kept = before.around
         longest, fade = self.longest, self.fade
         own, last = u.reshape(-1), before.u.reshape(-1)
         acts = kept.outage[0] > longest
         returns = np.where(miss > 0, 0.0, np.where(old.outage[0] > longest, 1.0, 0.0))
-        bump = np.where(returns > 0, last - own, old.bump)
-        left = np.where(returns > 0, fade, old.fade_left[0])
+        begins = np.where(acts, np.where(old.outage[0] > longest, 0.0, 1.0), 0.0)
+        within = self._limited(last)
+        bump = np.where(returns > 0, within - own, old.bump)
+        left, paused = np.where(returns > 0, fade, old.fade_left[0]), old.paused
+        whole: Value = fade
+        if self.band is not None:
+            left, whole = self._after_wrong_times(returns, old)
         fallen, nothing = last, np.abs(0 * last)  # no negative zero
         if self.baseline is not None:
-            alone = self._baseline(before, after)
-            begins = np.where(acts, np.where(old.outage[0] > longest, 0.0, 1.0), 0.0)
-            bump, left = np.where(begins > 0, last - alone, bump), np.where(begins > 0, fade, left)
-            fallen = np.where(left > 0, alone + bump * (left / fade), alone) if self.fades else alone
-        faded = np.where(left > 0, own + bump * (left / fade), own) if self.fades else own
+            alone = self._baseline(before, taken)
+            bump, left = np.where(begins > 0, within - alone, bump), np.where(begins > 0, fade, left)
+            if self.band is not None:
+                whole, paused = np.where(begins > 0, fade, whole), np.where(begins > 0, old.fade_left, paused)
+        share = left / (fade if self.band is None else np.fmax(whole, 1.0)) if self.fades else left
+        if self.baseline is not None:
+            fallen = np.where(left > 0, alone + bump * share, alone) if self.fades else alone
+        faded = np.where(left > 0, own + bump * share, own) if self.fades else own
         if self.fallback == "zero":
             fallen = nothing
         elif self.fallback == "fade":
             to_come = fade + longest + 1.0 - kept.outage[0]
-            fallen = np.where(to_come > 0, last * ((to_come - 1.0) / to_come), nothing)
+            fallen = np.where(to_come > 0, np.where(begins > 0, within, last) * (1.0 - 1.0 / to_come), nothing)
         found = np.where(miss > 0, np.where(acts, fallen, last), faded)
-        still = np.where(left > 0, left - 1.0, left)  # a fade waits while the control is held
+        still = np.where(left > 0, left - 1.0, left)  # a fade pauses while the control is held
         still = np.where(miss > 0, np.where(acts, still, left) if self.baseline is not None else left, still).reshape(1)
-        return found.reshape(u.shape), kept._replace(fade_left=still, bump=bump)
+        kept = kept._replace(fade_left=still, bump=bump, paused=paused)
+        return found.reshape(u.shape), kept._replace(fade=whole.reshape(1)) if self.band is not None else kept
 
-    def _baseline(self, before: Held, after: Held) -> Value:
+    def _after_wrong_times(self, returns: Value, old: Kept) -> tuple[Value, Value]:
+        """The samples left of a fade, and of the whole of it, where wrong times may have triggered the fallback.
+
+        If no more samples were missed than the longest outage, the return takes no more samples than were missed, and what was
+        left of an earlier fade goes on: otherwise calls that are wrong again and again would hold the control for ever.
+        """
+        earlier = old.fade_left[0] if self.baseline is None else old.paused[0]
+        missed = old.outage[0] - old.advanced[0]
+        short = np.where(missed <= self.longest, returns, 0.0)
+        rest = np.fmax(earlier + 1.0, np.fmin(missed, self.fade))
+        left = np.where(returns > 0, np.where(short > 0, rest - 1.0, self.fade), old.fade_left[0])
+        return left, np.where(returns > 0, np.where(short > 0, rest, self.fade), old.fade[0])
+
+    def _limited(self, u: Value) -> Value:
+        """(m,) within the actuators' limits."""
+        each = [u[i] for i in range(len(self.u_low))]
+        for i in self.limited:
+            each[i] = np.where(each[i] < self.u_low[i], self.u_low[i], each[i])
+            each[i] = np.where(each[i] > self.u_high[i], self.u_high[i], each[i])
+        return np.concatenate([one.reshape(1) for one in each])
+
+    def _baseline(self, before: Held, taken: Taken) -> Value:
         """k_r r - K z, product by product as in C, with the last good measurement and the baseline's previous states."""
         assert self.baseline is not None
-        r, z = after.r.reshape(-1), np.concatenate([after.measured.reshape(-1), before.baseline])
+        r, z = taken.r.reshape(-1), np.concatenate([taken.y.reshape(-1), before.baseline])
         return np.concatenate([self._one_of(j, r, z).reshape(1) for j in range(len(self.baseline.K))])
 
     def _one_of(self, j: int, r: Value, z: Value) -> Value:
@@ -392,6 +493,17 @@ class Around:
             product = self.baseline.K[j, i] * z[i]
             found = -product if found is None else found - product
         return np.abs(0 * z[0]) if found is None else found
+
+
+def _limits(shell: Shell | None, names: tuple[str, ...], T: float) -> tuple[Array, Array, Array]:
+    """The lowest and highest value of each channel, and its largest change between two samples."""
+    ranges = [(-inf, inf) if shell is None else shell.range.get(name, (-inf, inf)) for name in names]
+    low, high = np.array(ranges, dtype=float).T
+    return low, high, np.array([inf if shell is None else shell.rate.get(name, inf) for name in names]) * T
+
+
+def _slow(moved: Value, most: Value) -> Value:
+    return np.where(moved <= most, np.where(-moved <= most, 1.0, 0.0), 0.0)
 
 
 def _places(gains: Array) -> tuple[tuple[int, int], ...]:

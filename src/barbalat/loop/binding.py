@@ -33,11 +33,11 @@ _checked: set[Hashable] = set()
 
 
 def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
-    """The controller's equations for this problem; InputError for an object that is no controller, or one for another
-    measurement.
+    """The controller's equations for this problem; InputError for an object that is not a controller, or for a controller that
+    needs another measurement.
 
-    Equations that involve a class from outside are checked, once for each structure: see ``check_controller``. The package's own
-    equations are held to the same checks by its tests.
+    Equations that involve a class from outside are checked once for each structure, see ``check_controller``. The package's
+    tests apply the same checks to its own equations.
     """
     outside = comes_from_outside(controller)
     equations = _equations(problem, controller, outside=outside)
@@ -81,7 +81,7 @@ class Bindings:
 
 
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:
-    """Try a controller's equations on a problem, as a run would use them; for tests of classes of your own.
+    """Try a controller's equations on a problem in the way in which a run uses them; for tests of your own classes.
 
     Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so that the traced equations
     compute what the code says. Raises InputError with the class, the equation, the shape and what would be right.
@@ -120,21 +120,21 @@ def ports_of(problem: TrackingProblem) -> Ports:
 
 
 def require_controllers(controllers: Sequence[Any]) -> None:
-    """InputError for an object that is no controller, and for two with the same name."""
+    """InputError for an object that is not a controller, and for two controllers with the same name."""
     for controller in controllers:
         if not validate.is_instance(controller, Controller) or isinstance(controller, type):
             raise InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
         validate.label(f"the name of a {type(controller).__name__}", controller.name)
     names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"every controller needs a different name, but {twice[0]!r} stands {names.count(twice[0])} times")
+        raise InputError(f"every controller needs a different name, but {twice[0]!r} occurs {names.count(twice[0])} times")
 
 
 def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller, ...]:
-    """Any collection of controllers, or a single one, as a tuple; if several have the same name, all but the first get a number:
-    MRAC, MRAC 2.
+    """Any collection of controllers, or a single one, as a tuple. If several have the same name, all but the first get a
+    number: MRAC, MRAC 2.
 
-    InputError for an object that is no controller, and for a second one with the same name whose class has no field for it.
+    InputError for an object that is not a controller, and for a duplicate name if the class has no field for it.
     """
     given: Any = (controllers,) if isinstance(controllers, Controller) else controllers
     if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
@@ -158,7 +158,7 @@ def _renamed(controller: Any, name: str) -> Any:
     if "name" in own:
         return replace(controller, name=name)
     for field, part in (parts_of(controller) or {}).items():
-        # it has the name of its inner controller
+        # its name is that of its inner controller
         if field in own and isinstance(part, Controller) and part.name == controller.name:
             return replace(controller, **{field: _renamed(part, name)})
     return controller

@@ -1,7 +1,7 @@
 """Checks a controller's equations before they are traced: evaluates them on numbers and on symbols, and compares the two.
 
-A run evaluates the equations on symbols only once. Code that is no expression there (an ``if``, a number made from a symbol)
-would silently be frozen into the run, or be NaN; so each equation is compared with its values on numbers.
+A run evaluates the equations on symbols only once. Code that does not yield an expression there (an ``if``, a number made from
+a symbol) would silently become a constant of the run, or NaN. Therefore each equation is compared with its values on numbers.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from barbalat.validate import Array, counted, show
 POINTS_TRIED = 4
 """States at which the equations are evaluated: the initial one, and others drawn around it."""
 AGREEMENT_WITHIN = 1e-8
-"""Relative to an equation's largest entry: the same sums in another order differ by far less, other equations by far more."""
+"""Tolerance relative to an equation's largest entry: the same sums in another order differ by far less, different equations by
+far more."""
 CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial", "control", "advance")
 
 
@@ -37,7 +38,7 @@ class Ports(NamedTuple):
 
     @classmethod
     def of(cls, plant: Dynamics, model: Dynamics, commands: int | None, inputs: int) -> Ports:
-        """Return the values of a loop at t = 0 with commands and inputs at zero; ``commands`` is that of ``ClosedLoop``."""
+        """Return the values of a loop at t = 0 with commands and inputs at zero; ``commands`` as in ``ClosedLoop``."""
         y, y_m = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
         return cls(y, y_m, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
 
@@ -69,7 +70,7 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
 
 
 def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
-    """InputError for roles of fields that the state lacks, and for a number of names other than that of the estimates."""
+    """InputError for roles of fields that the state lacks, and if the names and the estimates differ in number."""
     declared: Any = declared_roles(equations)
     whose = whose.part(".roles")
     if declared is None:
@@ -90,13 +91,13 @@ def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
             not isinstance(names, tuple) or len(names) != part.size or not all(isinstance(name, str) for name in names)
         ):
             raise whose.error(
-                f": the names of {part.path} must be a tuple of {counted(part.size, 'text')}, one for each estimate, "
+                f": the names of {part.path} must be a tuple of {counted(part.size, 'string')}, one for each estimate, "
                 f"got {show(names)}"
             )
 
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
-    """Check an ensemble's equations, in which symbols stand for settings: a column of them, with numbers (p,) for it."""
+    """Check an ensemble's equations, in which a column of symbols stands for settings whose values are the numbers (p,)."""
     whose = Subject(f"an ensemble: {type(numbers).__name__}")
     trial = TrialCall(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
     others = TrialCall(whose, varied, trial.arguments).equations
@@ -163,7 +164,7 @@ class TrialCall:
     def _evaluated(self, equation: str, call: Equation, arguments: Arguments) -> Array:
         what = self.whose.part(f".{equation}").on_numbers
         with np.errstate(all="ignore"), telling_user_errors(what):
-            found = call(map_arrays(np.copy, arguments))  # a copy, in case the equation changes its arguments in place
+            found = call(map_arrays(np.copy, arguments))  # a copy, because the equation may change its arguments in place
         self._require(equation, found, what)
         return np.asarray(flatten((found,)), dtype=float)
 

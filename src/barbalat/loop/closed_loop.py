@@ -13,12 +13,13 @@ from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.loop import input_paths
 from barbalat.loop.around import Around
 from barbalat.loop.binding import Bind, bound, is_sampled
-from barbalat.loop.packing import LoopState, Outputs, Signals, SignalSizes, as_array, flatten, map_arrays, unflatten
+from barbalat.loop.packing import LoopState, Outputs, Signals, SignalSizes, as_array, flatten, map_arrays, together, unflatten
 from barbalat.loop.sampling import Acting, SampledController, held_model
 from barbalat.problem.baseline import FixedController
-from barbalat.problem.measurement import Sensor
+from barbalat.problem.measurement import Sensor, nearest_multiple
 from barbalat.problem.observer import ObserverEquations
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.problem.truth import TruePlant
 from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
 from barbalat.roles import StatePart, main_estimates, state_parts, taken_from
 from barbalat.validate import Array, InputError
@@ -35,6 +36,7 @@ class ClosedLoop:
     commands: int | None = None  # None for a single scalar command
     lag: Sensor | None = None  # of the sensor
     noise_std: Array | None = None
+    resolutions: tuple[float | None, ...] | None = None  # of the sensor, for each measured quantity; a sampled controller's
     disturbed: bool = False
     directions: tuple[Array, ...] = ()  # of the unmatched disturbances
     output_disturbed: bool = False
@@ -42,12 +44,13 @@ class ClosedLoop:
     delayed: bool = False
     discrete_model: HeldSystem | None = None  # of a sampled controller
     around: Around | None = None  # its shell and its faults
-    baseline: FixedController | None = None  # with its own states, which equations receive after the measurement
+    baseline: FixedController | None = None  # equations receive its own states after the measurement
     external: FixedController | None = (
-        None  # whose control other code computes, and passes to a sampled controller at its samples
+        None  # other code computes its control, and passes it to a sampled controller at its samples
     )
     reads: Array | None = None  # (p, n) C of the measurement; None if that is the plant's output itself
-    observer: ObserverEquations | None = None  # whose estimate equations receive in place of the measurement
+    true_reads: Array | None = None  # (p, N) C of the measurement of a truth's own states, in place of ``reads``
+    observer: ObserverEquations | None = None  # equations receive its estimate in place of the measurement
     begins: Any = None  # the equations' state at t = 0, in numbers, if the equations themselves contain symbols
 
     @classmethod
@@ -62,8 +65,7 @@ class ClosedLoop:
                 f"faults reach a controller at its samples, and {controller.name} is continuous: give it a sample_time",
                 controller=controller.name,
             )
-        if problem.fixed is not None and is_sampled(equations):
-            problem.fixed.require_sampled(equations.sample_time)
+        resolutions = None if around.sensor is None else around.sensor.resolutions(problem.measured)
         return cls(
             problem.dynamics,
             problem.model,
@@ -72,6 +74,7 @@ class ClosedLoop:
             commands=commands,
             lag=around.sensor if around.sensor is not None and around.sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.measured),
+            resolutions=resolutions,
             disturbed=around.disturbance is not None,
             directions=tuple(disturbance.direction for disturbance in around.unmatched),
             output_disturbed=problem.output_disturbance is not None,
@@ -82,8 +85,20 @@ class ClosedLoop:
             baseline=problem.fixed if problem.fixed is not None and problem.fixed.order else None,
             external=problem.fixed if problem.handed_controls and is_sampled(equations) else None,
             reads=None if fixed is None else fixed.C,
+            true_reads=problem.dynamics.C if isinstance(problem.dynamics, TruePlant) else None,
             observer=_observing(problem, equations.sample_time if is_sampled(equations) else None),
         )
+
+    def require_run(self) -> None:
+        """InputError for loops that can be analysed but not simulated: with a continuous controller on a quantised measurement,
+        or with a sample time too long for a baseline's anti-windup."""
+        for fixed in (self.baseline, self.external):
+            if fixed is not None and self.sample_time is not None:
+                fixed.require_sampled(self.sample_time)
+        if self.resolutions is not None and not self.sampled:
+            raise InputError.of(
+                "sensor.quantization", "is for controllers that read the sensor at samples: give the controller a sample_time"
+            )
 
     def initial(self) -> Array:
         """The flat state at t = 0; the model starts at the plant's state."""
@@ -232,7 +247,8 @@ class ClosedLoop:
         return flatten(self._rates(state, given, u, v))
 
     def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
-        """The derivative of the flat state, and the control u, if v reaches the plant instead of u: the loop broken there."""
+        """The derivative of the flat state, and the control u, of the loop broken at the plant's input, where v acts instead of
+        u."""
         state, given = self.unpack(flat), self.signals.named(signals)
         u = self._control(state, given)
         return flatten(self._rates(state, given, u, v)), u
@@ -288,16 +304,42 @@ class ClosedLoop:
         state = self.unpack(flat)
         return input_paths.output(self.paths, state.input, self._control(state, self.signals.named(signals)))
 
+    @cached_property
+    def rate_limited(self) -> tuple[int, ...]:
+        """The inputs with a rate limit, and so with a limiter that has a state."""
+        return tuple(i for i, path in enumerate(self.paths) if path is not None and path.rate_limit is not None)
+
+    @cached_property
+    def limiter_rows(self) -> tuple[int, ...]:
+        """The places of the limiters' outputs in a flat state."""
+        places = self.unpack(np.arange(self.size)).input
+        return tuple(int(places[i].limited[0]) for i in self.rate_limited)
+
+    @property
+    def rate_limits(self) -> Value:
+        """The limiters' largest rates, (L,)."""
+        return together([path.rate_limit for path in self.paths if path is not None and path.rate_limit is not None])
+
+    def demands(self, flat: Value, signals: Value) -> Value:
+        """The demand that each rate limiter follows, (L,)."""
+        state = self.unpack(flat)
+        u = self._control(state, self.signals.named(signals)).reshape(-1)
+        return together(
+            [path.asked(u[i]) for i, path in enumerate(self.paths) if path is not None and path.rate_limit is not None]
+        )
+
     def _output(self, state: LoopState, given: Signals) -> Value:
         y = self.plant.output(state.x)
         return y + given.at_output[0] if self.output_disturbed else y
 
     def followed(self, state: LoopState, given: Signals) -> Value:
-        """The output that is to follow the model, without the sensor's lag and noise, (n,)."""
+        """The output that should follow the model, without the sensor's lag and noise, (n,)."""
         return self._output(state, given).reshape(-1)
 
     def reading(self, x: Value) -> Value:
         """The measurement of the plant's state x, without lag and noise: (p,), or a scalar."""
+        if self.true_reads is not None:
+            return self.true_reads @ x
         y = self.plant.output(x)
         return y if self.reads is None else self.reads @ y
 
@@ -306,7 +348,8 @@ class ClosedLoop:
 
     def _measured(self, state: LoopState, given: Signals) -> Value:
         y = self._read(state, given) if self.lag is None else state.sensor
-        return y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
+        y = y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
+        return y if self.resolutions is None else _quantised(y, self.resolutions)
 
     def _control(self, state: LoopState, given: Signals) -> Value:
         if self.sampled:
@@ -325,11 +368,11 @@ class ClosedLoop:
         return np.concatenate([seen, state.baseline]), state.x_m
 
     def received(self, state: LoopState, x: Value) -> Value:
-        """What the equations receive where the plant's own state, or its output, is x, without noise: an observer's estimate in
-        its place, followed by a baseline's own states."""
+        """What the equations receive, without noise, if x is the plant's own state or output: x or an observer's estimate of
+        it, followed by a baseline's own states."""
         own: Any = state.held if self.sampled else state
         if self.observer is not None and self.reads is not None:
-            y = self.reads @ x if self.lag is None else state.sensor
+            y = self.reading(state.x) if self.lag is None else state.sensor
             x = self.observer.estimate(own.observer, own.measured[: y.size] if self.sampled else y)
         return x if self.baseline is None else np.concatenate([x, own.baseline])
 
@@ -340,9 +383,9 @@ class ClosedLoop:
         return self.baseline.derivative(state.baseline, seen, r, u)
 
     def limit(self, flat: Value) -> Value:
-        """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
+        """The state with the estimates limited to the known set; it is applied at every stage and at the end of a step."""
         state = self.unpack(flat)
-        if isinstance(self.equations, SampledEquations):  # the estimates have moved and their motion is counted
+        if isinstance(self.equations, SampledEquations):  # after the estimates have moved
             return flatten(state._replace(held=state.held._replace(theta_hat=self.theta_hat(state.controller))))
         return flatten(state._replace(controller=self.equations.limit(state.controller)))
 
@@ -363,8 +406,14 @@ class ClosedLoop:
         return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, x_m, y)
 
 
+def _quantised(y: Value, resolutions: tuple[float | None, ...]) -> Value:
+    """The nearest multiple of each quantity's resolution, in the shape of y."""
+    read = [one if q is None else nearest_multiple(one, q) for one, q in zip(y.reshape(-1), resolutions, strict=True)]
+    return np.concatenate([one.reshape(1) for one in read]).reshape(y.shape)
+
+
 def _observing(problem: TrackingProblem, T: float | None) -> ObserverEquations | None:
-    """The observer of a problem, continuous or for samples of length T [s]; None without one."""
+    """The observer of a problem, continuous or for samples of length T [s]; None if there is none."""
     if problem.fixed_observer is None:
         return None
     known: Any = problem.known

@@ -30,8 +30,8 @@ def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
 def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     """The loop with the continuous equations behind a sampled controller; any other loop unchanged.
 
-    Its flat state is the sampled loop's without the held part, which is last. A sampled form with its own states has no such
-    twin, nor has one with an observer or with a baseline that has states.
+    Its flat state is the sampled loop's without the held part, which is last. There is no such continuous loop for a sampled
+    form with its own states, an observer, or a baseline with states.
     """
     if loop.baseline is not None or loop.observer is not None:
         return loop
@@ -53,7 +53,7 @@ def sampled_jacobian_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.F
 
 
 def right_hand_side(loop: ClosedLoop) -> ca.Function:
-    """The loop's derivative as a CasADi function of (state, signals), as its equations write it."""
+    """The loop's derivative as a CasADi function of (state, signals), in the form in which the equations are written."""
     import casadi as ca
 
     state, signals, rates = _rates(loop)

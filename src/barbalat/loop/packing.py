@@ -36,8 +36,8 @@ class LoopState(NamedTuple):
     x_m: Value  # (n,) reference model
     input: Any  # an InputState for each input with limits or unmodelled dynamics
     sensor: Value  # (n,) lagged measurement
-    baseline: Value  # (l,) a baseline's own states; a sampled controller holds its baseline's itself
-    observer: Value  # (l,) the observer's state; a sampled controller holds its observer's itself
+    baseline: Value  # (l,) a baseline's own states; those of a sampled controller's baseline are in ``Held``
+    observer: Value  # (l,) the observer's state; that of a sampled controller's observer is in ``Held``
     controller: Any  # the scheme's own NamedTuple
     held: Any  # Held
 
@@ -113,7 +113,7 @@ def map_arrays(function: Any, state: Any) -> Any:
 
 
 def _like(template: Any, parts: list[Any]) -> Any:
-    """A tuple of the template's kind: plain, or named."""
+    """A tuple of the template's type, plain or named."""
     return tuple(parts) if type(template) is tuple else type(template)(*parts)
 
 
@@ -130,6 +130,11 @@ def _leaves(state: Any) -> list[Value]:
 def as_array(value: Value) -> Value:
     """A plain number as an array; arrays of numbers or expressions as they are."""
     return np.asarray(value) if isinstance(value, (int, float)) else value
+
+
+def together(values: list[Value]) -> Value:
+    """Numbers, or expressions, as one array."""
+    return np.concatenate([np.reshape(as_array(value), (1,)) for value in values])
 
 
 def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:

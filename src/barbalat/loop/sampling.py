@@ -1,6 +1,6 @@
-"""A sampled controller with everything that it keeps from sample to sample: what a flight computer runs, and nothing else.
+"""A sampled controller with everything that it keeps from sample to sample: exactly what a flight computer runs.
 
-It receives the measurement and the command, and nothing else of the plant. It contains the reference model, advanced from sample
+It receives only the measurement and the command. It contains the reference model, advanced from sample
 to sample under the sampled command; ``ClosedLoop`` integrates (2) separately, and e is reported with respect to that.
 """
 
@@ -42,7 +42,7 @@ class SampledController:
     discrete  the model from sample to sample
     inputs    number of entries of u
     commands  ``None`` for one command, a scalar
-    around    the shell and the faults; None if every sample is used as it is
+    around    the shell and the faults; None if every sample is used unchanged
     baseline  its own states follow the measurement in the equations' input; None without a baseline
     observer  the equations and the baseline receive its estimate in place of the measurement; None without one
     external  the baseline whose control other code computes: that control follows the measurement in the input, and u is its sum
@@ -81,8 +81,8 @@ class SampledController:
     def act(self, state: Acting, y: Value, r: Value, freeze: Value = None) -> Acting:
         """One sample: advance from the last sample to this one, unless this is the first, and set u.
 
-        ``freeze``: if it is above 0, the estimates and the law's memory are held; if it is ``LOST``, an observer predicts without
-        ``y``. ``None``: neither.
+        If ``freeze`` is above 0, the estimates and the law's memory are held; if it is ``LOST``, an observer also predicts
+        without ``y``; if it is None, neither.
         """
         controller, held = state
         started = held.started > 0

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 DEEPEST_NESTING = 12
-"""Largest depth of objects within objects: deeper parts are compared as a whole, which also handles objects that contain
+"""Largest depth of objects within objects. Deeper parts are compared as a whole, which also covers objects that contain
 themselves."""
 
 _WHOLE = {
@@ -60,7 +60,7 @@ def with_parts(part: Any, parts: list[Any]) -> Any:
         return named
     twin = copy.copy(part)
     if is_dataclass(part) and hasattr(twin, "__dict__"):
-        vars(twin).clear()  # including cached values that were computed from the other parts
+        vars(twin).clear()  # and with it cached values that were computed from the other parts
     for name, value in named.items():
         object.__setattr__(twin, name, value)
     return twin
@@ -98,7 +98,7 @@ _VALUES: dict[type, Callable[[Any], tuple[Any, ...]]] = {}
 
 
 def same_names(part: Any, other: Any) -> bool:
-    """Whether two objects of one class, both with parts or both without, have parts of the same names."""
+    """Whether two objects of one class, both with parts or both without, have parts with the same names."""
     if _field_names(type(part)) is not None:
         return True
     parts, others = parts_of(part), parts_of(other)

@@ -17,7 +17,7 @@ from barbalat.validate import Array, counted
 
 
 def true_values(problem: TrackingProblem, loop: ClosedLoop) -> Array | None:
-    """(p,), one for each entry of theta_hat; None if the problem does not know them, or has another number of them."""
+    """(p,), one for each entry of theta_hat; None if the problem does not know them, or if their number differs."""
     return None if loop.estimates is None else truth_of(problem, loop.estimates)
 
 
@@ -44,7 +44,7 @@ def _of_role(role: Role, problem: Problem) -> Array | None:
 
 
 def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None:
-    """A sentence if a scheme has another number of estimates than the problem has parameters, and does not declare them.
+    """A sentence if a scheme's estimates and the problem's parameters differ in number, and the scheme does not declare them.
 
     A scheme without estimates, or one that declares what it estimates, gets no such sentence.
     """
@@ -58,7 +58,8 @@ def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None
 
 
 def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
-    """The set onto which theta_hat is projected; None if the scheme does not declare one, or uses that name for another set."""
+    """The set onto which theta_hat is projected; None if the scheme does not declare one, or uses the declared name for another
+    set."""
     if loop.estimates is None:
         return None
     role, equations = loop.estimates.role, loop.continuous
@@ -73,7 +74,7 @@ def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
 
 
 def estimate_names(problem: TrackingProblem, loop: ClosedLoop) -> tuple[str, ...]:
-    """(p,), without a hat; the last ones are omega, or omega_1, omega_2, ..., if they estimate unknown input gains."""
+    """(p,) names without a hat; the last ones are omega, or omega_1, omega_2, ..., if they estimate unknown input gains."""
     found = loop.estimates
     if found is None:
         return ()

@@ -17,19 +17,19 @@ from barbalat.validate import InputError
 
 PACKAGE = Path(__file__).parents[1]
 LONGEST_REASON = 160
-"""Largest number of characters quoted of another package's message, whose beginning says what went wrong."""
+"""Largest number of characters quoted from another package's message; its beginning says what went wrong."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """The subject of a message: ``said`` begins the sentence, ``controller`` is the name of the controller in it."""
+    """The subject of a message: ``said`` begins the sentence, and ``controller`` is the controller's name in it."""
 
     said: str
     controller: str = ""
     symbolic: bool = False
 
     def part(self, name: str) -> Subject:
-        """One of its equations, or all of them."""
+        """The same subject for one of the controller's equations, or for all of them."""
         return replace(self, said=f"{self.said}{name}")
 
     @property
@@ -38,7 +38,7 @@ class Subject:
 
     @property
     def on_symbols(self) -> Subject:
-        """An equation that worked on numbers: a failure is now due to the symbols."""
+        """The same for an equation that worked on numbers, so that a failure is due to the symbols."""
         return replace(self.part(" on symbols"), symbolic=True)
 
     def error(self, what: str) -> InputError:
@@ -52,8 +52,8 @@ def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None
         raise what.error(f" must return a NamedTuple of arrays, got {validate.show(state)}")
     if "theta_hat" not in names_of(state) and declared is None:
         raise what.error(
-            f" returns a {type(state).__name__} without the field theta_hat: give it one, the estimates, or np.zeros(0) "
-            "where nothing is estimated; or declare in a mapping `roles` what its fields are, {} where nothing is estimated"
+            f" returns a {type(state).__name__} without the field theta_hat: add it, with the estimates, or np.zeros(0) if "
+            "nothing is estimated; or declare the roles of its fields in a mapping `roles`, {} if nothing is estimated"
         )
     for place, leaf in leaves(state):
         if not isinstance(leaf, (np.ndarray, np.generic)) or leaf.dtype.kind not in "iuf":
@@ -63,7 +63,7 @@ def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None
 
 
 def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) -> None:
-    """InputError for an object that is no number or no array of this shape; a number is accepted for an array with one entry."""
+    """InputError for an object that is not a number or array of this shape; a number is accepted for an array with one entry."""
     given = shape_of(found)
     if given is None:
         raise what.error(f": {name} must be {_named(shape)}, got {_shown(found)}")

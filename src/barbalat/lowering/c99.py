@@ -70,7 +70,7 @@ def of_bits(name: str, real: str, suffix: str, of: Format) -> str:
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 _LIBRARY = {"sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "copysign": 2, "fma": 3}
-"""Functions of math.h whose result is exact or correctly rounded everywhere, and their arguments."""
+"""Functions of math.h whose results are exact or correctly rounded on every platform, and their numbers of arguments."""
 
 _LOOP = """\
 #include <math.h>
@@ -104,7 +104,7 @@ DOUBLE, FLOAT = Real("double", "", np.float64, DOUBLE_FORMAT), Real("float", "f"
 
 
 def constant(value: float, real: Real = DOUBLE) -> str:
-    """A number as C99 reads it exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
+    """A number in a form that C99 reads exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
     with np.errstate(over="ignore"):
         value = float(real.numbers(value))
     if not math.isfinite(value):  # macros of type float, since -Wdouble-promotion checks them
@@ -114,7 +114,7 @@ def constant(value: float, real: Real = DOUBLE) -> str:
 
 
 def statements(program: Program, inputs: dict[tuple[int, int], str], real: Real = DOUBLE) -> list[str]:
-    """One declaration for each operation; the value of operation i is called t<i>.
+    """One declaration for each operation; the value of operation i has the name t<i>.
 
     ``inputs`` gives the C text of each input by (argument, component). Raises ValueError for an operation without translation.
     """
@@ -141,7 +141,7 @@ def calls_functions(program: Program, real: Real = DOUBLE) -> bool:
 
 
 class Printer:
-    """The C text of operations whose values are called t<i>."""
+    """The C text of operations whose values have the names t<i>."""
 
     def __init__(self, program: Program, real: Real = DOUBLE) -> None:
         self.real = real
@@ -152,7 +152,7 @@ class Printer:
         return self.operations[i].name in COMPARISONS
 
     def number(self, i: int) -> str:
-        """Value i as a number; a truth value becomes 0 or 1, and then has a sign."""
+        """Value i as a number; a truth value becomes 0 or 1, with a sign."""
         return f"({self.real.name})t{i}" if self.is_truth(i) else f"t{i}"
 
     def condition(self, i: int) -> str:
@@ -188,8 +188,8 @@ class Printer:
         return f"{x[0]} {'<' if name == 'fmax' else '>'} {x[1]} ? {x[1]} : {x[0]}"
 
 
-def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int = 1, *, name: str = ENTRY) -> str:
-    """C99 source of ``void name(blocks, steps, state*, parameters*, signals*, out*)``; arrays as of ``llvm.ir.loop``.
+def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int = 1) -> str:
+    """C99 source of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*)``; arrays as in ``llvm.ir.loop``.
 
     One lane keeps the state in local variables. More lanes are an inner loop over local arrays, which compilers vectorise.
     """
@@ -207,8 +207,8 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int 
     body = statements(step, inputs) + [f"{local} = {value};" for local, value in zip(x + a, following, strict=True)]
     return _LOOP.format(
         functions=definitions([step]),
-        name=name,
-        indent=" " * len(f"void {name}("),
+        name=ENTRY,
+        indent=" " * len(f"void {ENTRY}("),
         declarations=_lines(_declarations(n, m, lanes), 4),
         load=_lines(_each_lane([f"{local} = {_entry('state', i, lanes)};" for i, local in enumerate(x)], lanes), 4),
         begin=_lines(_each_lane(begin, lanes), 8),
@@ -253,7 +253,7 @@ NOTICE = """\
 
 
 def definitions(programs: Iterable[Program], real: Real = DOUBLE) -> str:
-    """C source of the functions that these lists call, each with the functions that it needs itself."""
+    """C source of the functions that these lists call, preceded by the functions that these need."""
     called = {op.name for program in programs for op in program.operations} & FUNCTIONS
     made = [function(name, real.format) for name in sorted(called)]
     used = {op.name for one in made for part in (one.usual, one.rare) if part is not None for op in part.operations}

@@ -1,4 +1,4 @@
-"""A CasADi function, or an elementary function's list, as machine code that Python calls for single points or whole arrays."""
+"""CasADi functions and the lists of elementary functions as machine code that Python calls for single points or whole arrays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def evaluate(name: str, *x: np.ndarray) -> np.ndarray:
-    """The function applied to arrays that broadcast together, with the bits of a kernel's operation of this name."""
+    """The function applied to arrays that broadcast together; it agrees bit for bit with a kernel's operation of this name."""
     arguments = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in x))
     kernel, shape, count = _elementary_kernel(name), arguments[0].shape, arguments[0].size
     rows = -(-count // kernel.lanes)
@@ -43,9 +43,9 @@ def _elementary_kernel(name: str) -> Kernel:
 
 
 class Compiled:
-    """``f(x, s)`` of an SX function of a column x (n,) and a column s (k,) with one dense result; not for several threads.
+    """``f(x, s)`` of an SX function of a column x (n,) and a column s (k,) with one dense result; not thread-safe.
 
-    A call takes some 2 us where CasADi's own takes some 50. It is one step of the time loop, which leaves the state unchanged and
+    A call takes some 2 us; CasADi's own takes some 50. It is one step of the time loop, which leaves the state unchanged and
     returns the results as its accumulators.
     """
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class Operation(NamedTuple):
     """One scalar operation; ``operands`` are positions of earlier operations in the same list.
 
-    A tuple, because a step has thousands of operations, which are created, compared and hashed several times on their way to
-    machine code.
+    It is a tuple, because a step has thousands of operations, which are created, compared and hashed several times before they
+    become machine code.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Operation(NamedTuple):
 class Program:
     """Operations in order, and for each output argument the positions of its components.
 
-    Equal programs compute equal bits: the constants 0 and -0, which == considers equal, are distinguished.
+    Equal programs give equal results, bit for bit; the constants 0 and -0, which == considers equal, are therefore distinguished.
     """
 
     operations: tuple[Operation, ...]
@@ -49,7 +49,8 @@ class Program:
 
 EXPONENT_BIAS = 1023
 FRACTION_BITS = 52
-"""Of a double, for the operations on bits, which occur only in the lists of elementary functions: "exponent" and "significand"
+"""Properties of a double for the operations on bits, which occur only in the lists of elementary functions: "exponent" and
+"significand"
 of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
 ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
 """A whole number added to it appears, with the bias, in the last bits of the sum, without a conversion, which is undefined for
@@ -66,7 +67,7 @@ def read(function: casadi.Function) -> Program:
     import casadi as ca
 
     operations: list[Operation] = []
-    work: dict[int, int] = {}  # CasADi's work vector -> position of the operation that holds the value now
+    work: dict[int, int] = {}  # place in CasADi's work vector -> position of the operation whose value it holds now
     outputs = [[-1] * function.nnz_out(k) for k in range(function.n_out())]
 
     def append(name: str, *operands: int, value: float = 0.0, source: tuple[int, int] = (0, 0)) -> int:
@@ -103,22 +104,29 @@ def read(function: casadi.Function) -> Program:
 
 
 def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tuple[int, int], int]) -> Program:
-    """``program`` after the operations ``first``; the values at the positions ``inputs`` replace its inputs.
-
-    Other inputs stay inputs. The program's own operations keep their order and their operands, so that all bits stay the same.
+    """``program`` appended to the operations ``first``; the values at the positions ``inputs`` replace its inputs. Other inputs
+    stay inputs. The program's own operations keep their order and operands, so that all results are unchanged, bit for bit.
     """
-    operations, place = list(first), []
+    operations = list(first)
+    outputs = append(operations, program, inputs)
+    return Program(tuple(operations), outputs)
+
+
+def append(operations: list[Operation], program: Program, inputs: Mapping[tuple[int, int], int]) -> tuple[tuple[int, ...], ...]:
+    """Append a program as ``following`` does; returns the positions of its outputs."""
+    place: list[int] = []
     for op in program.operations:
         if op.name == "input" and op.source in inputs:
             place.append(inputs[op.source])
             continue
         operations.append(op._replace(operands=tuple([place[j] for j in op.operands])))
         place.append(len(operations) - 1)
-    return Program(tuple(operations), tuple(tuple(place[i] for i in row) for row in program.outputs))
+    return tuple(tuple(place[i] for i in row) for row in program.outputs)
 
 
 def sliced(program: Program, keep: Sequence[int]) -> Program:
-    """The operations that these components of the first output need, in the order of the whole list; they form the one output."""
+    """The operations that these components of the first output need, in the order of the whole list, as a list with these
+    components as its only output."""
     row = tuple(program.outputs[0][i] for i in keep)
     alive = set(row)
     for i in range(len(program.operations) - 1, -1, -1):

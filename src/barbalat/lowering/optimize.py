@@ -1,10 +1,10 @@
 """Rewrites an operation list for speed; the result is the same list for every target, lane width and thread.
 
-The order of a sum and the position of a fused multiply-add determine the last bit of a result. They are therefore chosen here,
-once, and the targets must not choose again. That is what makes runs bit-identical.
+The order of a sum and the position of a fused multiply-add determine the last bit of a result. Both are therefore fixed here,
+once, and no target may change them. That makes runs bit-identical.
 
 A sum or product of many terms is associated in the order in which its terms become available: a time step is one long chain of
-dependent operations, and a term that comes late should be followed by as few operations as possible.
+dependent operations, and a term that is available late should be followed by as few operations as possible.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ def optimize(program: Program, *, fused: bool = True) -> Program:
     """Recover selections, share reciprocals, associate sums and products by availability, fuse multiply-adds, remove dead
     operations.
 
-    Without ``fused`` every product is rounded before it is added: for targets that have no fused multiply-add.
+    Without ``fused``, for targets that have no fused multiply-add, every product is rounded before it is added.
     """
     prepared = drop_dead(_share_reciprocals(_order_extrema(_recover_selections(program))))
     return drop_dead(_Associator(prepared, fused=fused).run())
 
 
 def as_written(program: Program) -> Program:
-    """The list in the order in which it was written, rounded operation by operation like the same lines in C."""
+    """The list in its original order, in which every operation is rounded as it would be in C."""
     return drop_dead(_order_extrema(_recover_selections(program)))
 
 
@@ -58,7 +58,7 @@ def drop_dead(program: Program) -> Program:
 
 
 def _recover_selections(program: Program) -> Program:
-    """CasADi writes if_else(c, a, b) as (c ? a : 0) + (!c ? b : 0); make it one selection again."""
+    """CasADi expands if_else(c, a, b) to (c ? a : 0) + (!c ? b : 0); this restores the single selection."""
     ops = list(program.operations)
     for i, op in enumerate(ops):
         if op.name != "add":
@@ -89,7 +89,7 @@ def _order_extrema(program: Program) -> Program:
 def _share_reciprocals(program: Program) -> Program:
     """a/d becomes a (1/d), one reciprocal for each divisor.
 
-    The slow division then starts as soon as d is known, and the product fuses with an addition. The price: one more rounding
+    The slow division then starts as soon as d is known, and the product fuses with an addition. The cost is one more rounding
     error (1.5 units in the last place instead of 0.5), and an overflow for |d| < 5.6e-309.
     """
     ops: list[Operation] = []

@@ -12,11 +12,11 @@ from barbalat.lowering.operations import Operation, Program
 
 
 def few_waiting(program: Program, *, urgent_first: bool) -> Program:
-    """The next operation is always the one that is the last user of most of its operands; constants stay in memory and don't
+    """The next operation is always the one that is the last user of the most operands; constants stay in memory and don't
     count.
 
-    Ties are decided by the list's order or, with ``urgent_first``, by the longest chain of dependent operations: with plenty of
-    registers, operations that others depend on should come early.
+    Ties are decided by the list's order or, with ``urgent_first``, by the longest chain of dependent operations: if there are
+    many registers, operations on which others depend should come early.
     """
     return _reordered(program, _Chooser(program, urgent_first=urgent_first).run())
 
@@ -33,7 +33,7 @@ class _Chooser:
                 self.users[j].append(i)
         self.unread = [len(users) for users in self.users]
         for j in {i for row in program.outputs for i in row}:
-            self.unread[j] += 1  # by the next step
+            self.unread[j] += 1  # used by the next step
         self.missing = [len(operands) for operands in self.operands]
         self.height = self._heights() if urgent_first else [0] * len(self.operations)
         self.ready: list[tuple[int, int, int]] = []
@@ -54,7 +54,7 @@ class _Chooser:
         while self.ready:
             *_, i = heapq.heappop(self.ready)
             if i in done:
-                continue  # an outdated entry of the heap, whose priority has improved since
+                continue  # an outdated entry of the heap: the operation's priority has improved since
             done.add(i)
             order.append(i)
             for j in self.operands[i]:

@@ -6,6 +6,22 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class Recalled:
+    """Records of a member's steps: a step reads earlier ones and writes its own; each lane has separate records.
+
+    width    numbers of a record
+    records  successive records that a step reads
+    first    a row of the state: the number of the first of them
+    last     a row of the state: the number of the record that the step writes
+    """
+
+    width: int
+    records: int
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
 class LoopShape:
     """Sizes of a step function's arguments: state, accumulators, parameters, signals, and its memory of the past.
 
@@ -18,10 +34,12 @@ class LoopShape:
                        the piece begins a step and whether it ends one. Counts of steps don't count pieces
 
     sample_row         a row of the state: the sampled part is called before each step at which it is nonzero, whatever its
-                       number; ``sample_every`` is then 1. The part itself leaves members unchanged whose row is 0
-    signal_row         a row of the state, for a single member only: the number of the row of signals that its step reads
+                       number; ``sample_every`` is then 1. The part itself leaves members unchanged if this row is 0
+    signal_row         a row of the state: the number of the row of signals that a member's step reads
+    rows_per_member    whether each lane has such rows of its own
+    recalled           the records of earlier steps; None if there are none, as with ``delayed``
 
-    ``None`` for ``noise_hold`` or ``sample_every``: it is an argument of every call, at least 1. A compiled-in value is faster.
+    If ``noise_hold`` or ``sample_every`` is ``None``, it is an argument of every call, at least 1. A compiled-in value is faster.
     """
 
     states: int
@@ -36,6 +54,8 @@ class LoopShape:
     in_pieces: bool = False
     sample_row: int | None = None
     signal_row: int | None = None
+    rows_per_member: bool = False
+    recalled: Recalled | None = None
 
     def __post_init__(self) -> None:
         for name, count, least in (("noise_hold", self.noise_hold, 1), ("sample_every", self.sample_every, 0)):
@@ -55,11 +75,11 @@ def require_count(name: str, count: int, least: int) -> None:
 
 
 TAPS_PER_CHANNEL = 3
-"""Stored values passed to a step for each delayed channel."""
+"""Number of stored values that a step receives for each delayed channel."""
 
 
 ENTRY = "barbalat_loop"
 
 
 WATCH_EVERY = 8
-"""Steps between two evaluations: the monitored quantity may cost as much as half a step."""
+"""Steps between two evaluations of the monitored quantity, each of which may cost as much as half a step."""

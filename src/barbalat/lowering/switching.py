@@ -1,4 +1,5 @@
-"""Turns the choices of an expression that jumps or bends into inputs: between choices it is smooth, and a step can end at each.
+"""Turns the choices of an expression that jumps or bends into inputs: while they are held it is smooth, and a step can end
+where one changes.
 
 A choice is a condition of ``np.where``, the side that a minimum, a maximum or a magnitude takes, or a comparison used as a
 number. Conditions joined by and, or, not form one choice. This module knows no control theory.
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 COUNTLESS = frozenset({"floor", "ceil", "copysign"})
-"""Operations with more jumps than two sides can represent."""
+"""Operations with more than two branches, which no choice between two sides represents."""
 
 
 class CountlessError(ValueError):
@@ -39,7 +40,7 @@ class Switched(NamedTuple):
     """An expression with its J choices as inputs.
 
     values      with the choices as given
-    conditions  whether each choice would be made at the given arguments, with the others as given
+    conditions  the conditions of all choices at the given arguments, with the other choices as given
     """
 
     values: list[Any]
@@ -49,7 +50,7 @@ class Switched(NamedTuple):
 def switched(function: ca.Function, arguments: list[Any], choices: Any = None) -> Switched:
     """The function of these arguments, columns of expressions, with its choices as ``choices``, a column of J numbers 0 or 1.
 
-    Without ``choices`` each is made by its condition: the conditions' truths are then the choices that belong to the arguments.
+    Without ``choices`` each follows from its condition, so that the conditions' truths are the choices at these arguments.
     Raises CountlessError for an expression with an operation of ``COUNTLESS``.
     """
     import casadi as ca
@@ -88,7 +89,7 @@ class _Compared(NamedTuple):
 class _Reading:
     """One pass over a function's instructions.
 
-    choices  its choices, or None if each is made by its condition
+    choices  its choices, or None if each follows from its condition
     work     the content of CasADi's work vector: expressions, and comparisons
     """
 
@@ -128,7 +129,7 @@ class _Reading:
         numbers = [self.number(i) for i in given]
         if name in ("lt", "le", "fmin", "fmax", "fabs", "sign"):
             return self._choice(k, name, numbers)
-        if len(numbers) == 2 and name not in ("sq", "twice", "inv"):  # these have one operand, listed twice
+        if len(numbers) == 2 and name not in ("sq", "twice", "inv"):  # these have one operand, which CasADi lists twice
             return ca.SX.binary(code, *numbers)
         return ca.SX.unary(code, numbers[0])
 

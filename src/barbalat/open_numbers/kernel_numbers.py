@@ -21,7 +21,7 @@ Member = tuple[Any, ...]
 
 OTHER_STRUCTURE = (
     "members must have the structure of the first one, and vary in no more than the few that were tried before: "
-    "narrow the range, or sweep its parts one by one"
+    "narrow the range, or sweep its parts one by one; a delay must be 0 in all members, or at least one solver step in all"
 )
 ROUNDING = 1e-9
 """Share of the largest number of an array. A number that did not change with any value tried and differs by at most this in

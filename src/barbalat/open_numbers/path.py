@@ -89,8 +89,10 @@ class FieldPath:
                 )
         return here
 
-    def put(self, tables: Tables, value: float) -> None:
+    def put(self, tables: Tables, value: float, *, said: FieldPath | None = None) -> None:
         """Put a number at this path, as a whole number if there was a whole one or none; missing tables are created.
+
+        said  the path that a user gave, for the error if a formula or a text is there; by default this path
 
         InputError if there is a list or a table: its entries are the numbers.
         """
@@ -117,7 +119,9 @@ class FieldPath:
             example = f"{self}[0]" if isinstance(old, list) else f"{self}.{next(iter(old), 'key')}"
             raise InputError(f"{self} is not a number but has several; name one {entry}, as {example}")
         if isinstance(old, (str, bool)):
-            raise InputError(f"{self} is {validate.show(old)}, not a number, and cannot be varied")
+            formula = isinstance(old, str) and self.keys[0] in ("plant", "truth", "sensor") and "parameters" in tables
+            instead = "a formula: vary the parameters in it" if formula else "not a number, and cannot be varied"
+            raise InputError(f"{said or self} is {validate.show(old)}, {instead}")
         here[last] = int(value) if isinstance(old, int | None) and value.is_integer() else value
 
     def _not_given(self, position: int, table: Tables) -> InputError:

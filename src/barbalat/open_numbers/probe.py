@@ -32,9 +32,9 @@ class Kind(Enum):
     """The effect of other values of a number on a case."""
 
     STRUCTURE = "structure"
-    """Another kernel, or other steps."""
+    """The effect of a number that needs another kernel or other steps."""
     SIGNAL = "signal"
-    """Another command or disturbance."""
+    """The effect of a number of the command or of a disturbance."""
     FOLLOWED = "followed"
     """Other numbers of the same kernel, which follow from it."""
     COPIED = "copied"

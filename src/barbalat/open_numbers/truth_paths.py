@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 from barbalat import validate
-from barbalat.cases.physical_tables import OF_TRUTH
 from barbalat.open_numbers.path import FieldPath, Key, Tables, copied
 from barbalat.problem.parameters import Parameter
 from barbalat.problem.plant import Plant
@@ -23,8 +22,8 @@ AROUND = ("input", "disturbance", "unmatched", "x0")
 
 
 def is_parameter(path: FieldPath) -> bool:
-    """Whether a path names a physical parameter, whose value in the truth is meant."""
-    return path.keys[0] == PARAMETERS and len(path.keys) == 2
+    """Whether a path names a physical parameter, whose value in the truth is meant: parameters.k or truth.parameters.k."""
+    return path.keys[-2:-1] == (PARAMETERS,) and path.keys[:-2] in ((), ("truth",))
 
 
 def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None) -> None:
@@ -33,17 +32,17 @@ def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None)
     redesign  False: plant.A and plant.b mean the truth's; True: these and parameters are the design's as well, and everything is
               designed again; None: plant.A and plant.b are the design's, parameters the truth's
     """
-    if is_parameter(path) and redesign:
+    if is_parameter(path) and path.keys[0] == PARAMETERS and redesign:
         _redesign_with(tables, path, value)
         return
-    place(tables, path, redesign=redesign).put(tables, value)
+    place(tables, path, redesign=redesign).put(tables, value, said=path)
 
 
 def place(tables: Tables, path: FieldPath, *, redesign: bool | None) -> FieldPath:
     """The place of the number that ``path`` varies, see ``put``; what [truth] lacks on the way is copied from [plant]."""
     if is_parameter(path):
         _require_declared(tables, path)
-        return FieldPath(("truth", PARAMETERS, str(path.keys[1])))
+        return FieldPath(("truth", PARAMETERS, str(path.keys[-1])))
     where = None if redesign else _in_the_truth(tables, path.keys, redesign is False)
     return path if where is None else FieldPath(where)
 
@@ -59,7 +58,7 @@ def with_own_input(tables: Tables) -> Tables:
 def _redesign_with(tables: Tables, path: FieldPath, value: float) -> None:
     """A parameter's nominal value, and its value in [truth] if there is one."""
     _require_declared(tables, path)
-    name, truth = str(path.keys[1]), tables.get("truth", {})
+    name, truth = str(path.keys[-1]), tables.get("truth", {})
     own = truth.get(PARAMETERS, {}) if isinstance(truth, dict) else {}
     nominal = (PARAMETERS, name, "value") if isinstance(tables[PARAMETERS][name], dict) else (PARAMETERS, name)
     FieldPath(nominal).put(tables, value)
@@ -74,22 +73,10 @@ def _require_declared(tables: Tables, path: FieldPath) -> None:
 
 def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
     """InputError for a name that no parameter of the case has."""
-    name = str(path.keys[1])
+    name = str(path.keys[-1])
     if name not in known:
-        there = f"there are {', '.join(known)}" if known else "the case has no [parameters]"
+        there = f"the parameters are {', '.join(known)}" if known else "the case has no [parameters]"
         raise InputError(f"{path} does not name a parameter; {there}{validate.hint(name, known)}")
-
-
-def holds_formulas(tables: Tables) -> bool:
-    """Whether the truth has its own formulas, which are evaluated when the file is read."""
-    truth = tables.get("truth", {})
-    return any(_texts(truth.get(key)) for key in OF_TRUTH) if isinstance(truth, dict) else True
-
-
-def _texts(part: Any) -> bool:
-    if isinstance(part, dict):
-        part = list(part.values())
-    return isinstance(part, str) or (isinstance(part, list) and any(map(_texts, part)))
 
 
 def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tuple[Key, ...] | None:
@@ -125,7 +112,7 @@ def _copied_to_truth(tables: Tables, key: str, own: Any, keys: tuple[Key, ...]) 
 def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None) -> Problem | None:
     """The same for Python's objects; None if the number is put like any other field."""
     if is_parameter(path):
-        return _with_parameter(problem, path, value, redesign is True)
+        return _with_parameter(problem, path, value, redesign is True and path.keys[0] == PARAMETERS)
     key = path.keys[1] if len(path.keys) > 1 else None
     if path.keys[0] == "plant" and key == "theta" and problem.simulated is not None and _own_matrix(problem):
         raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary parameters or plant.A")
@@ -148,7 +135,7 @@ def _own_matrix(problem: Problem) -> bool:
 
 
 def _with_parameter(problem: Problem, path: FieldPath, value: float, redesign: bool) -> Problem:
-    name, physical, truth = str(path.keys[1]), problem.plant.physical, problem.truth or Truth()
+    name, physical, truth = str(path.keys[-1]), problem.plant.physical, problem.truth or Truth()
     require_parameter(path, {} if physical is None else physical.nominal)
     assert physical is not None
     if not redesign:

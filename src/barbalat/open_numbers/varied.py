@@ -65,7 +65,7 @@ class VariedObjects(Varied):
         if truth_paths.is_parameter(path):
             problem = self.case.problem
             physical = problem.plant.physical if isinstance(problem, Problem) else None
-            return None if physical is None else physical.nominal.get(str(path.keys[1]))
+            return None if physical is None else physical.nominal.get(str(path.keys[-1]))
         first, *rest = path.field
         apart = {"controller": self.case.controllers, "simulation": self.case.simulation}
         here: Any = apart.get(str(first), self.case.problem)
@@ -79,43 +79,70 @@ class VariedObjects(Varied):
 
     def at(self, values: Sequence[float] | Array) -> Case:
         problem, controllers, simulation = self.case.problem, self.case.controllers, self.case.simulation
-        for path, value in zip(self.paths, values, strict=True):
+        of: dict[str, list[Place]] = {"controller": [], "simulation": [], "problem": []}
+        for path, value in zip(self.paths, map(float, values), strict=True):
             first, *rest = path.field
-            if first == "controller":
-                controllers = _put(path, controllers, rest, float(value))
-            elif first == "simulation":
-                simulation = _put(path, simulation, rest, float(value))
+            moved = isinstance(problem, Problem) and truth_paths.placed(problem, path, value, redesign=self.redesign)
+            if moved:
+                problem = moved
+            elif first in ("controller", "simulation"):
+                of[str(first)].append((path, tuple(rest), value))
             else:
-                moved = isinstance(problem, Problem) and truth_paths.placed(problem, path, float(value), redesign=self.redesign)
-                problem = moved or _put(path, problem, list(path.field), float(value))
+                of["problem"].append((path, path.field, value))
+        controllers, simulation = _put(controllers, of["controller"]), _put(simulation, of["simulation"])
+        problem = _put(problem, of["problem"])
         if self.redesign and isinstance(problem, Problem) and problem.fixed_observer is not None:
             problem = replace(problem, observer=problem.fixed_observer.design)
         return Case(problem, controllers, simulation, judge=self.case.judge)
 
 
-def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
-    """A copy of a part with another number at one place, made by its constructors; InputError if there is no number at that
-    place."""
-    if not keys:
-        return _number(path, part, value)
-    key, rest = keys[0], keys[1:]
+Place = tuple[FieldPath, tuple[Key, ...], float]
+"""A number's whole path, its keys from some part on, and its value."""
+
+
+def _put(part: Any, places: Sequence[Place]) -> Any:
+    """A copy of a part with other numbers at some places, made by its constructors with all of them at once; InputError if there
+    is no number at one of these places."""
+    if not places:
+        return part
+    for path, keys, value in places:
+        if not keys:
+            return _number(path, part, value)
     if isinstance(part, FixedObserver):
-        return _put(path, part.design, keys, value)  # which the problem designs again
-    if isinstance(key, int):
+        return _put(part.design, places)  # which the problem designs again
+    by_key: dict[Key, list[Place]] = {}
+    for path, keys, value in places:
+        by_key.setdefault(keys[0], []).append((path, keys, value))
+    if isinstance(part, (tuple, list, np.ndarray)) or any(isinstance(key, int) for key in by_key):
+        return _with_entries(part, by_key)
+    changed: dict[str, Any] = {}
+    within: list[Place] = []
+    names = [one.name for one in fields(part) if one.init] if is_dataclass(part) else []
+    for key, some in by_key.items():
+        if not isinstance(part, type) and wrapped_in(part, key) is not None:
+            within += some
+        elif isinstance(part, type) or key not in names:
+            known = ", ".join(names) or "none"
+            raise InputError(f"{some[0][0]} does not name a field: {type(part).__name__} has no {key!r}; its fields are {known}")
+        else:
+            changed[str(key)] = _put(vars(part)[str(key)], [(path, keys[1:], value) for path, keys, value in some])
+    if within:
+        changed[WRAPPED] = _put(wrapped_in(part, within[0][1][0]), within)
+    return replace(part, **changed)
+
+
+def _with_entries(part: Any, by_key: dict[Key, list[Place]]) -> Any:
+    entries = list(part) if isinstance(part, (tuple, list, np.ndarray)) else []
+    for key, some in by_key.items():
+        path = some[0][0]
         if not isinstance(part, (tuple, list, np.ndarray)):
             raise InputError(f"{path} does not name a field: [{key}] stands behind {validate.show(part)}, which has no entries")
+        if not isinstance(key, int):
+            raise InputError(f"{path} does not name a field: {type(part).__name__} has no {key!r}; its fields are none")
         if key >= len(part):
             raise InputError(f"{path} does not name a field: it has {validate.counted(len(part), 'entry')}, counted from 0")
-        entries = list(part)
-        entries[key] = _put(path, part[key], rest, value)
-        return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)
-    names = [one.name for one in fields(part) if one.init] if is_dataclass(part) else []
-    if not isinstance(part, type) and (inner := wrapped_in(part, key)) is not None:
-        return replace(part, **{WRAPPED: _put(path, inner, keys, value)})
-    if isinstance(part, type) or key not in names:
-        known = ", ".join(names) or "none"
-        raise InputError(f"{path} does not name a field: {type(part).__name__} has no {key!r}; its fields are {known}")
-    return replace(part, **{key: _put(path, vars(part)[key], rest, value)})
+        entries[key] = _put(part[key], [(path, keys[1:], value) for path, keys, value in some])
+    return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)
 
 
 def _number(path: FieldPath, old: Any, value: float) -> float:
@@ -160,7 +187,7 @@ class VariedCase(Varied):
     def _moved(self, numbers: Mapping[FieldPath, float]) -> Case | None:
         """The case if only parameters of the truth differ from the first one: the design is reused."""
         of_the_truth = bool(numbers) and all(map(truth_paths.is_parameter, numbers))
-        if self.redesign or not of_the_truth or truth_paths.holds_formulas(self._tables):
+        if self.redesign or not of_the_truth:
             return None
         found = VariedObjects(self._unmoved, tuple(numbers), self.redesign).at(list(numbers.values()))
         return replace(found, equations=self._unmoved.equations)
@@ -180,6 +207,15 @@ class VariedCase(Varied):
     def _variants(self) -> list[Variants]:
         """Empty until a case could be built."""
         return []
+
+
+def with_steps(tables: Tables, dt: float | None) -> Tables:
+    """A case file's tables with fixed steps of ``dt`` [s] in place of a tolerance, if they have one."""
+    simulation = tables.get("simulation")
+    if dt is None or not isinstance(simulation, dict) or "tolerance" not in simulation:
+        return tables
+    kept = {key: value for key, value in simulation.items() if key not in ("tolerance", "solver")}
+    return tables | {"simulation": kept | {"dt": dt}}
 
 
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:

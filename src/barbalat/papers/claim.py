@@ -80,7 +80,7 @@ class Map:
             raise InputError(f"map {self.key!r} needs values of the shape (y, x) = {shape}, got {values.shape}")
         _require_key("map", self.key)
         if self.logarithmic and (values <= 0).any():
-            raise InputError(f"map {self.key!r} has a logarithmic scale, but its least value is {np.nanmin(values):g}")
+            raise InputError(f"map {self.key!r} has a logarithmic scale, but its smallest value is {np.nanmin(values):g}")
         object.__setattr__(self, "values", values)
 
     @property
@@ -141,7 +141,7 @@ class Listing:
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A sentence with the evidence that a referee asks for; its finding follows from the readings by the rules of ``finding``.
+    """A sentence with the evidence that a referee requires; its finding follows from the readings by the rules of ``finding``.
 
     sentence      the sentence, its source, and its literal readings
     readings      the measured readings: each literal reading in the sentence's order, then weaker ones from the widest to

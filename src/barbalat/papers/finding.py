@@ -45,7 +45,7 @@ class Source:
 class Reading:
     """One reading of a sentence: its statement, whether the measurement confirms it, and the number that decides.
 
-    role  literal; weaker, which supplies the condition of *holds if*; mended, the printed sentence with an evident mistake
+    role  literal; weaker, which supplies the condition of *holds if*; mended, the printed sentence with an obvious mistake
           corrected; supplementary, measured for information and without influence on the finding
     """
 

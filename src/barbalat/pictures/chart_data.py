@@ -16,7 +16,7 @@ from barbalat.pictures.symbols import in_symbols, without_mathtext
 from barbalat.validate import Array
 
 DASHES = (None, (6, 4), (2, 3), (8, 3, 2, 3))
-"""On and off [px], in the order of ``theme.DASHES``."""
+"""Lengths of strokes and gaps [px], in the order of ``theme.DASHES``."""
 MOST_WINDOWS, FEWEST_WINDOWS = 800, 100
 """Number of windows of a run of which a page contains the extrema: about one for each pixel."""
 LARGEST_DATA_BYTES = 300_000

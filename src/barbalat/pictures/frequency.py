@@ -59,7 +59,7 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
 
 
 MOST_WIDTHS = 6
-"""As many as there are colours: with more, lines would hide each other."""
+"""Number of line widths, that of the colours; with more, lines would hide each other."""
 MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gain margin is measured: L real and negative"}
 
 

@@ -102,7 +102,7 @@ def chosen(panels: Sequence[Panel], names: str | Iterable[str]) -> list[Panel]:
     found: list[Panel] = []
     for name in [names] if isinstance(names, str) else names:
         if name not in known:
-            raise InputError.of("panels", f"must be of {', '.join(known)}, got {show(name)}{hint(name, known)}")
+            raise InputError.of("panels", f"must be one of {', '.join(known)}, got {show(name)}{hint(name, known)}")
         found += [panel for panel in panels if name in panel.names and panel not in found]
     if not found:
         raise InputError.of("panels", f"must name at least one of {', '.join(known)}, got none")

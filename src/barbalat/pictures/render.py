@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 PIXELS_PER_INCH = 110
 """Resolution of a PNG: 1100 pixels for a page's width."""
 PALETTE_ROWS, EDGE_SHADES = 24, 4
-"""Pixels below a picture while its colours are chosen; shades of each colour there. With fewer than 20 rows purple became
+"""Number of pixels to which a picture is reduced while its colours are chosen, and number of shades of each colour in it. With
+fewer than 20 rows purple became
 grey."""
 PNG_COLOURS = 128
 """Size of a PNG's palette: a third of the bytes, and the smoothed edges of lines look the same."""

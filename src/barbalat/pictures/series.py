@@ -13,7 +13,7 @@ COLUMNS_PER_INCH = 55
 FASTEST_SWING_COLUMNS = 1.7
 """Largest number of columns of a swing between extrema that is too fast to see: seven pixels per period."""
 FEWEST_FAST_SWINGS = 6
-"""In a row, three periods: fewer are a transient, which a line shows."""
+"""Least number of fast swings in a row, three periods; fewer are a transient, which a line shows."""
 SHORTEST_ENVELOPE_PERIODS = 10
 """Periods of the slowest oscillation that is too fast: some seventy pixels. A shorter envelope has no visible shape."""
 VISIBLE_SWING_SHARE = 0.02

@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.problem.measurement import nearest_multiple
 from barbalat.protocols import Value
 from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
@@ -20,13 +21,14 @@ class PlantInput(Settings):
     """The path of u to the plant: quantised, saturated, rate-limited, through omega (1 + Delta_m(s)), delayed; in this order.
 
     quantization    step of a converter's output [unit of u]: u becomes the nearest multiple
-    saturation      (lower, upper) limits of u, with lower < 0 < upper
-    rate_limit      largest |rate| [unit of u per s]; below it the output follows within a solver step
+    saturation      (lower, upper) limits of u, with lower <= 0 <= upper; one of them may be 0
+    rate_limit      largest |rate| [unit of u per s]; slower inputs pass unchanged, with a lag of less than one solver step if
+                    steps are fixed
     actuator        G_a(s) = 1 + Delta_m(s), proper and stable: eq. (11)
     multiplicative  Delta_m(s) itself, proper and stable; with an actuator the two are in series
     gain            the effectiveness omega > 0; 1 unless given
-    delay           [s], exact; 0, or at fixed steps at least one of them
-    history         what reaches the plant until t = delay, a constant; 0 by default, and without effect if there is no delay
+    delay           [s], exact; 0 by default; with fixed steps, if not 0, at least one solver step
+    history         the constant value that reaches the plant until t = delay; 0 by default; without a delay it has no effect
 
     The dynamics start at rest. A delay commutes with all other time-invariant parts of the path. Raises InputError.
     """
@@ -46,9 +48,9 @@ class PlantInput(Settings):
                 validate.freeze(self, **{name: validate.positive(f"plant.input.{name}", getattr(self, name))})
         if self.saturation is not None:
             low, high = limits = validate.vector("plant.input.saturation", self.saturation, 2)
-            if not low < 0 < high:
+            if not (low <= 0 <= high and low < high):
                 raise InputError.of(
-                    "plant.input.saturation", f"must be [lower, upper] with lower < 0 < upper, got {validate.show(limits)}"
+                    "plant.input.saturation", f"must be [lower, upper] with lower <= 0 <= upper, got {validate.show(limits)}"
                 )
             validate.freeze(self, saturation=limits)
         parts = {"actuator": self.actuator, "multiplicative": self.multiplicative}
@@ -110,7 +112,8 @@ class InputPath:
     """The equations of a PlantInput without its delay.
 
     following  time [s] within which a rate limiter follows its demand as far as the limit allows: a solver's step, which may be a
-               symbol; None before the step is known, when only paths without a rate limit have equations
+               symbol, or infinity if its output rests here because other equations move it; None before the step is known, when
+               only paths without a rate limit have equations
     """
 
     quantum: float | None
@@ -132,7 +135,7 @@ class InputPath:
     def asked(self, u: Value) -> Value:
         """u after the converter and the limits."""
         if self.quantum is not None:
-            u = self.quantum * np.floor(u / self.quantum + 0.5)
+            u = nearest_multiple(u, self.quantum)
         return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
 
     def derivative(self, state: InputState, u: Value) -> InputState:
@@ -142,7 +145,10 @@ class InputPath:
         if self.rate_limit is not None:
             if self.following is None:
                 raise ValueError("a rate limiter has no equations before the solver's step is known")
-            limited = np.clip((asked - state.limited) / self.following, -self.rate_limit, self.rate_limit)
+            if isinstance(self.following, float) and self.following == np.inf:
+                limited = 0 * state.limited
+            else:
+                limited = np.clip((asked - state.limited) / self.following, -self.rate_limit, self.rate_limit)
             asked = state.limited[0]
         if self.dynamics is not None:
             dynamics = self.dynamics.derivative(state.dynamics, asked)

@@ -45,6 +45,7 @@ class FixedController:
     W         (l, m) back-calculation gain of the integrals at the limits; None without anti-windup
     limits    (2, m) limits of v, infinite for an input without limits; None if no input has limits
     external  whether other code computes its u, which a sampled controller receives in addition to the measurements
+    on_error  whether it acts on r - H x alone, as a PID controller does
     """
 
     K: Array
@@ -55,6 +56,7 @@ class FixedController:
     W: Array | None = None
     limits: Array | None = None
     external: bool = False
+    on_error: bool = False
 
     def within(self, limits: Sequence[Array | None]) -> FixedController:
         """The same controller for an input with these limits, (2,) each, which matter only for anti-windup."""
@@ -325,7 +327,7 @@ class OnTheError(Baseline):
             raise InputError.of("baseline.kind", f"is for plants with one input, got {B.shape[1]}; lqi and state take several")
         K = self.realised()
         return FixedController(
-            K=np.concatenate([K.D * H[0], -K.C])[None], k_r=np.array([[K.D]]), F=K.A, G=K.B.reshape(-1, 1), H=H
+            K=np.concatenate([K.D * H[0], -K.C])[None], k_r=np.array([[K.D]]), F=K.A, G=K.B.reshape(-1, 1), H=H, on_error=True
         )
 
 

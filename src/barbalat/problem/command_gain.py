@@ -46,5 +46,5 @@ def command_warning(problem: TrackingProblem) -> str | None:
     state = commanded(problem)[0][0]
     gain, moved = float(gains[state, 0]), "y_m" if problem.feedback == "output" else problem.followed_names[state]
     remedy = problem.model.remedy(gain)
-    instead = "" if remedy is None else f", where {remedy} would take it"
+    instead = "" if remedy is None else f"; for r choose {remedy}"
     return f"the reference model's {moved} settles at {gain:.4g} times a constant command r, not at r{instead}"

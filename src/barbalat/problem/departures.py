@@ -19,7 +19,7 @@ from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
 
 SAME_TO = 1e-9
-"""Relative to the largest number: smaller differences come from another order of computation."""
+"""Differences below this share of the largest number result from another order of computation."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,9 @@ def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departu
     plant = problem.plant
     yield from _of_the_parameters(problem, simulated)
     if simulated.S is not None:
-        yield Departure(f"it has {validate.counted(len(simulated.x0), 'state')}, and the plant {plant.states}")
+        count = len(simulated.x0)
+        other = f"it has {validate.counted(count, 'state')}, and the plant has {plant.states}"
+        yield Departure("the plant's states are a matrix times its own" if count == plant.states else other)
     else:
         theta, omega = _projected(problem, simulated)
         yield from _of_theta(problem, theta)
@@ -184,8 +186,13 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
         yield Departure("another disturbance enters with u")
     if problem.truth is not None and problem.truth.unmatched is not None:
         yield Departure("other disturbances act on its states")
-    lag, noise = ([_lag(one), _noise(one)] for one in (around.sensor, problem.sensor))
-    if lag != noise:
+    simulated, designed = ((_lag(one), _noise(one), _resolution(one)) for one in (around.sensor, problem.sensor))
+    fixed = problem.fixed_observer
+    if problem.simulated is not None and problem.simulated.C is not None and fixed is not None:
+        simulated_C, S = problem.simulated.C, problem.simulated.S
+        if not np.array_equal(simulated_C, fixed.C if S is None else fixed.C @ S):
+            yield Departure("what is measured of its states is not what the observer expects")
+    if simulated != designed:
         yield Departure("its state is measured by another sensor")
 
 
@@ -215,6 +222,10 @@ def _equal(one: object, other: object) -> bool:
 
 def _lag(sensor: Sensor | None) -> float:
     return 0.0 if sensor is None else sensor.lag
+
+
+def _resolution(sensor: Sensor | None) -> object:
+    return None if sensor is None or sensor.quantization is None else np.ravel(sensor.quantization).tolist()
 
 
 def _noise(sensor: Sensor | None) -> tuple[object, ...]:

@@ -54,7 +54,7 @@ class Fault(Settings):
             freeze(self, share=share)
         if self.burst is not None:
             if self.share is None:
-                raise InputError.of("burst", "goes with share, which is missing")
+                raise InputError.of("burst", "needs share, which is missing")
             burst = validate.positive("burst", self.burst)
             if burst < GRID:
                 raise InputError.of("burst", f"must be at least {GRID:g} s, got {burst:g} s")
@@ -220,7 +220,7 @@ class Jitter(Fault):
 FAULTS = {kind.kind: kind for kind in (Dropout, Spike, Stuck, Bias, Jitter, Latency)}
 """The package's faults by their names in case files."""
 SIGNS = 1 << 32
-"""Added to a fault's position for its second random number; no case has so many faults."""
+"""Added to a fault's position for its second random number; no case has that many faults."""
 
 
 @dataclass(frozen=True)

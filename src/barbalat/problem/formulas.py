@@ -59,7 +59,7 @@ class Formula:
 
 
 def formula(field: str, text: Any, variables: FormulaNames) -> Formula:
-    """The text as a parsed formula; InputError, with the field, if it is no formula or uses anything that is not admitted."""
+    """The text as a parsed formula; InputError, with the field, if it is not a formula or uses anything that is not admitted."""
     if not isinstance(text, str):
         raise _refusal(field, text, variables)
     return _parsed(field, text, variables)
@@ -121,7 +121,8 @@ class _Reader:
                 return (lambda given: -inner[0](given)), [inner]
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 if isinstance(op, ast.Pow) and not isinstance(right, ast.Constant):
-                    raise _refusal(self.field, self.text, self.variables, node)
+                    why = "; an exponent must be a positive number: write 1/(J**2) for J**-2"
+                    raise InputError(f"{_refusal(self.field, self.text, self.variables, node)}{why}", field=self.field)
                 combine, a, b = _OPERATORS[type(op)], self.read(left, depth), self.read(right, depth)
                 return (lambda given: combine(a[0](given), b[0](given))), [a, b]
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:

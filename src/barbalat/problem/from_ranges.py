@@ -20,14 +20,14 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb, fmpq
 
 from barbalat.linear.balls import Ball, as_arb
 from barbalat.linear.enclosure import float_above, float_below
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import KnownSet, ParameterBox
 from barbalat.problem.laurent import ALONE, Product, Sum, added, multiplied, names_of, products_of, scaled, value_of
 from barbalat.problem.parameters import Symbolic, evaluated
 from barbalat.problem.physical import MATCHED_TO, PhysicalPlant, projected, projection, rounding_of_rest
@@ -44,6 +44,9 @@ DRAWN = 2000
 """Points of the ranges at which the quantities are evaluated before the first cut."""
 SMALLEST_PART = 2.0**-20
 """Share of a parameter's range below which it is not cut further."""
+SAME_TO = 1e-9
+"""Relative difference up to which a bound of the user's own set counts as the derived one, copied by hand or computed in
+another way."""
 BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
 
 
@@ -51,27 +54,13 @@ Box = Mapping[str, float]
 """One end of each parameter's range, or a point."""
 
 
-@dataclass(frozen=True, eq=False)
-class Members:
-    """Plants that parameters in their ranges give: the uncertain ones (K, names), and theta followed by omega, (K, p + m).
+class Members(NamedTuple):
+    """Plants that parameters in their ranges give: at the nominal values, at corners, and at seeded points in between."""
 
-    The last ``drawn`` of them are seeded points.
-    """
-
-    names: tuple[str, ...]
-    parameters: Array
-    values: Array
-    p: int
-    drawn: int
-
-    def points(self, *, with_gain: bool) -> Array:
-        """(K, p) theta, or (K, p + m) with omega."""
-        return self.values if with_gain else self.values[:, : self.p]
-
-    def at(self, point: Array) -> dict[str, float]:
-        """The parameters of one of these points, up to rounding."""
-        k = int(np.abs(self.values[:, : len(point)] - point).sum(axis=1).argmin())
-        return dict(zip(self.names, self.parameters[k].tolist(), strict=True))
+    uncertain: list[str]
+    parameters: list[dict[str, float]]  # of each plant, all of them
+    theta: Array  # (K, p)
+    omega: Array  # (K, m)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,12 +71,14 @@ class FromRanges:
     input_gain      pairs (lower, upper) that contain omega_i(p); None if b and the gains do not depend on uncertain parameters
     rest_A, rest_b  (n, n) and (n, m): bounds on the magnitudes of the entries that no theta and no omega match
     scale           (n,) scales of the states, whose inverse squares are their weights; ``scale_from`` says where they come from
-    shares          by uncertain parameter, the unmatched share, in the weighted norm, of the change of A and of b over its range;
-                    None if they do not change
+    shares          by uncertain parameter, the unmatched share, in the weighted norm, of the change of A and of b over its range,
+                    |rest|/sqrt(|rest|^2 + |matched|^2); None if they do not change
     width_ratio     the largest ratio of an enclosure's width to the observed width
     cells           the number of cells into which the ranges were cut
     quantities, ranges  theta and omega as functions of the parameters, and their ranges, for ``members``
+    physical        the plant, without a baseline's states
     used            whether this is the known set of the problem; otherwise the user gave another one
+    outside         what the user's own set does not contain of this one, in words; empty if it contains it
     """
 
     theta: ParameterBox
@@ -101,22 +92,52 @@ class FromRanges:
     cells: int
     nominal: Mapping[str, Any] = field(default_factory=dict)
     used: bool = True
+    outside: str = ""
     quantities: _Quantities | None = field(default=None, repr=False)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict, repr=False)
+    physical: PhysicalPlant | None = field(default=None, repr=False)
+
+    @property
+    def uncertain(self) -> list[str]:
+        """The parameters that have a range."""
+        return [name for name, (low, high) in self.ranges.items() if low < high]
 
     def members(self, drawn: int) -> Members:
-        """The plants at the centre of the ranges, at their corners, and at ``drawn`` seeded points: a box contains others too."""
+        """The plants at the nominal parameters, at the corners of their ranges, MOST_CORNERS at most, and at ``drawn`` points."""
         assert self.quantities is not None
-        names = [name for name, (low, high) in self.ranges.items() if low < high]
-        low, high = ({name: ends[side] for name, ends in self.ranges.items()} for side in (0, 1))
-        points = _points(names, low, high, drawn)
+        names, nominal, rng = self.uncertain, self.nominal["parameters"], np.random.default_rng(0)
+        points = np.array([[nominal[name] for name in names]])
+        if names:
+            lower, upper = np.array([self.ranges[name] for name in names]).T
+            box = ParameterBox(lower=lower, upper=upper)
+            corners = box.extreme_points(rng, MOST_CORNERS)
+            points = np.vstack([points, corners, box.drawn(rng, drawn)])
+        columns = {name: np.full(len(points), value) for name, value in nominal.items()}
+        columns |= {name: points[:, i] for i, name in enumerate(names)}
         p, m = self.quantities.sizes[:2]
-        return Members(tuple(names), points, self.quantities.at(_columns(points, names, self.ranges))[:, : p + m], p, drawn)
+        values = self.quantities.at(columns or {"": np.zeros(1)})
+        each = [{name: float(column[k]) for name, column in columns.items()} for k in range(len(points))]
+        return Members(names, each, values[:, :p], values[:, p : p + m])
 
     @property
     def is_matched(self) -> bool:
         """Whether theta and omega match everything."""
         return not self.rest_A.any() and not self.rest_b.any()
+
+    @cached_property
+    def around(self) -> dict[str, str]:
+        """What else the parameters change within their ranges, by its path in a case file, with its ends at their corners; no
+        text for anything but a number."""
+        if self.physical is None or not self.uncertain:
+            return {}
+        every = [self.physical.around(values) for values in self.members(0).parameters]
+        found = {}
+        for name, nominal in every[0].items():
+            values = [one[name] for one in every]
+            if any(not _same(value, nominal) for value in values):
+                scalar = isinstance(nominal, float)
+                found[name] = f"{min(values):.6g} to {max(values):.6g}" if scalar else ""
+        return found
 
     @property
     def sizes(self) -> tuple[float, float]:
@@ -130,11 +151,13 @@ class FromRanges:
             return ""
         size_A, size_b = self.sizes
         parts = [f"{size:.3g} in {name}" for size, name in ((size_A, "A"), (size_b, "b")) if size > 0]
-        return f"the parameters' ranges leave unmatched remainders of up to {' and '.join(parts)}"
+        moved = any(share is not None and share > MATCHED_TO for by in self.shares.values() for share in by.values())
+        leaves = "the parameters' ranges leave" if moved else "the declared plant leaves"
+        return f"{leaves} unmatched remainders of up to {' and '.join(parts)}"
 
     @property
     def too_wide(self) -> str | None:
-        """A sentence if an enclosure is wider than TIGHTNESS asks for."""
+        """A sentence if an enclosure is wider than TIGHTNESS allows."""
         if self.width_ratio <= TIGHTNESS:
             return None
         return (
@@ -151,7 +174,7 @@ class FromRanges:
         said += [
             f"omega{f'_{i + 1}' if len(gains) > 1 else ''} in [{low:.6g}, {high:.6g}]" for i, (low, high) in enumerate(gains)
         ]
-        taken = "" if self.used else "; the case's own [uncertainty] replaces it"
+        taken = "" if self.used else "; [uncertainty] in the case replaces the values that it states"
         found = [f"from the parameters' ranges: {', '.join(said)}{taken}"]
         if self.unmatched:
             each = [
@@ -160,12 +183,44 @@ class FromRanges:
                 for matrix, share in by.items()
                 if share is not None and share > MATCHED_TO
             ]
-            found.append(f"{self.unmatched}; unmatched are {', '.join(each)}")
+            found.append(f"{self.unmatched}: {', '.join(each)}" if each else self.unmatched)
+        if self.around:
+            each = [f"{name} ({ends} at their corners)" if ends else name for name, ends in self.around.items()]
+            found.append(
+                f"the parameters' ranges also change {', '.join(each)}: guarantees of the motion hold for the declared values; "
+                "margins over the ranges contain the others"
+            )
         scale = ", ".join(f"{one:.3g}" for one in self.scale)
         found.append(f"the states are weighted by their scales {scale}, {self.scale_from}")
         if self.input_gain is not None or (self.theta.lower < self.theta.upper).sum() > 1:
             found.append(BOX_NOTE.format("the entries of theta" if self.input_gain is None else "theta and omega"))
+        if self.outside:
+            found.append(
+                f"the case's own [uncertainty] does not contain all that the parameters' ranges give: {self.outside}; no "
+                "guarantee covers the ranges"
+            )
         return found if self.too_wide is None else [*found, self.too_wide]
+
+    def beyond(self, own: KnownSet | None, gains: Sequence[Sequence[float]] | None) -> str:
+        """What a known set of theta and intervals of the input gains do not contain, in words."""
+        said = []
+        low, high = self.theta.lower, self.theta.upper
+        if own is not None:
+            if isinstance(own, ParameterBox):
+                room = SAME_TO * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
+                for i in np.flatnonzero((low < own.lower - room) | (high > own.upper + room)):
+                    there = f"[{own.lower[i]:.6g}, {own.upper[i]:.6g}]"
+                    said.append(f"theta_{i + 1} in [{low[i]:.6g}, {high[i]:.6g}], not only in {there}")
+            elif (away := float(np.linalg.norm(np.maximum(own.center - low, high - own.center)))) > own.radius * (1 + SAME_TO):
+                said.append(f"theta up to {away:.6g} from the centre, and the radius is {own.radius:.6g}")
+        for k, (least, most) in enumerate(self.input_gain or ()):
+            name = f"omega_{k + 1}" if len(self.input_gain or ()) > 1 else "omega"
+            found = f"{name} in [{least:.6g}, {most:.6g}]"
+            if gains is None:
+                said.append(f"{found}, and the input's gain is taken as known")
+            elif least < gains[k][0] * (1 - SAME_TO) or most > gains[k][1] * (1 + SAME_TO):
+                said.append(f"{found}, not only in [{gains[k][0]:.6g}, {gains[k][1]:.6g}]")
+        return ", ".join(said)
 
     def as_json(self) -> dict[str, Any]:
         """All derived quantities, with the tightness of the bounds."""
@@ -298,10 +353,12 @@ class _Enclosure:
 
     @property
     def ratio(self) -> float:
-        """The largest ratio of an enclosure's width to the observed width, over quantities that vary by more than rounding."""
-        widths, seen = self.high - self.low, self.seen_high - self.seen_low
-        moves = seen > np.maximum(self.floor, MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high)))
-        return float((widths[moves] / seen[moves]).max(initial=1.0))
+        """The largest ratio of an enclosure's width to the observed width, or to rounding where a quantity varies by no
+        more."""
+        rounding = np.maximum(self.floor, MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high)))
+        widths, seen = self.high - self.low, np.maximum(self.seen_high - self.seen_low, rounding)
+        known = seen > 0
+        return float((widths[known] / seen[known]).max(initial=1.0))
 
 
 _found: dict[Hashable, _Enclosure] = {}
@@ -414,6 +471,13 @@ def _widest(
     ]
 
 
+def _same(one: Any, other: Any) -> bool:
+    """Whether two values, nested lists or tables are equal."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    return bool(one == other)
+
+
 def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_from: str) -> FromRanges:
     """The known set and the remainders; ``b`` is that of the nominal plant.
 
@@ -456,6 +520,7 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
         cells=found.cells,
         quantities=_Quantities(quantities.sums, quantities.sizes, quantities.b_bar),
         ranges=plant.ranges,
+        physical=plant,
         nominal={"parameters": plant.nominal, "A": A.tolist(), "b": np.asarray(b).tolist(), "theta": nominal[: ends[0]].tolist()},
     )
 
@@ -488,15 +553,20 @@ def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict
         changes = np.diff(quantities.at(values), axis=0)[0]
         theta, omega, rest_A, rest_b = np.split(changes, np.cumsum(quantities.sizes)[:-1])
         rests = rest_A.reshape(n, n), rest_b.reshape(n, m)
-        wholes = rests[0] + quantities.b_bar @ theta.reshape(n, m).T, rests[1] + quantities.b_bar * omega
+        matched = quantities.b_bar @ theta.reshape(n, m).T, quantities.b_bar * omega
         beside = scale, np.ones(m)
         found[name] = {
-            matrix: _ratio(rest / scale[:, None] * column, whole / scale[:, None] * column)
-            for matrix, rest, whole, column in zip(("A", "b"), rests, wholes, beside, strict=True)
+            matrix: _share(rest / scale[:, None] * column, part / scale[:, None] * column)
+            for matrix, rest, part, column in zip(("A", "b"), rests, matched, beside, strict=True)
         }
     return found
 
 
-def _ratio(part: Array, whole: Array) -> float | None:
-    size = float(np.linalg.norm(whole))
-    return float(np.linalg.norm(part)) / size if size > 0 else None
+def _share(rest: Array, matched: Array) -> float | None:
+    """The share of the remainder; None without a change.
+
+    With one input the two are orthogonal, and the root is the size of the whole change. With several, those of b are not: the
+    remainder may then be larger than the change.
+    """
+    size = math.hypot(float(np.linalg.norm(rest)), float(np.linalg.norm(matched)))
+    return float(np.linalg.norm(rest)) / size if size > 0 else None

@@ -26,7 +26,7 @@ class Labels(Settings):
     def __post_init__(self) -> None:
         for field, given in (("names", self.names), ("units", self.units), ("input_units", self.input_units)):
             if not isinstance(given, (list, tuple)):
-                raise InputError.of(f"labels.{field}", f"must be a list of texts, got {validate.show(given)}")
+                raise InputError.of(f"labels.{field}", f"must be a list of strings, got {validate.show(given)}")
             freeze(self, **{field: tuple(validate.line(f"labels.{field}", one) for one in given)})
 
     def require(self, measured: int, inputs: int) -> None:

@@ -1,4 +1,4 @@
-"""The path from the plant to the controller: sensor lag and measurement noise. It is unknown to every controller."""
+"""The path from the plant to the controller: sensor lag, noise and resolution. It is unknown to every controller."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ import numpy as np
 from barbalat import validate
 from barbalat.protocols import Value
 from barbalat.settings import Settings
-from barbalat.validate import InputError, Vector
+from barbalat.validate import Array, InputError, Vector
 
 LARGEST_SEED = 2**64 - 1
 """The largest seed, since the key of a Philox counter has 64 bits for it."""
+
+
+def nearest_multiple(value: Value, step: Value) -> Value:
+    """A quantised value: the multiple of ``step`` that is nearest to it, the upper one of two."""
+    return step * np.floor(value / step + 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +25,8 @@ class Noise(Settings):
     """Gaussian measurement noise: a new value for each measured quantity every ``sample_time``, held in between.
 
     std          standard deviation, one for all measured quantities or one for each [their units]
-    sample_time  [s]; at fixed steps a whole number of them. It is fixed, so that the noise stays the same when the step is
+    sample_time  [s]; a whole number of solver steps if these are fixed. It is fixed, so that the noise stays the same when the
+                 step is
                  refined
     seed         determines every value, together with the member's number (``simulate_ensemble``), independently of threads and
                  lanes
@@ -49,20 +55,49 @@ class Noise(Settings):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor(Settings):
-    """The sensor: each measured quantity passes through 1/(lag s + 1), then noise is added.
+    """The sensor: each measured quantity passes through 1/(lag s + 1), then noise is added, then it is quantised.
 
-    lag    [s], 0 for none; the sensor starts settled on the initial value
-    noise  see Noise; no noise by default
+    lag           [s], 0 for none; the sensor starts settled on the initial value
+    noise         see Noise; no noise by default
+    quantization  resolution, as of an encoder: what is measured becomes the nearest multiple of it; one number for all
+                  measured quantities, or one for each, 0 for those that are not quantised [their units]. Sampled
+                  controllers only: a continuous one would have to switch infinitely fast
     """
 
     lag: float = 0.0
     noise: Noise | None = None
+    quantization: float | Vector | None = None
 
     def __post_init__(self) -> None:
         validate.freeze(self, lag=validate.not_negative("sensor.lag", self.lag))
         if self.noise is not None:
             validate.instance("sensor.noise", self.noise, Noise)
+        if self.quantization is not None:
+            validate.freeze(self, quantization=_resolution(self.quantization))
+
+    def require(self, measured: int) -> None:
+        """InputError unless what is given for each measured quantity fits their number."""
+        given = {"noise.std": None if self.noise is None else self.noise.std, "quantization": self.quantization}
+        for name, each in given.items():
+            if each is not None and np.size(each) > 1:
+                validate.vector(f"sensor.{name}", each, measured)
+
+    def resolutions(self, measured: int) -> tuple[float | None, ...] | None:
+        """The resolution of each of the measured quantities, None for one that is not quantised; None if none is."""
+        if self.quantization is None or not np.any(self.quantization):
+            return None
+        each = np.asarray(self.quantization) * np.ones(measured)
+        return tuple(float(one) if one > 0 else None for one in each)
 
     def derivative(self, state: Value, y: Value) -> Value:
         """Return the rate of the lagged measurement for the true y; both are (n,)."""
         return (y - state) / self.lag
+
+
+def _resolution(given: float | Vector) -> float | Array:
+    if np.ndim(given) == 0:
+        return validate.positive("sensor.quantization", given)
+    each = validate.vector("sensor.quantization", given)
+    if (each < 0).any():
+        raise InputError.of("sensor.quantization", f"must not be negative, got {validate.show(each)}")
+    return each

@@ -13,15 +13,18 @@ corrects the prediction (the current estimator of Franklin, Powell and Workman, 
 A lost sample corrects nothing: x_hat[k] = x_bar[k]. Filtered derivatives then keep their value, and the measured states continue
 at that rate. The sampled prediction contains the delay of the plant's input: z consists of x_hat and of those v[k-1], v[k-2], ...
 that have not yet arrived. The continuous observer leaves the delay out.
+
+A PI controller, like every baseline that acts only on the error of a measured state, does not depend on the observer: x_hat then
+contains this state as it is measured, by rows of H and D. In sampled form z[k] contains y[k], or its prediction at a lost sample.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -87,6 +90,8 @@ class FixedObserver(Settings):
     design  the observer's settings
     A, b    the nominal plant, (n, n) and (n,) or (n, m)
     C       (p, n) matrix of the measurement
+    direct  the measured quantities that are states on whose error a baseline acts: x_hat has them as they are measured, and after
+            a lost sample as they are predicted
     delay   delay of the plant's input [s], which a sampled observer contains
     """
 
@@ -95,15 +100,24 @@ class FixedObserver(Settings):
     b: Array = field(repr=False)
     C: Matrix = field(repr=False)
     delay: float = field(default=0.0, repr=False)
+    direct: tuple[int, ...] = field(default=(), repr=False)
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         self.design.require(self.A, self.C)
 
     @classmethod
-    def of(cls, design: Observer, A: Array, b: Array, names: Sequence[str], delay: float = 0.0) -> FixedObserver:
-        """The observer for x' = A x + b u(t - delay) whose states are called ``names``; InputError if the two don't fit."""
-        return cls(design=design, A=A, b=b, C=measured_rows(design.measured, names), delay=delay)
+    def of(
+        cls, design: Observer, A: Array, b: Array, names: Sequence[str], delay: float = 0.0, compared: Array | None = None
+    ) -> FixedObserver:
+        """The observer for x' = A x + b u(t - delay) whose states are called ``names``; InputError if the two don't fit.
+
+        compared  (n,) whether a baseline compares this state with the command and uses no other; None without one
+        """
+        found = cls(design=design, A=A, b=b, C=measured_rows(design.measured, names), delay=delay)
+        if compared is None or not set(np.flatnonzero(compared)) <= set(found.places):
+            return found
+        return replace(found, direct=tuple(j for j, at in enumerate(found.places) if at is not None and compared[at]))
 
     @property
     def outputs(self) -> int:
@@ -116,7 +130,7 @@ class FixedObserver(Settings):
 
     @property
     def places(self) -> tuple[int | None, ...]:
-        """The index of the state that each measured quantity is; None for one that is no single state."""
+        """The index of the state that each measured quantity equals; None for one that is not a single state."""
         return tuple(int(np.argmax(row)) if np.count_nonzero(row) == 1 and row.max() == 1 else None for row in self.C)
 
     def first(self, x0: Array) -> Array:
@@ -138,13 +152,39 @@ class FixedObserver(Settings):
 @lru_cache(maxsize=16)  # the members of an ensemble share the design, and a Riccati equation takes longer than a short run
 def _designed(plant: FixedObserver, T: float | None) -> Mapping[str, Any]:
     """The matrices of a design in continuous time, or for samples of length T [s]."""
-    return plant.design.continuous(plant) if T is None else plant.design.sampled(plant, T)
+    made = plant.design.continuous(plant) if T is None else plant.design.sampled(plant, T)
+    return _with_measured(plant, made) if plant.direct and plant.design.filters else made
+
+
+def _with_measured(plant: FixedObserver, made: Mapping[str, Any]) -> dict[str, Any]:
+    """The same observer, whose x_hat has the ``direct`` states as they are measured: z then also has them in sampled form."""
+    n, held = len(plant.A), len(made["F"])
+    rows, y = np.argmax(plant.C[list(plant.direct)], axis=1), np.eye(plant.outputs)[list(plant.direct)]
+    H = np.array(made.get("H", np.eye(n, held)))
+    own = H[rows]
+    H[rows] = 0.0
+    if "Phi" not in made:
+        D = np.zeros((n, plant.outputs))
+        D[rows] = y
+        return {**made, "H": H, "D": D}
+    k, beside = len(rows), np.zeros((held, len(rows)))
+    return {
+        "F": np.block([[made["F"], beside], [np.zeros((k, held + k))]]),
+        "G": np.vstack([made["G"], y]),
+        "B": np.vstack([made["B"], np.zeros((k, made["B"].shape[1]))]),
+        "Phi": np.block([[made["Phi"], beside], [own @ made["Phi"], np.zeros((k, k))]]),
+        "Gamma": np.vstack([made["Gamma"], own @ made["Gamma"]]),
+        "H": np.hstack([H, np.eye(n)[:, rows]]),
+        "of_x": np.vstack([made.get("of_x", np.eye(n)), np.eye(n)[rows]]),
+    }
 
 
 class Observer(ABC, Settings):
     """Base of all observers: the equations follow from the nominal plant and the measurement."""
 
     measured: Any
+    filters: ClassVar[bool] = True
+    """Whether x_hat has measured states filtered, instead of as they are measured."""
 
     @abstractmethod
     def require(self, A: Array, C: Array) -> None:
@@ -165,11 +205,13 @@ def measured_rows(given: Any, names: Sequence[str]) -> Array:
     if given is None:
         raise InputError.of(field, "is missing: give plant.C, or the labels of the states that are measured")
     if not isinstance(given, (list, tuple, np.ndarray)) or len(given) == 0:
-        raise InputError.of(field, f"must be labels of states or a matrix of {n} columns, got {validate.show(given)}")
+        raise InputError.of(
+            field, f"must be labels of states or a matrix of {validate.counted(n, 'column')}, got {validate.show(given)}"
+        )
     if all(isinstance(one, str) for one in given):
         for one in given:
             if one not in names:
-                there = f"there are {', '.join(names)}{validate.hint(one, names)}"
+                there = f"the states are {', '.join(names)}{validate.hint(one, names)}"
                 raise InputError.of(field, f"names no state, got {validate.show(one)}; {there}")
         rows = [[float(name == one) for name in names] for one in given]
     else:
@@ -221,7 +263,7 @@ MOST_ON_THEIR_WAY = 1000
 def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
     """z = (x, v[k-2], ..., v[k-1-L]) one sample later: Phi z + Gamma v[k-1].
 
-    Of a delay (q + f) T with 0 <= f < 1 the plant's input is v[k-2-q] for f T and v[k-1-q] for the rest of a sample.
+    With a delay (q + f) T, 0 <= f < 1, the plant's input is v[k-2-q] for f T and v[k-1-q] for the rest of a sample.
     """
     n = len(plant.A)
     b = plant.b.reshape(n, -1)
@@ -229,7 +271,7 @@ def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
     q = int(whole + 1e-9)
     f = max(whole - q, 0.0) if whole - q > 1e-9 * max(whole, 1.0) else 0.0
     if q >= MOST_ON_THEIR_WAY:
-        most = f"below {MOST_ON_THEIR_WAY} sample times of {T:g} s beside an observer, which keeps a control for each of them"
+        most = f"below {MOST_ON_THEIR_WAY} sample times of {T:g} s with an observer, which keeps a control for each of them"
         raise InputError.of("plant.input.delay", f"must be {most}, got {plant.delay:g} s")
     late = HeldSystem.of(plant.A, b, (1 - f) * T)
     kept = q + (f > 0)
@@ -252,7 +294,7 @@ def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
 class LuenbergerObserver(Observer):
     """x_hat' = A x_hat + b u + L (y - C x_hat), where L places the poles of A - L C.
 
-    poles     as many as the plant has states, in Re s < 0 [1/s]; a complex pole is given once, as [real, imaginary]. A sampled
+    poles     one for each state of the plant, in Re s < 0 [1/s]; a complex pole is given once, as [real, imaginary]. A sampled
               controller's observer has them at exp(pole T)
     measured  y = C x: the labels of the states that are measured, or C, (p, n), which a case file may give as `plant.C`
     """
@@ -351,7 +393,7 @@ def _no_filter(plant: FixedObserver, Q: Array) -> InputError:
     return InputError.of(
         FIELD,
         "has a Riccati equation that is too badly conditioned to be solved: Q and R make the filter extremely slow or fast "
-        "beside the plant; bring them closer together",
+        "compared with the plant; bring them closer together",
     )
 
 
@@ -380,6 +422,7 @@ class DerivativeObserver(Observer):
     cutoff: float
     _: KW_ONLY
     measured: tuple[str, ...] | Matrix | None = None
+    filters: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         freeze(self, cutoff=validate.positive(f"{FIELD}.cutoff", self.cutoff))

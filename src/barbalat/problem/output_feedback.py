@@ -109,7 +109,7 @@ class OutputPlant(Settings):
         freeze(self, transfer_function=strictly_proper("plant.transfer_function", self.transfer_function))
         if self.input is not None:
             validate.instance("plant.input", self.input, PlantInput)
-        self.dynamics  # noqa: B018  # refuses what has no realisation or is no formula
+        self.dynamics  # noqa: B018  # refuses what has no realisation or is not a formula
 
     @property
     def dynamics(self) -> OutputDynamics:
@@ -210,8 +210,7 @@ class OutputProblem(TrackingProblem, Settings):
             self.labels.require(1, 1)
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
-            if self.sensor.noise is not None:
-                validate.vector("sensor.noise.std", self.sensor.noise.std, 1)
+            self.sensor.require(1)
         self.require_surroundings()
 
     @property

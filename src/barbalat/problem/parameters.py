@@ -63,6 +63,13 @@ class Symbolic:
         raised = f"({self.text} ** {abs(power)!r})"
         return Expression(f"(1 / {raised})" if power < 0 else raised, self.parameters)
 
+    def __rpow__(self, base: float) -> Expression:
+        number = validate.positive("the base of a power", base)
+        return Expression(f"exp({math.log(number)!r} * {self.text})", self.parameters)
+
+    def __pos__(self) -> Symbolic:
+        return self
+
     def __neg__(self) -> Expression:
         return Expression(f"(-{self.text})", self.parameters)
 
@@ -161,7 +168,7 @@ class Parameter(Symbolic, Settings):
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the largest value."""
+        """The smallest and the largest value."""
         if self.between is not None:
             return self.between  # type: ignore[no-any-return]
         reach = abs(self.value) * (self.tolerance or 0.0)
@@ -184,20 +191,19 @@ def require_parameter_name(name: object) -> None:
 
 
 def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
-    """A formula of parameters; InputError, with the field, if it is no formula or contains names that are not ``known``."""
+    """A formula of parameters; InputError, with the field, if it is not a formula or contains names that are not ``known``."""
     shown = f"the parameters ({', '.join(known)})" if known else "parameters, of which there are none"
     found = formula(field, text.text if isinstance(text, Symbolic) else text, FormulaNames(NAMES, shown))
+    there = f"the parameters are {', '.join(known)}" if known else "there are none"
     for name in sorted(found.names - set(known)):
-        raise InputError.of(
-            field, f"uses {name}, which is not a parameter; there are {', '.join(known) or 'none'}{validate.hint(name, known)}"
-        )
+        raise InputError.of(field, f"uses {name}, which is not a parameter; {there}{validate.hint(name, known)}")
     return found
 
 
 def evaluated(field: str, part: Any, values: Mapping[str, float]) -> Any:
     """Numbers, texts, lists and tables in which every text, a formula, is replaced by its number for these values.
 
-    InputError, with the field, for a text that is no formula or has no finite real value there.
+    InputError, with the field, for a text that is not a formula or has no finite real value there.
     """
     if isinstance(part, dict):
         return {key: evaluated(f"{field}.{key}", value, values) for key, value in part.items()}

@@ -46,7 +46,7 @@ class PhysicalPlant(Settings):
             validate.instance("parameters", one, Parameter)
             if found.setdefault(one.name, one) is not one:
                 raise InputError.of("parameters", f"must have distinct names, but {one.name} is given twice")
-        freeze(self, parameters=tuple(found.values()))
+        freeze(self, A=_listed(self.A), b=_listed(self.b), parameters=tuple(found.values()))
         self.matrices(self.nominal)
 
     @cached_property
@@ -56,7 +56,7 @@ class PhysicalPlant(Settings):
 
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """The least and the largest value of each parameter, by name."""
+        """The smallest and the largest value of each parameter, by name."""
         return {one.name: one.range for one in self.parameters}
 
     def with_values(self, changed: Mapping[str, float]) -> dict[str, float]:
@@ -65,7 +65,9 @@ class PhysicalPlant(Settings):
             if name not in self.nominal:
                 known = ", ".join(self.nominal) or "none"
                 hint = validate.hint(name, self.nominal)
-                raise InputError.of("truth.parameters", f"names {name}, which is not a parameter; there are {known}{hint}")
+                raise InputError.of(
+                    "truth.parameters", f"names {name}, which is not a parameter; the parameters are {known}{hint}"
+                )
         numbers = {name: validate.number(f"truth.parameters.{name}", value) for name, value in changed.items()}
         return self.nominal | numbers
 
@@ -80,24 +82,39 @@ class PhysicalPlant(Settings):
 
     def inputs(self, values: Mapping[str, float]) -> Any:
         """The path before each input at these values: None, a PlantInput, or a list of them."""
-        if self.input is None:
-            return None
-        several = isinstance(self.input, (list, tuple))
-        found = [_input(evaluated("plant.input", one, values)) for one in (self.input if several else (self.input,))]
-        return found if several else found[0]
+        return None if self.input is None else inputs_at("plant.input", self.input, values)
 
     def sensing(self, values: Mapping[str, float]) -> Sensor | None:
         """The sensor at these values."""
-        if self.sensor is None:
-            return None
-        given = evaluated("sensor", self.sensor, values)
-        noise = given.get("noise")
-        return Sensor(**{**given, "noise": Noise(**noise) if isinstance(noise, dict) else noise})
+        return None if self.sensor is None else sensor_at("sensor", self.sensor, values)
+
+    def around(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """Everything but A, b and the inputs' gains at these values, by its path in a case file."""
+        several = isinstance(self.input, (list, tuple))
+        inputs: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}]
+        given = {f"plant.input[{i}]" if several else "plant.input": one for i, one in enumerate(inputs)}
+        parts = {f"{name}.{key}": part for name, one in given.items() for key, part in one.items() if key != "gain"}
+        parts |= {f"sensor.{key}": part for key, part in (self.sensor or {}).items()}
+        return {name: evaluated(name, part, values) for name, part in (parts | {"plant.x0": self.x0}).items()}
 
     def gains(self, inputs: int) -> list[Any]:
         """The effectiveness of each input, as numbers or formulas."""
         several: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}] * inputs
         return [one.get("gain", 1.0) for one in several]
+
+
+def inputs_at(field: str, given: Any, values: Mapping[str, float]) -> Any:
+    """The path before each input at these values of the parameters, from keywords of PlantInput: one of them, or a list."""
+    several = isinstance(given, (list, tuple))
+    found = [_input(evaluated(field, one, values)) for one in (given if several else (given,))]
+    return found if several else found[0]
+
+
+def sensor_at(field: str, given: Mapping[str, Any], values: Mapping[str, float]) -> Sensor:
+    """The sensor at these values of the parameters, from keywords of Sensor."""
+    found = evaluated(field, given, values)
+    noise = found.get("noise")
+    return Sensor(**{**found, "noise": Noise(**noise) if isinstance(noise, dict) else noise})
 
 
 def _input(given: dict[str, Any]) -> PlantInput:
@@ -107,10 +124,16 @@ def _input(given: dict[str, Any]) -> PlantInput:
     return PlantInput(**(given | parts))
 
 
+def _listed(entries: Any) -> Any:
+    """An array's entries as lists."""
+    return entries.tolist() if isinstance(entries, np.ndarray) else entries
+
+
 def _parameters_in(part: Any) -> Iterator[Parameter]:
     if isinstance(part, Symbolic):
         yield from part.parameters.values()
-    for inner in part.values() if isinstance(part, Mapping) else part if isinstance(part, (list, tuple)) else ():
+    entries = _listed(part)
+    for inner in entries.values() if isinstance(entries, Mapping) else entries if isinstance(entries, (list, tuple)) else ():
         yield from _parameters_in(inner)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat import budget, validate
 from barbalat.budget import Estimate
-from barbalat.linear.conditions import require_controllable, require_hurwitz
+from barbalat.linear.conditions import largest_real_part, require_controllable, require_hurwitz
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
@@ -99,10 +99,10 @@ class Plant(Settings):
                 f"plant.{missing}", "is missing, got None: give A_m, b and theta, or A, b and either A_m or poles"
             )
         elif poles is not None:
-            raise InputError("poles goes with plant.A, which is missing")
+            raise InputError("poles needs plant.A, which is missing")
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
         if baseline is not None and not isinstance(baseline, FixedController):
-            raise InputError("baseline goes with plant.A, which is missing")
+            raise InputError("baseline needs plant.A, which is missing")
         freeze(self, physical=physical, scale=scale, scale_from=scale_from, baseline=baseline, nominal_A=nominal_A)
         freeze(self, declared=declared or physical is not None)
         self.__post_init__()
@@ -119,8 +119,8 @@ class Plant(Settings):
             n,
             of_plant,
             given=f"is {n} x {n} and its checks",
-            fits=lambda most: f"at most {most} states",
-            what=f"the checks of a plant of {n} states",
+            fits=lambda most: f"at most {validate.counted(most, 'state')}",
+            what=f"the checks of a plant of {validate.counted(n, 'state')}",
         )
         validate.instance("plant.regressor", self.regressor, Regressor)
         freeze(
@@ -166,7 +166,7 @@ class Plant(Settings):
 
     @property
     def nominal_theta(self) -> Array | None:
-        """(n m,) theta at the declared values of the parameters; None beside a baseline, which is designed for them, and without
+        """(n m,) theta at the declared values of the parameters; None with a baseline, which is designed for them, and without
         parameters: plant.A may then be the simulated plant, which no controller knows."""
         if not self.declared or self.nominal_A is None or self.baseline is not None:
             return None
@@ -261,7 +261,7 @@ def _of_ranges(
     found = from_ranges(baseline.around_formulas(physical), matrix, entries, sizes, said)
     nominal = baseline.theta  # its gains on its own states are known, up to the rounding errors of A_m
     hull = ParameterBox(lower=np.minimum(found.theta.lower, nominal), upper=np.maximum(found.theta.upper, nominal))
-    return replace(found, theta=hull)
+    return replace(found, theta=hull, physical=physical)
 
 
 _DIRECT = PlantInput()
@@ -328,11 +328,10 @@ def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array
     fixed = baseline if isinstance(baseline, FixedController) else baseline.on(A, b)
     A_z, b_z = fixed.around(A, b)
     A_m = A_z - b_z.reshape(len(A_z), -1) @ fixed.K
-    largest = np.linalg.eigvals(A_m).real.max()
-    if not largest < 0:
-        raise InputError.of(
-            "baseline", f"does not stabilise the nominal plant: an eigenvalue of its loop has real part {largest:.6g}"
-        )
+    largest, stable = largest_real_part(A_m)
+    if not stable:
+        real_part = f"real part {largest:.6g}" if largest > 0 else "real part 0, up to rounding"
+        raise InputError.of("baseline", f"does not stabilise the nominal plant: an eigenvalue of its loop has {real_part}")
     return A_m, b_z, fixed.theta, fixed
 
 
@@ -439,7 +438,7 @@ class ReferenceModel(Settings):
             freeze(self, follow=validate.line(name, self.follow))
 
     def gain(self, plant: Plant, states: Sequence[str]) -> Array | float:
-        """k_0, as given or such that the chosen ones of the plant's ``states`` settle at a constant command.
+        """k_0, as given, or computed so that the chosen ``states`` of the plant settle at a constant command.
 
         Raises InputError for an unknown state, for a number of states other than the number of inputs, and for states that don't
         have an arbitrary steady state for constant commands.
@@ -453,7 +452,7 @@ class ReferenceModel(Settings):
             raise InputError.of(name, f"must name {validate.counted(m, 'state')}, one for each input, got {len(followed)}")
         for state in followed:
             if state not in states:
-                raise InputError.of(name, f"names no state, got {validate.show(state)}; there are {', '.join(states)}")
+                raise InputError.of(name, f"names no state, got {validate.show(state)}; the states are {', '.join(states)}")
         at_rest = -np.linalg.solve(plant.A_m, plant.b.reshape(plant.n, m))  # x_m = at_rest k_0 r
         gains = at_rest[[states.index(state) for state in followed]]
         if np.linalg.svd(gains, compute_uv=False).min() <= AT_REST * np.abs(at_rest).max():

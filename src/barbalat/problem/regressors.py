@@ -18,7 +18,7 @@ from barbalat.validate import InputError, Matrix
 
 @runtime_checkable
 class Regressor(Protocol):
-    """phi(x), known to the designer; it is written with NumPy functions, so that it can also be evaluated on symbols."""
+    """phi(x), known to the designer; it is written with NumPy functions, so that it can also be evaluated with symbols."""
 
     def size(self, n: int) -> int:
         """Components of phi for n states; InputError if it does not fit them."""
@@ -96,7 +96,8 @@ class GaussianRBF(Settings):
     def size(self, n: int) -> int:
         if self.centers.shape[1] != n:
             raise InputError.of(
-                "plant.regressor.centers", f"must have {n} columns, one for each state, got {self.centers.shape[1]}"
+                "plant.regressor.centers",
+                f"must have {validate.counted(n, 'column')}, one for each state, got {self.centers.shape[1]}",
             )
         return len(self.centers)
 
@@ -138,7 +139,7 @@ class Terms(Settings):
     def size(self, n: int) -> int:
         largest = max((int(name[1:]) for found in self._formulas() for name in found.names), default=0)
         if largest > n:
-            raise InputError.of("plant.regressor.terms", f"use x{largest}, but the plant has {n} states")
+            raise InputError.of("plant.regressor.terms", f"use x{largest}, but the plant has {validate.counted(n, 'state')}")
         return len(self.terms)
 
     def __call__(self, x: Value) -> Value:

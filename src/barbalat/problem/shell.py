@@ -20,15 +20,21 @@ MOST_SAMPLES = 10**8
 
 
 CHECKS = ("range", "rate", "stuck")
-"""The checks of a measurement that are set for each channel."""
+"""The checks that are set for each measured channel."""
+OF_COMMANDS = ("range", "rate")
+"""The settings that may also be given for commands."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shell(Settings):
-    """Which measurements and sample times a controller accepts, and what acts after an outage; every key may be left out.
+    """Which measurements, commands and sample times a controller accepts, and what acts after an outage; every key may be left
+    out.
 
-    range    for each measured channel, the accepted [lowest, highest] value, in the channel's unit. A value outside is a miss
-    rate     for each measured channel, the fastest accepted change since the last good sample, in the channel's unit per second
+    range    for each measured channel, the accepted [lowest, highest] value, in the channel's unit. A value outside is a miss.
+             The command's name is command, or command_1, command_2, ...; a command outside its range is replaced by the last
+             good one
+    rate     for each measured channel, the fastest accepted change since the last good sample, in the channel's unit per second;
+             for a command, since the last good command
     stuck    for each measured channel, how long it may repeat exactly the same value [s]; after that it is a miss until it
              changes. Off by default, because a quantised sensor repeats its value at a standstill
     jitter   largest deviation of the time between two calls from the sample time, as a fraction of it. Within it a call is
@@ -39,7 +45,8 @@ class Shell(Settings):
     fallback  what acts then: "hold", the last control; "zero"; "fade", from the last control to zero; or "baseline", the case's
               fixed controller alone, with the last good measurement, the present command and its own states held
     fade     duration of that fade, of the transition to the baseline, and of the bumpless return of the control after a fallback
-             [s]; by default the longest outage. A fade of the return waits while samples are lost
+             [s]; by default the longest outage. A fade of the return waits while samples are lost. After wrong times for at most
+             the longest outage the return takes no longer than they did
 
     On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
     continue; an observer predicts the state without the measurement. Raises InputError.
@@ -82,18 +89,24 @@ class Shell(Settings):
             given = {"jitter": self.jitter is not None, "fallback": self.fallback != "hold", "fade": self.fade is not None}
             for name, there in given.items():
                 if there:
-                    raise InputError.of(f"shell.{name}", "goes with shell.longest_outage, which is missing")
+                    raise InputError.of(f"shell.{name}", "needs shell.longest_outage, which is missing")
 
-    def require(self, names: tuple[str, ...], *, without_baseline: str | None) -> None:
-        """InputError for a channel that is not among the measured ``names``, and for a missing baseline."""
+    def require(self, names: tuple[str, ...], commands: tuple[str, ...], *, without_baseline: str | None) -> None:
+        """InputError for a channel that is neither among the measured ``names`` nor, where they are checked, among the
+        ``commands``, and for a missing baseline."""
         if self.fallback == "baseline" and without_baseline is not None:
             raise InputError.of("shell.fallback", f"= 'baseline' {without_baseline}: hold, zero or fade")
         for field_name in CHECKS:
+            known = (*names, *commands) if field_name in OF_COMMANDS else names
+            twice = [key for key in getattr(self, field_name) if known.count(key) > 1]
+            if twice:
+                raise InputError.of(
+                    f"shell.{field_name}.{twice[0]}", "is the name of several channels; give each a label of its own"
+                )
+            wrong = "names neither a measured channel nor a command" if known != names else "does not name a measured channel"
             for key in getattr(self, field_name):
-                if key not in names:
-                    raise InputError.of(
-                        f"shell.{field_name}.{key}", f"does not name a measured channel; there are {', '.join(names)}"
-                    )
+                if key not in known:
+                    raise InputError.of(f"shell.{field_name}.{key}", f"{wrong}; the names are {', '.join(known)}")
 
     def repeats(self, name: str, T: float) -> int | None:
         """How many samples of length T [s] in a row a channel may repeat its value; None for any number.

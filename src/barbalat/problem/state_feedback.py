@@ -118,8 +118,8 @@ class Problem(TrackingProblem, Settings):
 
     plant, reference_model             equations (1) and (2)
     reference                          the command r(t); a list of commands if k_0 is a matrix
-    uncertainty                        the known set Omega; for a plant with physical parameters it follows, with input_gain, from
-                                       their ranges unless one of the two is given
+    uncertainty                        the known set Omega; for a plant with physical parameters it follows from their ranges
+                                       unless it is given, and input_gain unless one of the two is given
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          other disturbances, each with its own direction
     input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
@@ -177,8 +177,8 @@ class Problem(TrackingProblem, Settings):
             validate.instance("sensor", self.sensor, Sensor)
         if self.observer is not None:
             self._check_observer()
-        if self.sensor is not None and self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
-            validate.vector("sensor.noise.std", self.sensor.noise.std, self.measured)
+        if self.sensor is not None:
+            self.sensor.require(self.measured)
         if not isinstance(self.unmatched, (list, tuple)):
             raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
         for disturbance in self.unmatched:
@@ -192,6 +192,8 @@ class Problem(TrackingProblem, Settings):
         if self.derived is not None and self.derived.used:
             gains = self.derived.input_gain
             freeze(self, uncertainty=self.derived.theta, input_gain=gains[0] if gains and self.plant.inputs == 1 else gains)
+        elif self.derived is not None and self.uncertainty is None:
+            freeze(self, uncertainty=self.derived.theta)
 
     def _check_truth(self) -> None:
         if self.truth is not None:
@@ -199,7 +201,18 @@ class Problem(TrackingProblem, Settings):
             if self.truth.disturbance is not None and self.plant.inputs > 1:
                 raise InputError("truth.disturbance needs a plant with one input; give truth.unmatched with a direction instead")
         if self.simulated is not None:
-            _ = self.surroundings  # refuses what does not fit
+            around = self.surroundings  # refuses what does not fit
+            if around.sensor is not None:
+                around.sensor.require(self.measured)
+            if self.simulated.C is not None:
+                self._check_true_measurement(self.simulated.C)
+
+    def _check_true_measurement(self, C: Array) -> None:
+        if self.fixed_observer is None:
+            raise InputError.of("truth.C", "needs [observer], which estimates the state from the measurement y = C x")
+        if len(C) != self.fixed_observer.outputs:
+            outputs = validate.counted(self.fixed_observer.outputs, "row")
+            raise InputError.of("truth.C", f"must have {outputs}, one for each quantity that the observer measures, got {len(C)}")
 
     def _check_observer(self) -> None:
         """The observer is designed once: it does not change when the plant is replaced."""
@@ -208,13 +221,15 @@ class Problem(TrackingProblem, Settings):
         if isinstance(self.observer, Observer):
             if not self.plant.is_linear:
                 raise InputError("observer needs a plant with the regressor phi(x) = x, because it is a linear system")
-            freeze(self, observer=FixedObserver.of(self.observer, *self.nominal_matrices, names, self.plant.paths[0].delay))
+            baseline, delay = self.plant.baseline, self.plant.paths[0].delay
+            compared = baseline.H.any(axis=0) if baseline is not None and baseline.on_error else None
+            freeze(self, observer=FixedObserver.of(self.observer, *self.nominal_matrices, names, delay, compared))
         fixed = self.fixed_observer
         assert fixed is not None
         if fixed.C.shape[1] != self.plant.states:
             raise InputError(
                 f"observer is designed for a plant with {validate.counted(fixed.C.shape[1], 'state')}, and this one has "
-                f"{self.plant.states}: give its settings anew"
+                f"{self.plant.states}: give new settings"
             )
 
     @property
@@ -250,12 +265,12 @@ class Problem(TrackingProblem, Settings):
         labels, observer = self.labels, self.fixed_observer
         if labels is None or observer is None:
             return labels
-        states = [at for at in observer.places if at is not None]  # a quantity that is no single state has no unit
-        units = tuple(labels.units[at] for at in states) if labels.units and len(states) == observer.outputs else ()
+        given = labels.units  # a quantity that is no single state has no unit
+        units = tuple("" if at is None else given[at] for at in observer.places) if given else ()
         names = observer.names(labels.names) if labels.names else ()
         return replace(labels, names=names, units=units)
 
-    @property
+    @cached_property
     def starts_at(self) -> Array:
         """The state from which controllers start, (n,): x0, or with an observer its estimate from the measurement of x0."""
         p = self.plant
@@ -292,7 +307,7 @@ class Problem(TrackingProblem, Settings):
             raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.k_0)}")
         freeze(self, reference=commands if wanted else commands[0])  # type: ignore[redundant-expr]  # several inputs: a list of one
 
-    @property
+    @cached_property
     def k_0(self) -> Array | float:
         """The command's gain, (m, q) with m inputs: from the model or the baseline, or from the state that is to follow."""
         if self.plant.baseline is not None:
@@ -312,7 +327,8 @@ class Problem(TrackingProblem, Settings):
     def in_brief(self) -> str:
         n, m, p = self.plant.states, self.plant.inputs, len(self.parameters)
         known_set = "" if self.known.estimate_set is None else " in a known set"
-        return f"{n} state{'s' * (n > 1)}, {m} input{'s' * (m > 1)}; {p} unknown parameter{'s' * (p > 1)}{known_set}"
+        parts = f"{validate.counted(n, 'state')}, {validate.counted(m, 'input')}"
+        return f"{parts}; {validate.counted(p, 'unknown parameter')}{known_set}"
 
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
@@ -327,14 +343,21 @@ class Problem(TrackingProblem, Settings):
         found = self.plant.from_ranges
         if found is None:
             return None
-        return found if self.uncertainty is None and self.input_gain is None else replace(found, used=self._has(found))
+        if self.uncertainty is None and self.input_gain is None:
+            return found
+        own, gains = self.uncertainty, self.input_gain
+        is_set = isinstance(own, (ParameterBox, ParameterBall))  # others are refused later
+        fits = own is None or (is_set and own.size == found.theta.size)
+        pairs = None if gains is None else np.broadcast_to(gains, (self.plant.inputs, 2)).tolist()
+        return replace(found, used=self._has(found), outside=found.beyond(own, pairs) if fits else "")
 
     def _has(self, found: FromRanges) -> bool:
         """Whether the known set is the derived one, as in a copy with other fields."""
         gains = None if self.input_gain is None else np.broadcast_to(self.input_gain, (self.plant.inputs, 2)).tolist()
         own, derived = self.uncertainty, None if found.input_gain is None else [list(pair) for pair in found.input_gain]
-        same = isinstance(own, ParameterBox) and own.size == found.theta.size and gains == derived
-        return same and bool((own.lower == found.theta.lower).all() and (own.upper == found.theta.upper).all())  # type: ignore[union-attr]
+        if not isinstance(own, ParameterBox) or own.size != found.theta.size or gains != derived:
+            return False
+        return bool((own.lower == found.theta.lower).all() and (own.upper == found.theta.upper).all())
 
     @cached_property
     def simulated(self) -> TruePlant | None:
@@ -351,6 +374,13 @@ class Problem(TrackingProblem, Settings):
         plant = replace(self.plant, physical=None)
         found = replace(self, plant=plant, truth=None, uncertainty=self.uncertainty, input_gain=self.input_gain)
         vars(found)["derived"] = self.derived
+        return found
+
+    @property
+    def nominal(self) -> Self:
+        found = super().nominal
+        if found is not self:
+            vars(found)["derived"] = self.derived
         return found
 
     @cached_property
@@ -377,7 +407,7 @@ class Problem(TrackingProblem, Settings):
             return found
         return replace(found, truth=replace(self.truth or Truth(), sensor=change(own) or Sensor()))
 
-    @property
+    @cached_property
     def known(self) -> Known:
         p, gains = self.plant, None
         if self.input_gain is not None:
@@ -433,7 +463,7 @@ class Problem(TrackingProblem, Settings):
         baseline = self.plant.baseline
         return None if baseline is None else baseline.within([path.saturation for path in self.plant.paths])
 
-    @property
+    @cached_property
     def model(self) -> Model:
         """The reference model (2), which starts at the initial state of the plant or of its observer."""
         p = self.plant

@@ -14,7 +14,7 @@ from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import InputPath, PlantInput
 from barbalat.problem.baseline import FixedController
-from barbalat.problem.faults import Fault, FaultSignal
+from barbalat.problem.faults import COMMAND, Fault, FaultSignal
 from barbalat.problem.labels import UNLABELLED, Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.observer import FixedObserver
@@ -250,6 +250,12 @@ class TrackingProblem:
         return (*self.measured_names, *self.handed_controls)
 
     @property
+    def command_names(self) -> tuple[str, ...]:
+        """The names of the commands in a shell; a measured channel of the same name takes precedence."""
+        q = len(self.commands)
+        return (COMMAND,) if q == 1 else tuple(f"{COMMAND}_{i + 1}" for i in range(q))
+
+    @property
     def declared_followers(self) -> tuple[int | None, ...]:
         """For each command the index of the state that is declared to follow it; None, or no entry, if none is."""
         return ()
@@ -275,7 +281,7 @@ class TrackingProblem:
         """InputError if the shell or a fault names a channel that is not measured."""
         if self.shell is not None:
             validate.instance("shell", self.shell, Shell)
-            self.shell.require(self.handed_names, without_baseline=self._without_fallback)
+            self.shell.require(self.handed_names, self.command_names, without_baseline=self._without_fallback)
         if not isinstance(self.faults, (list, tuple)):
             raise InputError(f"faults must be a list of faults, got {validate.show(self.faults)}")
         for i, fault in enumerate(self.faults, start=1):
@@ -310,7 +316,7 @@ class TrackingProblem:
 
 
 def require_signal(field: str, signal: Any) -> None:
-    """InputError, with the field, for an object that is no signal."""
+    """InputError, with the field, for an object that is not a signal."""
     if not validate.is_instance(signal, Signal) or isinstance(signal, type):
         raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
 

@@ -13,7 +13,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.formulas import BEND_OF_ABS, Formula
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.parameters import evaluated, parsed
-from barbalat.problem.physical import input_matrix
+from barbalat.problem.physical import input_matrix, inputs_at, sensor_at
 from barbalat.problem.plant import Plant
 from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal, Value
@@ -48,14 +48,18 @@ class Truth(Settings):
     """The simulated plant; what is not given is the same as in the plant for which controllers are designed.
 
     parameters   physical parameters whose values differ from the nominal ones, by name
-    A            (N, N); for more states than the plant has, or other dynamics
+    A            (N, N); for more states than the plant has, or other dynamics. Its entries, and those of b and x0, may be
+                 formulas of the parameters
     b            (N,), or (N, m)
+    C            (p, N) what is measured of its states, in place of the observer's C: an encoder's scale, or a sensor at another
+                 place; only with an observer
     x0           (N,) initial state
     input        the path before the input, as ``plant.input``, which it replaces as a whole; with several inputs one for all, or
-                 a list
+                 a list; with formulas as keywords of PlantInput
     disturbance  matched: enters with u
-    unmatched    others: direction (N,) times the signal is added to x'; they replace the plant's
-    sensor       the path from the plant's state to the measurement, in place of the case's own sensor
+    unmatched    other disturbances: direction (N,) times the signal is added to x'; they replace the plant's
+    sensor       the path from the plant's state to the measurement, in place of the case's own sensor; with formulas as keywords
+                 of Sensor
     states       names of its states; the first ones may be sufficient. The plant's states are those of the same names. Or a
                  matrix (n, N) that computes the plant's states from them. Needed if N differs from the plant's n
     friction     smooth Coulomb friction in the rates of states
@@ -66,11 +70,12 @@ class Truth(Settings):
     parameters: Mapping[str, float] = field(default_factory=dict)
     A: Any = None
     b: Any = None
+    C: Any = None
     x0: Any = None
     input: Any = None
     disturbance: Signal | None = None
     unmatched: tuple[Disturbance, ...] | None = None
-    sensor: Sensor | None = None
+    sensor: Sensor | Mapping[str, Any] | None = None
     states: tuple[str, ...] | Matrix | None = None
     friction: tuple[Friction, ...] = ()
     terms: Mapping[str, str] = field(default_factory=dict)
@@ -82,7 +87,7 @@ class Truth(Settings):
         for disturbance in self.unmatched or ():
             validate.instance("truth.unmatched", disturbance, Disturbance)
         if self.sensor is not None:
-            validate.instance("truth.sensor", self.sensor, Sensor)
+            validate.instance("truth.sensor", self.sensor, (Sensor, Mapping))
         for name in ("parameters", "terms"):
             if not isinstance(getattr(self, name), Mapping):
                 raise InputError.of(f"truth.{name}", f"must give values by names, got {validate.show(getattr(self, name))}")
@@ -97,6 +102,7 @@ class TruePlant:
     friction   (row, coulomb, width) of each
     terms      (row, formula) of each
     values     values of the parameters in the formulas
+    C          (p, N) what is measured for an observer; None if it is what the observer measures of S x
     nonlinear  the plant, if its regressor is not the state: its uncertainty b theta'phi(x) acts in addition to A, which is then
                its A_m, and B
     """
@@ -110,6 +116,7 @@ class TruePlant:
     values: Mapping[str, float]
     names: tuple[str, ...]
     nonlinear: Plant | None = None
+    C: Array | None = None
 
     @property
     def outputs(self) -> int:
@@ -167,18 +174,18 @@ def own_states(plant: Plant) -> TruePlant:
 
 def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
     """The dynamics that a truth gives to a plant whose states are called ``labels``; InputError if the two do not fit."""
-    physical = plant.physical
-    values = {} if physical is None else physical.with_values(truth.parameters)
-    if physical is None and truth.parameters:
+    values = _values(truth, plant)
+    if plant.physical is None and truth.parameters:
         raise InputError.of("truth.parameters", f"needs [parameters]; got {', '.join(truth.parameters)}")
     A, b = _matrices(truth, plant, values)
     N, n = len(A), plant.states
     if n != N and truth.states is None:
         raise InputError.of(
             "truth.states",
-            f"is missing: truth.A has {N} states and the plant {n}; name the truth's states, or give a matrix {n} x {N}",
+            f"is missing: truth.A has {validate.counted(N, 'state')} and the plant has {n}; name the truth's states, or "
+            f"give a matrix {n} x {N}",
         )
-    names, S = _mapped(truth.states, labels, N, validate.hint)
+    names, S = _mapped(truth.states, labels, N)
     x0 = _initial(truth, plant, values, S)
     found = TruePlant(
         A=A,
@@ -190,6 +197,7 @@ def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
         values=values,
         names=names,
         nonlinear=None if plant.is_linear else plant,
+        C=None if truth.C is None else validate.array("truth.C", evaluated("truth.C", _plain(truth.C), values), (None, N)),
     )
     own = found.known_names[: len(found.known_names) - len(values)]
     for state, text in truth.terms.items():
@@ -216,13 +224,15 @@ def _matrices(truth: Truth, plant: Plant, values: Mapping[str, float]) -> tuple[
     if truth.b is not None:
         b = input_matrix("truth.b", evaluated("truth.b", _plain(truth.b), values), len(A))
     elif len(A) != plant.states:
-        raise InputError.of("truth.b", f"is missing: truth.A has {len(A)} states and plant.b is of {plant.states}")
+        raise InputError.of(
+            "truth.b",
+            f"is missing: truth.A has {validate.counted(len(A), 'state')} and plant.b has "
+            f"{validate.counted(plant.states, 'row')}",
+        )
     else:
         b = plant.b[: plant.states] if plant.physical is None else plant.physical.matrices(values)[1]
     if (1 if b.ndim == 1 else b.shape[1]) != plant.inputs:
-        raise InputError.of(
-            "truth.b", f"must be of {validate.counted(plant.inputs, 'input')}, as plant.b, got {validate.show(b)}"
-        )
+        raise InputError.of("truth.b", f"must have {validate.counted(plant.inputs, 'input')}, as plant.b, got {validate.show(b)}")
     return A, b
 
 
@@ -230,7 +240,7 @@ def _plain(given: Any) -> Any:
     return given.tolist() if isinstance(given, np.ndarray) else given
 
 
-def _mapped(states: Any, labels: Sequence[str], N: int, hint: Any) -> tuple[tuple[str, ...], Array | None]:
+def _mapped(states: Any, labels: Sequence[str], N: int) -> tuple[tuple[str, ...], Array | None]:
     """The names of the truth's states, and the matrix that gives the plant's states; None if they are the same."""
     n = len(labels)
     if states is None:
@@ -239,13 +249,13 @@ def _mapped(states: Any, labels: Sequence[str], N: int, hint: Any) -> tuple[tupl
         S = validate.array("truth.states", states, (n, N))
         return tuple(labels) if n == N and (np.eye(n) == S).all() else tuple(f"x_{i + 1}" for i in range(N)), S
     if len(states) > N:
-        raise InputError.of("truth.states", f"must name at most {N} states, as many as the truth has, got {len(states)}")
+        raise InputError.of("truth.states", f"must name at most the truth's {validate.counted(N, 'state')}, got {len(states)}")
     names = (*states, *(f"x_{i + 1}" for i in range(len(states), N)))
     for label in labels:
         if names.count(label) != 1:
             raise InputError.of(
                 "truth.states",
-                f"must name the plant's states {', '.join(labels)} once each, got {', '.join(states)}{hint(label, states)}",
+                f"must name the plant's states {', '.join(labels)} once each, got {', '.join(states)}",
             )
     S = np.zeros((n, N))
     S[np.arange(n), [names.index(label) for label in labels]] = 1.0
@@ -265,7 +275,8 @@ def _initial(truth: Truth, plant: Plant, values: Mapping[str, float], S: Array |
 def _row(field: str, state: str, names: tuple[str, ...]) -> int:
     if state not in names:
         raise InputError.of(
-            field, f"does not name a state, got {validate.show(state)}; there are {', '.join(names)}{validate.hint(state, names)}"
+            field,
+            f"does not name a state, got {validate.show(state)}; the states are {', '.join(names)}{validate.hint(state, names)}",
         )
     return names.index(state)
 
@@ -274,9 +285,11 @@ def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
     """The path before each input of the simulated plant."""
     from barbalat.problem.plant import inputs_of
 
-    given = truth.input
+    given, values = truth.input, _values(truth, plant)
     if given is None and plant.physical is not None:
-        given = plant.physical.inputs(plant.physical.with_values(truth.parameters))
+        given = plant.physical.inputs(values)
+    elif any(isinstance(one, Mapping) for one in (given if isinstance(given, (list, tuple)) else (given,))):
+        given = inputs_at("truth.input", given, values)
     if given is None:
         return plant.paths
     found = inputs_of("truth.input", given, plant.inputs)
@@ -285,11 +298,18 @@ def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
 
 def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | None:
     """The sensor of the simulated plant."""
-    if truth.sensor is not None:
+    if isinstance(truth.sensor, Sensor):
         return truth.sensor
+    if truth.sensor is not None:
+        return sensor_at("truth.sensor", truth.sensor, _values(truth, plant))
     if plant.physical is None or plant.physical.sensor is None:
         return sensor
-    return plant.physical.sensing(plant.physical.with_values(truth.parameters))
+    return plant.physical.sensing(_values(truth, plant))
+
+
+def _values(truth: Truth, plant: Plant) -> Mapping[str, float]:
+    """The values of the parameters in the simulated plant, by name."""
+    return {} if plant.physical is None else plant.physical.with_values(truth.parameters)
 
 
 def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturbance, ...]) -> tuple[Disturbance, ...]:

@@ -26,7 +26,7 @@ def rule(found: Contest) -> str:
     asked = found.rule
     until = "the loop begins to oscillate" if asked.until is Criterion.ONSET else "the motion is lost"
     return (
-        f"each scheme has the tuning with the least RMS |e| among those that tolerate {asked.delay_margin:g} s of added delay "
+        f"each scheme has the tuning with the smallest RMS |e| among those that tolerate {asked.delay_margin:g} s of added delay "
         f"and the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise "
         f"and with it; both on the worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most "
         "each, the same plants, command and noise for all"
@@ -77,7 +77,7 @@ def failures(found: Contest) -> list[list[str]]:
 
 
 def margins(found: Contest) -> list[list[str]]:
-    """Return rows for all: the error on the worst tuning plant relative to the model's motion, margins there, the least slack."""
+    """Return rows for all: the error on the worst tuning plant relative to the model's motion, margins there, smallest slack."""
     rows = []
     for one in found.entrants:
         kept = one.margins[found.rule.until]

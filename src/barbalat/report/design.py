@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from barbalat.comparison.design.design import Candidate, Design
+from barbalat.comparison.design.design import LOST, Candidate, Design
 from barbalat.pictures.symbols import number_text
 from barbalat.report.omissions import grouped_omissions
 from barbalat.report.terminal.layout import Screen
@@ -11,7 +11,7 @@ COLUMNS = (
     "scheme",
     "requirement",
     "asked",
-    "on the worst plant",
+    "on the worst of all plants",
     "share of the limit used",
     "validation plants that fail it",
 )
@@ -30,9 +30,19 @@ def rows(found: Design) -> list[list[str]]:
 
 def _row(found: Design, one: Candidate, name: str) -> list[str]:
     share = one.held_out.get(name)
-    unseen = "see the contest" if share is None else f"{share.count} of {share.judged}"
-    asked = number_text(float(getattr(found.specification, name)))
-    return [one.name, name, asked, f"{one.worst[name]:.4g}", f"{one.factor[name]:.2g}", unseen]
+    unseen = "not tried" if share is None else f"{share.count} of {share.judged}"
+    if name == LOST:
+        return [one.name, "never lost or in a limit cycle", "", "", "", unseen]
+    asked, labels = number_text(float(getattr(found.specification, name))), found.case.problem.labels
+    units = {"settling": ("s",), "delay": ("s",), "u_max": () if labels is None else labels.input_units}.get(name)
+    return [
+        one.name,
+        f"{name} [{units[0]}]" if units else name,
+        asked,
+        f"{one.worst[name]:.4g}",
+        f"{one.factor[name]:.2g}",
+        unseen,
+    ]
 
 
 def sentences(found: Design) -> list[tuple[str, str, bool]]:

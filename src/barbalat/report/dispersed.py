@@ -12,6 +12,7 @@ import barbalat
 from barbalat.report.terminal.layout import Screen
 from barbalat.sweeps.spread import Uniform
 from barbalat.sweeps.statistics import CONFIDENCE_LEVEL, Median, Share
+from barbalat.validate import counted
 from barbalat.vehicles.dispersed import KEPT, DispersedComparison, Flown, Pairing
 from barbalat.vehicles.vehicle import Vehicle
 
@@ -115,7 +116,7 @@ def verdicts(found: DispersedComparison) -> list[str]:
             continue
         fewest = [one.controller for one in several if one.lost.count == least]
         many = "all" if len(fewest) == len(several) else _listed(fewest)
-        parts = [f"{failure}: fewest losses, {least} of {found.members}: {many}; least error: {_least(several)}"]
+        parts = [f"{failure}: fewest losses, {least} of {found.members}: {many}; smallest error: {_least(several)}"]
         pairs = {one.controller: pair for one in several if (pair := _against(one, beside)) is not None}
         signs = {
             ("fewer losses", "more losses"): {name: pair.keeps for name, pair in pairs.items()},
@@ -148,7 +149,7 @@ def facts(found: DispersedComparison) -> list[tuple[str, str]]:
     where = f"taking turns at {'; '.join(conditions)}" if len(conditions) > 1 else conditions[0]
     timing = f"{drawing.timing.duration:g} s each, the failure at {drawing.timing.fails_at:g} s"
     return [
-        ("flown", f"{found.members} draws by seed {found.campaign.plan.seed}, {where}; {timing}"),
+        ("flown", f"{counted(found.members, 'draw')} by seed {found.campaign.plan.seed}, {where}; {timing}"),
         ("drawn", f"uniformly: {draws}"),
         ("set by", drawing.set_by),
     ]
@@ -209,7 +210,7 @@ def _share(one: Share | None) -> dict[str, Any] | None:
 
 def show(screen: Screen, found: DispersedComparison) -> None:
     """Print the campaign, losses first."""
-    screen.line(f"{found.campaign.name} on {found.members} random vehicles", "bold")
+    screen.line(f"{found.campaign.name} on {counted(found.members, 'random vehicle')}", "bold")
     for label, text in facts(found):
         screen.fact(label, text, 8)
     screen.line("")

@@ -13,6 +13,7 @@ import numpy as np
 from barbalat.judge.verdict import Class, percent
 from barbalat.report.terminal.layout import Screen
 from barbalat.run.kernel.sampled_controller import Agreement
+from barbalat.validate import counted
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight
 from barbalat.vehicles.verdicts import said_of
@@ -30,7 +31,7 @@ def title(found: FlightComparison) -> str:
     if len(names) <= NAMED_FAILURES:
         return f"{found.name} through {', '.join(names)}"
     failing = sum(one != "none" for one in names)
-    return f"{found.name} through {failing} failures{', and without one' if failing < len(names) else ''}"
+    return f"{found.name} through {counted(failing, 'failure')}{', and without one' if failing < len(names) else ''}"
 
 
 def verdicts(found: FlightComparison) -> list[str]:
@@ -122,7 +123,7 @@ def best_and_worst(found: FlightComparison, failure: Failing) -> str:
     survived = "all kept control" if len(kept) == count else f"{len(kept)} of {count} kept control"
     if len(kept) == 1:
         return f"{survived}: {kept[0].controller}" if count > 1 else survived
-    return f"{survived}; least error: {kept[0].controller}, largest: {kept[-1].controller}"
+    return f"{survived}; smallest error: {kept[0].controller}, largest: {kept[-1].controller}"
 
 
 def facts(found: FlightComparison) -> list[tuple[str, str]]:
@@ -136,7 +137,7 @@ def _in_the_loop(found: FlightComparison) -> list[str]:
     equal = {name: one for name, one in agreements.items() if one.equal and not one.refused}
     several = "every controller" if len(equal) == len(agreements) else f"{len(equal)} of {len(agreements)} controllers"
     who, together = next(iter(equal)) if len(equal) == 1 else several, Agreement.together(equal.values())
-    flights = "a flight" if together.flights == 1 else f"{together.flights} flights"
+    flights = counted(together.flights, "flight")
     said = (
         f"the C of {who} flew, compiled on this machine: every bit of u and of the state equals the simulated list's at all "
         f"{together.samples:,} samples of {flights}"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.identify.identification import CONFIDENCE, Identification
+from barbalat.identify.case_text import point_text
+from barbalat.identify.result import CONFIDENCE, Identification
 from barbalat.pictures.symbols import number_text
 from barbalat.report.terminal.layout import Screen
 
 
 def rows(found: Identification) -> list[list[str]]:
-    """State, coefficient, nominal value, interval of least squares, known set."""
+    """State, coefficient, nominal value, confidence interval, known set."""
     told = []
     for row in found.rows:
         for j, name in enumerate(found.coefficient_names):
@@ -25,9 +26,9 @@ def residual_rows(found: Identification) -> list[list[str]]:
     told = []
     for (name, fit), values in zip(found.fit.items(), found.residuals.T, strict=True):
         sizes = (
-            ["ran away"] * 3
+            ["diverged"] * 3
             if fit is None
-            else [f"{fit:.1%}", f"{np.sqrt(np.mean(values**2)):.3g}", f"{np.abs(values).max():.3g}"]
+            else [f"{100 * fit:.1f} %", f"{np.sqrt(np.mean(values**2)):.3g}", f"{np.abs(values).max():.3g}"]
         )
         told.append([name, *sizes])
     return told
@@ -35,22 +36,41 @@ def residual_rows(found: Identification) -> list[list[str]]:
 
 def sentence(found: Identification) -> str:
     """The validation samples of the nominal plant, and how well it fits them."""
-    fits = ", ".join(f"{name} {'ran away' if fit is None else f'{fit:.1%}'}" for name, fit in found.fit.items())
+    fits = ", ".join(f"{name} {'diverged' if fit is None else f'{100 * fit:.1f} %'}" for name, fit in found.fit.items())
     apart = found.trained < len(found.recording.times)
     where = "the validation samples" if apart else "the same samples, since there are no validation samples"
     if found.horizon is None:
         return f"Simulated over {where}, the nominal plant fits {fits}."
-    held = ", ".join(f"{name} {fit:.1%}" for name, fit in (found.held_fit or {}).items())
+    held = ", ".join(f"{name} {100 * fit:.1f} %" for name, fit in (found.held_fit or {}).items())
     return (
         f"Over {where}, the nominal plant predicts up to {found.horizon:.3g} s ahead and fits {fits}; holding the measured state "
         f"for as long fits {held}. The plant is unstable: a longer simulation would amplify the error of its initial state."
     )
 
 
+def equation(found: Identification) -> str:
+    """The equation of the printed coefficients; with an offset, its constants are those at the means of the samples."""
+    return "x' = A x + B u" if found.reference is None else "x' = A (x - mean) + B (u - mean) + constant"
+
+
+def operating(found: Identification) -> str:
+    """The dead time, the means and the operating point, empty without all of these."""
+    said = [f"The inputs arrive after a dead time of {found.delay:g} s."] if found.delay else []
+    if found.means is not None:
+        said.append(f"The means are {point_text(found.means)}.")
+        point = found.operating_point
+        said.append(
+            "The plant has a constant drift and no equilibrium."
+            if point is None
+            else f"The plant is that of deviations from the operating point {point_text(point)}."
+        )
+    return " ".join(said)
+
+
 def caption(found: Identification) -> str:
     """How the simulation in the picture begins, and when it restarts from the measurement."""
     if found.horizon is None:
-        return "The simulation begins at the first of these samples and is not corrected by later ones."
+        return "The simulation begins at the state that fits these samples best and is not corrected by them later."
     every = "every sample" if found.restarted == 1 else f"every {found.restarted} samples ({found.horizon:.3g} s)"
     return f"The simulation restarts from the measured state {every}."
 
@@ -62,13 +82,15 @@ def _interval(low: float, high: float) -> str:
 def show(screen: Screen, found: Identification) -> None:
     """The table, the evidence, the findings."""
     count = len(found.recording.times)
-    screen.title(f"x' = A x + B u from {found.trained} of {count} samples")
+    screen.title(f"{equation(found)} from {found.trained} of {count} samples")
     known = [] if found.noise is None else ["known set"]
     width = 4 + len(known)
-    headings = ["row of", "coefficient", "nominal", f"least squares, {CONFIDENCE:.0%}", *known]
+    headings = ["row of", "coefficient", "nominal", f"{100 * CONFIDENCE:.0f} % interval", *known]
     screen.table(headings, [row[:width] for row in rows(found)], leads=2)
     if found.guaranteed:
         screen.line("The known set contains every plant that explains these samples within the stated noise and slope.")
+    if said := operating(found):
+        screen.line(said)
     screen.line(sentence(found))
     for said in found.findings:
         screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")

@@ -99,7 +99,7 @@ def _number(token: re.Match[str]) -> Markup:
 
 
 def _name(name: str) -> Markup:
-    """A letter with its accents and its subscripts; a name with more than two of these is no symbol."""
+    """A letter with its accents and its subscripts; a name with more than two of these is not a symbol."""
     base, *parts = re.sub(rf"({'|'.join(ACCENTS)})(\d+)$", r"\1_\2", name).split("_")
     accents = [unicodedata.lookup(ACCENTS[part]) for part in parts if part in ACCENTS]
     below = [_GREEK.get(part, part) for part in parts if part not in ACCENTS]

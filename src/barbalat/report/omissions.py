@@ -24,7 +24,7 @@ def grouped_omissions(sentences: Iterable[str]) -> list[str]:
 
 
 def _reason(why: str) -> str:
-    """A reason without the scheme's own name, and without the schemes that do take such a plant."""
+    """A reason without the scheme's own name, and without the schemes that support such a plant."""
     first, _, rest = why.partition(" ")
     if first in SCHEMES:
         return rest.partition("; ")[0]

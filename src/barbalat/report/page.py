@@ -22,7 +22,7 @@ from barbalat.comparison.suite.suite import Standings
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
-from barbalat.identify.identification import Identification
+from barbalat.identify.result import Identification
 from barbalat.papers.claim import Claim
 from barbalat.papers.finding import Finding
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
@@ -35,7 +35,7 @@ from barbalat.report import tuning as tuning_rows
 from barbalat.report.documents import by_side, coverage
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
-from barbalat.report.identification import caption, residual_rows, sentence
+from barbalat.report.identification import caption, equation, operating, residual_rows, sentence
 from barbalat.report.identification import rows as identified
 from barbalat.report.rendering import render
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, meanings, shares, varied
@@ -212,6 +212,8 @@ def identification(found: Identification, picture: ReportFigure, source: str, te
         rows=identified,
         residual_rows=residual_rows,
         caption=caption,
+        operating=operating,
+        equation=equation,
         sentence=sentence,
     )
 

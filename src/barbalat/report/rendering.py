@@ -30,8 +30,8 @@ FIGURE_COLUMNS = {
     "tail_max_abs_e": "max |e|, tail",
     "max_abs_u": "max |u|",
     "theta_hat_final": "estimates at the end",
-    "theta_hat_tail_min": "least in the tail",
-    "theta_hat_tail_max": "greatest in the tail",
+    "theta_hat_tail_min": "smallest in the tail",
+    "theta_hat_tail_max": "largest in the tail",
     "theta_hat_variation_rate": "variation, 1/s",
 }
 

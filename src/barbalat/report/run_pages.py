@@ -65,7 +65,7 @@ def loops_data(certificates: Mapping[str, Certificate]) -> list[dict[str, Any]]:
 
 
 def _draw_loops(folder: Folder, loops: Sequence[MarginLoop]) -> None:
-    """As many loops in a picture as there are colours."""
+    """Draw pictures of the loops, each with as many loops as there are colours."""
     from barbalat.pictures.frequency import draw
 
     groups = grouped(loops)

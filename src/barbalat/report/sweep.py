@@ -79,9 +79,9 @@ def meanings(found: SweepResult) -> list[str]:
     if not found.judged:
         return [f"Diverged: {DIVERGES}", f"Estimates ring, at this step: {EXAMINED}", *lacking]
     return [
-        "Lost: diverged, or a component left its limit, 100 times its scale unless [judge] says otherwise; "
-        "limit cycle: the control oscillates permanently; off: the tail's error is outside its band, 5 % of the scale "
-        "unless [judge] says otherwise",
+        "Lost: diverged, or a component left its limit, by default 100 times its scale, which is normally the model's "
+        "largest motion; limit cycle: the control oscillates permanently; off: the tail's error is outside its band, by "
+        "default 5 % of the scale; [judge] sets limits and bands",
         "Not settled: within the budget no step distinguishes the plant from the solver; the intervals allow either verdict "
         "for these members",
         *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
@@ -145,7 +145,7 @@ def show(screen: Screen, found: SweepResult, labels: Labels | None) -> None:
         screen.line(f"Audit: {sentence}.", "yellow" if found.audit.changed != 0 else "")
     screen.line("")
     reached = [[by_label(name, labels), screen.name(who), *cells] for name, who, *cells in extremes(found)]
-    screen.table(("figure", "controller", "least", "median", "largest", "worst member"), grouped(reached), leads=2)
+    screen.table(("figure", "controller", "smallest", "median", "largest", "worst member"), grouped(reached), leads=2)
     for controller, part in found.evidence.filled.items():
         screen.line(
             f"{controller}: the largest |e| of a member reaches {percent(part.median)} of the guaranteed bound in the median, "

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.comparison.tradeoff.picture import TITLES, tuning_text
+from barbalat.comparison.tradeoff.picture import TITLES, panels, tuning_text
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff
 from barbalat.pictures.symbols import held, number_text
 from barbalat.report.omissions import grouped_omissions
@@ -91,7 +91,7 @@ def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
         return "No two schemes reach a common error", []
     differ = sum(a != b for a, b in known.values())
     head = "The order does not depend on the criterion" if differ == 0 else "The order of the schemes depends on the criterion"
-    return f"{head} (delay tolerated, the most first)", parts
+    return f"{head} (tolerated delay, largest first)", parts
 
 
 def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[list[str]]:
@@ -126,12 +126,16 @@ def show(screen: Screen, found: TradeOff) -> None:
         "come first."
     )
     headings = ("error", *(f"{criterion}:\n{scheme}" for criterion in ("onset", "loss") for scheme in schemes))
-    screen.table(headings, at_equal_error(found, "plant"))
-    head, parts = orders(found, "plant")
-    screen.title(head, "")
-    for part in parts:
-        for scheme in schemes:
-            part = part.replace(scheme, held(scheme))  # noqa: PLW2901
-        screen.line(part, indent="    ", start="  ")
+    for which in reversed(panels(found)):
+        screen.title(TITLES[which].capitalize(), "")
+        screen.table(headings, at_equal_error(found, which))
+        head, parts = orders(found, which)
+        screen.line(f"{head}:" if parts else f"{head}.")
+        for part in parts:
+            for scheme in schemes:
+                part = part.replace(scheme, held(scheme))  # noqa: PLW2901
+            screen.line(part, indent="    ", start="  ")
+    if len(found.thetas) == 1:
+        screen.line("All this is for the case's own plant; --plants takes the worst of several.")
     for sentence in grouped_omissions(found.notes):
         screen.line(f"Note: {sentence}.", "yellow", "  ")

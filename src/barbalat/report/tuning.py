@@ -70,7 +70,7 @@ def held_out(found: Tuning) -> list[list[str]]:
                 number_text(new["median"]),
                 number_text(new["worst"]["value"]),
                 f"[{theta}]",
-                "; ".join(broken) or "none of those that runs tell",
+                "; ".join(broken) or "none of those that runs decide",
             ]
         )
     return rows
@@ -78,7 +78,7 @@ def held_out(found: Tuning) -> list[list[str]]:
 
 def _broken(share: Share, requirement: str) -> str:
     low, high = (100 * one for one in share.interval)
-    said = f"{share.count} of {share.judged} break {requirement}"
+    said = f"{share.count} of {share.judged} violate {requirement}"
     return f"{said} ({low:.2g} to {high:.2g} % of all, with {100 * share.confidence:g} % confidence)"
 
 
@@ -128,7 +128,7 @@ def show(screen: Screen, found: Tuning) -> None:
     if rows:
         screen.line("")
         count = next(len(one.held_out.thetas) for one in found.controllers.values() if one.held_out is not None)
-        screen.line(f"On {counted(count, 'plant')} of the known set that the search did not see:")
+        screen.line(f"On {counted(count, 'plant')} of the known set that were not used in the search:")
         screen.table(("controller", "median", "worst", "at theta", "constraints"), rows)
     for note in found.notes:
         screen.line(f"Note: {note}.", "yellow")

@@ -19,8 +19,8 @@ from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.picture import draw as draw_tuning
 from barbalat.comparison.tune.result import Tuning
 from barbalat.folders import Folder
-from barbalat.identify.identification import Identification
 from barbalat.identify.picture import draw as draw_identification
+from barbalat.identify.result import Identification
 from barbalat.papers.claim import Chart, Claim, Map
 from barbalat.papers.paper import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels

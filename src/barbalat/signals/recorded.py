@@ -133,11 +133,11 @@ class Recorded(Continuous, Settings):
 
 @dataclass(frozen=True)
 class MatFile(Settings):
-    """A MATLAB file as a case file names it: see ``Recorded.from_mat``.
+    """A MATLAB file, given by its path in a case file: see ``Recorded.from_mat``.
 
     file    relative to the case file
     times   the variable with the times [s]
-    values  the variable with the values; by default the only other one with as many numbers
+    values  the variable with the values; by default the only other one with the same number of entries
     """
 
     makes: ClassVar[type] = Recorded
@@ -203,7 +203,7 @@ TIMES = ("t", "time", "times", "tout")
 
 
 def variables(path: Path) -> dict[str, Array]:
-    """The numbers in a file by their names, a field of a structure as "name.field"; InputError if it is no MATLAB file."""
+    """The numbers in a file by their names, a field of a structure as "name.field"; InputError if it is not a MATLAB file."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -216,14 +216,16 @@ def variables(path: Path) -> dict[str, Array]:
     except InputError:
         raise
     except (MemoryError, OverflowError):
-        raise InputError(f"the data file {validate.show(str(path))} cannot be read: an array in it has no room") from None
+        raise InputError(
+            f"the data file {validate.show(str(path))} cannot be read: an array in it does not fit in memory"
+        ) from None
     except NotImplementedError:
         raise InputError(f"{path} is a MATLAB file of version 7.3; save it with save(..., '-v7')") from None
     except OSError as error:
-        reason = error.strerror or "it is no MATLAB file"
+        reason = error.strerror or "it is not a MATLAB file"
         raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
-        raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is no MATLAB file") from None
+        raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is not a MATLAB file") from None
     return {name: one for key, value in found.items() if not key.startswith("__") for name, one in _numbers(key, value)}
 
 
@@ -296,7 +298,7 @@ def times_and_values(path: Path, found: dict[str, Array], times: str, values: st
     if times not in found and pair in found and found[pair].ndim == 2 and 2 in found[pair].shape:
         if found[pair].shape == (2, 2):
             raise InputError(
-                f"{path}: {pair} is 2 x 2, so that its times may be a column or a row; save them as a vector of their own"
+                f"{path}: {pair} is 2 x 2, so that its times may be a column or a row; save them as a separate vector"
             )
         first, second = found[pair] if found[pair].shape[0] == 2 else found[pair].T
         return first, second

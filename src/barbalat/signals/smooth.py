@@ -118,8 +118,8 @@ class Sines(Continuous, Settings):
     """constant + sum of amplitudes[i] sin(frequencies[i] t + phases[i]).
 
     amplitudes   of the swings
-    frequencies  [rad/s], > 0, as many as amplitudes
-    phases       [rad], as many; zeros by default
+    frequencies  [rad/s], > 0, one for each amplitude
+    phases       [rad], one for each amplitude; zeros by default
     constant     what they swing around
     """
 

@@ -1,6 +1,6 @@
 """Integration methods: fixed-step Runge-Kutta methods as tableaux.
 
-``Simulation`` takes one, or its name; ``SOLVERS`` has them by their names in case files.
+``Simulation`` takes one, or its name; ``SOLVERS`` maps their names in case files to them.
 """
 
 from barbalat.public_names import public

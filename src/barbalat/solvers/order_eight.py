@@ -15,7 +15,8 @@ Rows = tuple[tuple[float, ...], ...]
 
 @cache
 def order_eight() -> Tableau:
-    """The formula of order eight, for loops that a method of lower order would damp: it hardly damps what its step resolves."""
+    """The formula of order eight, for oscillations that a method of lower order would damp: it hardly damps what its step
+    resolves."""
     from scipy.integrate import DOP853
 
     a, count = DOP853.A, DOP853.n_stages
@@ -25,8 +26,8 @@ def order_eight() -> Tableau:
 
 @dataclass(frozen=True)
 class Embedded:
-    """The error estimate and the dense output of the formula. Stage 13 is the slope at the end of the step; the dense output has
-    three more.
+    """The error estimate and the dense output of the formula. Stage 13 is the slope at the end of the step; the dense output
+    needs three further stages.
 
     error_3, error_5  (13,) weights of the slopes in the errors of two lower orders, from which the estimate is made
     more_a, more_c    rows of the three further stages, and their positions in the step

@@ -1,4 +1,4 @@
-"""The registry of solvers, by their names in case files. The contract tests cover all of them."""
+"""The registry of solvers. The contract tests cover all of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from barbalat.solvers.tableau import EULER, HEUN, RK4, Tableau
 from barbalat.validate import InputError, hint, is_instance, show
 
 SOLVERS = {tableau.name: tableau for tableau in (EULER, HEUN, RK4)}
-"""The package's methods by their names in case files."""
+"""Each name in case files with its method."""
 
 
 def solver_of(field: str, given: Any) -> Tableau:

@@ -19,7 +19,8 @@ STEP = Estimate(seconds=1e-7)
 """The cost of a step of the smallest loop, with one state, in a single run."""
 
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
-"""Below, rounding errors of the states are no longer small compared with it; above, the error estimate is meaningless."""
+"""The range of tolerances: below it, rounding errors of the states are no longer small compared with the tolerance; above it,
+the error estimate is meaningless."""
 
 
 def _require_steps(t_end: float, dt: float) -> None:
@@ -142,20 +143,42 @@ class Simulation(Settings):
 
     @property
     def grid(self) -> Simulation:
-        """With a tolerance: the recorded instants as a grid of fixed steps; the tail begins at one of them."""
+        """For a run with a tolerance, the recorded instants as a grid of fixed steps; the tail begins at one of them."""
         return Simulation(self.t_end, self.t_end / self.steps, record_points=self.steps, fused=self.fused)
+
+    @property
+    def resolution(self) -> float:
+        """The step [s]; with a tolerance a tenth of the time between two recorded instants, which a study uses in its place."""
+        return self.dt if self.tolerance is None else self.t_end / (10 * self.steps)
+
+    @property
+    def stepped(self) -> Simulation:
+        """With fixed steps; with a tolerance those of RK4 at the ``resolution``."""
+        return self if self.tolerance is None else Simulation(self.t_end, self.resolution, fused=self.fused)
 
     @property
     def how(self) -> str:
         """Method and step, or tolerance, in a few words."""
-        if self.tolerance is not None:
-            return f"with a tolerance of {self.tolerance:g}"
-        return f"{self.solver.name} with h = {self.dt:g} s"
+        return self.in_brief if self.tolerance is not None else f"{self.solver.name} {self.in_brief}"
+
+    @property
+    def step(self) -> str:
+        """The step, or the tolerance, in a few words."""
+        return f"h = {self.dt:g} s" if self.tolerance is None else f"a tolerance of {self.tolerance:g}"
 
     @property
     def in_brief(self) -> str:
         """The step, or the tolerance."""
-        return f"with h = {self.dt:g} s" if self.tolerance is None else self.how
+        return f"with {self.step}"
+
+    @property
+    def refined_by(self) -> str:
+        """The field of the case that makes it more accurate."""
+        return "simulation.dt" if self.tolerance is None else "simulation.tolerance"
+
+    def step_as_json(self) -> dict[str, float | None]:
+        """The step as in ``as_json``."""
+        return {"dt": self.dt} if self.tolerance is None else {"dt": None, "tolerance": self.tolerance}
 
     def as_json(self) -> dict[str, str | float | bool | None]:
         """Its block in the JSON contract; ``tolerance`` and ``fused`` appear only if they are given."""

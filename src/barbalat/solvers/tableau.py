@@ -76,12 +76,12 @@ class Tableau:
 
     @property
     def imaginary_limit(self) -> float:
-        """The largest beta with |R(i y)| <= 1 on 0 <= y <= beta: an undamped oscillation of frequency w needs h w <= beta."""
+        """The largest beta with |R(i y)| <= 1 on 0 <= y <= beta: an undamped oscillation of frequency w requires h w <= beta."""
         return self._limit(1j)
 
     @property
     def real_limit(self) -> float:
-        """The largest s with |R(-y)| <= 1 on 0 <= y <= s: a decay of rate a needs h a <= s."""
+        """The largest s with |R(-y)| <= 1 on 0 <= y <= s: a decay of rate a requires h a <= s."""
         return self._limit(-1.0)
 
     def _limit(self, direction: complex) -> float:
@@ -109,4 +109,4 @@ EULER = Tableau("euler", 1, ((),), (1.0,), (0.0,))
 HEUN = Tableau("heun", 2, ((), (1.0,)), (1 / 2, 1 / 2), (0.0, 1.0))
 RK4 = Tableau("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 1 / 2, 1 / 2, 1.0))
 AUTO = Tableau("auto", 8, ((),), (1.0,), (0.0,))
-"""Stands for the method of a run by tolerance, DOP853, whose coefficients are in ``order_eight``; it takes no fixed step."""
+"""Stands for DOP853, the method of runs with a tolerance, whose coefficients are in ``order_eight``. It takes no fixed steps."""

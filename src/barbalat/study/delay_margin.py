@@ -23,10 +23,19 @@ from barbalat.loop.user_errors import named
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.kernel.costs import of_members
+from barbalat.run.kernel.costs import of_members, steps_of
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed
+from barbalat.study.ideal_benchmark import (
+    SHORTEST_DELAY_STEPS,
+    SIZES_TRIED,
+    Ideals,
+    JudgedRuns,
+    Judging,
+    Undelayed,
+    shortest_delay,
+)
+from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Lost, Member
 from barbalat.validate import Array, InputError
 
@@ -37,13 +46,13 @@ LONGEST_DELAY, LONGEST_IN_STEPS = 2.0, 200
 """The largest delay that is tried by default [s], and its minimum in solver steps: for a slow plant two seconds are a
 negligible delay."""
 SCANNED_DELAYS = 12
-"""Delays up to that one, from the shortest on: a factor of 2 to 3 between successive delays."""
+"""Number of delays from the shortest up to the largest: a factor of 2 to 3 between successive delays."""
 
 
 LARGEST_GAIN_ERROR = 15.0
 """The largest factor on the input's effectiveness that is tried is 16, and the smallest 1/16: 24 dB."""
 GAINS_SCANNED = 6
-"""Sizes up to that one: a factor of 3 between successive sizes."""
+"""Number of sizes up to the largest: a factor of 3 between successive sizes."""
 SMALLEST_GAIN_ERROR = 0.05
 """A loop that tolerates less than half a decibel tolerates nothing that can be resolved."""
 
@@ -55,12 +64,12 @@ def gains_scanned() -> Array:
 
 def longest_delay(simulation: Simulation) -> float:
     """The largest delay that is tried by default [s]."""
-    return max(LONGEST_DELAY, LONGEST_IN_STEPS * simulation.dt)
+    return max(LONGEST_DELAY, LONGEST_IN_STEPS * simulation.resolution)
 
 
 def scanned(simulation: Simulation, longest: float, count: int) -> Array:
     """The delays that are tried first, in geometric progression [s]."""
-    return np.asarray(np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, count))
+    return np.asarray(np.geomspace(SHORTEST_DELAY_STEPS * simulation.resolution, longest, count))
 
 
 class DelaySearch:
@@ -78,7 +87,7 @@ class DelaySearch:
         return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
     def between(self) -> tuple[Array, Array]:
-        """(members, sizes): the middle of every bracket, once if both criteria have the same."""
+        """(members, sizes): the middle of every bracket, only once if both criteria have the same bracket."""
         middles = np.sqrt(self.bears * self.loses)
         asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
         pairs = sorted(set(asked))
@@ -187,11 +196,12 @@ def delay_margins(
 
     Further arguments as in ``delay_margins_ensemble``.
     """
-    simulation.require_steps("a measured margin")
     controllers, found = numbered(controllers), validate.Named[DelayMargins].of("controller", {})
-    for i, controller in enumerate(controllers):
+    for controller in controllers:
         with named(controller.name):
             bound(problem, controller)
+    simulation = resolved(problem, controllers, simulation)
+    for i, controller in enumerate(controllers):
         found[controller.name] = delay_margins_ensemble(
             [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, judge=judge, lost=lost,
             threads=threads, progress=part_of(progress, i / len(controllers), 1 / len(controllers)),
@@ -215,9 +225,9 @@ def delay_margins_ensemble(
     """The delay, in addition to the plant's own, at which each loop begins to oscillate and at which it is lost.
 
     longest     largest delay tried [s]; by default that of ``longest_delay``
-    scan        number of delays tried first, geometrically from two solver steps (the shortest that can be simulated) to
-                ``longest``: a loop that is lost, recovers and is lost again as the delay grows is detected if the scan resolves
-                it
+    scan        number of delays tried first, geometrically from two solver steps (the shortest that can be simulated; with a
+                tolerance a 10,000th of the run or less) to ``longest``: a loop that is lost, recovers and is lost again as the
+                delay grows is detected if the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
     judge       the criteria for being lost and for a limit cycle; by default derived from the model's motion
     lost        the criterion for the loss of the motion
@@ -227,14 +237,13 @@ def delay_margins_ensemble(
     Members have one structure, as in ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
     """
-    simulation.require_steps("a measured margin")
     longest = longest_delay(simulation) if longest is None else longest
-    if not longest > SHORTEST_DELAY_STEPS * simulation.dt:
-        raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
+    if not longest > SHORTEST_DELAY_STEPS * simulation.resolution:
+        raise InputError(f"longest must exceed {shortest_delay(simulation)}, got {longest:g} s")
     validate.whole("scan", scan, least=2)
     loop = ClosedLoop.of(*members[0])
     budget.require(
-        "scan", scan, lambda count: of_members([loop], simulation.steps, len(members) * (count + BESIDE_SCAN)), least=2,
+        "scan", scan, lambda count: of_members([loop], steps_of(simulation), len(members) * (count + BESIDE_SCAN)), least=2,
         given=f"= {scan} delays for {validate.counted(len(members), 'member')}", what="simulated delay margins",
     )  # fmt: skip
     return margins_ensemble(
@@ -290,7 +299,7 @@ def _advance(search: DelaySearch, judged: JudgedRuns, sizes: Array, progress: Pr
     """The scan over ``sizes`` and the bisections, round by round; every round is one ensemble."""
 
     def run(chosen: Array, added: Array) -> None:
-        """One round: these members with errors of these sizes."""
+        """One round of the search: these members with errors of these sizes."""
         before, total = search.runs, search.runs + search.to_come()
 
         def advanced(fraction: float) -> None:

@@ -1,4 +1,5 @@
-"""Does a result belong to the solver? Repeats what a study reports with a quarter of its step, and simulates the reported loops
+"""Does a result belong to the solver? Repeats what a study reports with a quarter of its step, or a 32nd of its tolerance, and
+simulates the reported loops
 without any delay.
 
 A study judges thousands of runs only by their figures. The few that it reports are examined here.
@@ -17,30 +18,39 @@ from barbalat.judge.verdict import Verdict
 from barbalat.problem.modelling_error import GainError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.engine.by_tolerance import FINER
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.solvers.simulation import Simulation
+from barbalat.solvers.simulation import LEAST_TOLERANCE, Simulation
 from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, DelayMargins, gains_scanned, longest_delay
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed, quiet
 from barbalat.study.verdicts import Member
 from barbalat.validate import Array
 
 FINER_BY = 4
-"""The step is this many times smaller: the error of RK4 falls to 1/256, that of Euler's method to a quarter."""
+"""The factor by which the step is reduced: the error of RK4 falls to 1/256, that of Euler's method to a quarter."""
 BESIDE_SHARE = 0.1
-"""Relative distance to either side of a delay found at which the finer step is checked: the search itself stops within 2 %."""
+"""The finer step is checked at this relative distance to either side of a delay found; the search itself stops within 2 %."""
 
 
 def refined(simulation: Simulation) -> Simulation:
-    """A simulation with a step that is FINER_BY times smaller; sample times are kept."""
+    """A simulation with a step that is FINER_BY times smaller, or the tolerance that measures errors; sample times are kept."""
+    if simulation.tolerance is not None:
+        return replace(simulation, tolerance=max(FINER * simulation.tolerance, LEAST_TOLERANCE))
     return replace(simulation, dt=simulation.dt / FINER_BY)
+
+
+def finer(simulation: Simulation) -> str:
+    """What ``refined`` does, in a few words."""
+    return f"a step {FINER_BY} times smaller" if simulation.tolerance is None else f"a {1 / FINER:.0f}nd of the tolerance"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlainRun:
     """One reported loop on the case's own plant, without noise and without a modelling error.
 
-    h_lambda_max  the largest step times |eigenvalue| along it, and ``limits`` the solver's on the imaginary and the real axis
+    h_lambda_max  the largest step times |eigenvalue| along it, and ``limits`` the solver's on the imaginary and the real axis;
+                  None with a tolerance
     label         *outside the region of stability from ...*, or None
     damping       what the solver's own damping may hide, as a sentence, or None
     verdict       the judge's
@@ -48,8 +58,8 @@ class PlainRun:
                   decides nothing
     """
 
-    h_lambda_max: float
-    limits: tuple[float, float]
+    h_lambda_max: float | None
+    limits: tuple[float, float] | None
     label: str | None
     damping: str | None
     verdict: Verdict
@@ -57,7 +67,7 @@ class PlainRun:
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None = None) -> PlainRun:
-        """Simulate and examine it."""
+        """Simulate the loop and examine the run."""
         (run,) = simulate(quiet(problem), [controller], simulation, judge=judge).values()
         solver, settles = simulation.solver, True
         if run.label is not None:
@@ -66,8 +76,8 @@ class PlainRun:
         assert run.verdict is not None
         return cls(
             settles=settles,
-            h_lambda_max=run.stiffness.h_lambda_max,
-            limits=(solver.imaginary_limit, solver.real_limit),
+            h_lambda_max=run.stiffness.h_lambda_max if simulation.tolerance is None else None,
+            limits=(solver.imaginary_limit, solver.real_limit) if simulation.tolerance is None else None,
             label=run.label,
             damping=None if run.damping is None else run.damping.sentence,
             verdict=run.verdict,
@@ -75,9 +85,9 @@ class PlainRun:
 
     @property
     def sentences(self) -> list[str]:
-        """Findings about it."""
+        """The findings about the run, as sentences."""
         said = []
-        if self.label is not None:
+        if self.label is not None and self.limits is not None:
             imaginary, real = self.limits
             said.append(
                 f"the run without a delay is {self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit is "
@@ -89,7 +99,7 @@ class PlainRun:
     def as_json(self) -> dict[str, Any]:
         return {
             "h_lambda_max": self.h_lambda_max,
-            "limits": list(self.limits),
+            "limits": None if self.limits is None else list(self.limits),
             "label": self.label,
             "settles": self.settles,
             "verdict": self.verdict.as_json(),
@@ -102,7 +112,7 @@ VERDICTS = {
     (1, -1): "is lost already",
     (1, 1): "is not lost yet",
 }
-"""By the criterion and the side of the delay found, the text for a finer step that disagrees."""
+"""The text for a finer step that disagrees, by the criterion and the side of the delay found."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +120,7 @@ class Confirmed:
     """The result of a finer step for ``what`` one member tolerates: how many checks were made, and which disagreed."""
 
     what: str
-    dt: float
+    simulation: Simulation
     asked: int
     changes: tuple[str, ...]
 
@@ -118,10 +128,14 @@ class Confirmed:
     def sentence(self) -> str | None:
         """The finding as a sentence; None if nothing was checked."""
         if self.changes:
-            return f"the step decides the simulated {self.what}: {'; '.join(self.changes)}. Make simulation.dt smaller"
+            decides = "step" if self.simulation.tolerance is None else "tolerance"
+            said = "; ".join(self.changes)
+            return f"the {decides} decides the simulated {self.what}: {said}. Make {self.simulation.refined_by} smaller"
         if not self.asked:
             return None
-        return f"a step of {self.dt:g} s gives the same verdicts a tenth to either side of the simulated {self.what}"
+        simulation = self.simulation
+        again = f"a step of {simulation.dt:g} s" if simulation.tolerance is None else simulation.step
+        return f"{again} gives the same verdicts a tenth to either side of the simulated {self.what}"
 
 
 def delays_confirmed(
@@ -140,7 +154,7 @@ def delays_confirmed(
     without a delay must do so too. Delays that are too short to be simulated or longer than the longest are not checked.
     """
     longest = longest_delay(simulation) if longest is None else longest
-    asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.dt, longest, lambda size: f"{size:.3g} s")
+    asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.resolution, longest, lambda size: f"{size:.3g} s")
     beside = _beside(found)
     fine = refined(simulation)
     ideals = Ideals(fine, beside) if 0 < len(beside) <= SIZES_TRIED else Ideals.over(fine, longest)
@@ -150,7 +164,7 @@ def delays_confirmed(
 def gains_confirmed(
     members: Sequence[Member], simulation: Simulation, found: DelayMargins, error: GainError, *, numbers: Array, by: Judging
 ) -> list[Confirmed]:
-    """The same for factors on the input's effectiveness, upwards or downwards, up to the largest that is tried."""
+    """The same for factors on the input's effectiveness, upwards or downwards, up to the largest factor that is tried."""
     asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
     beside = _beside(found)
     ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)
@@ -187,7 +201,7 @@ def _confirmed(
     judged = JudgedRuns(members, fine, undelayed, numbers, ideals, by, threads)
     count = found.oscillates.astype(int)
     for i in np.flatnonzero(found.oscillates & ~judged.oscillates):
-        changes[i].append(f"at h = {fine.dt:g} s it does not oscillate without a delay")
+        changes[i].append(f"at {fine.step} it does not oscillate without a delay")
     for c, bears in enumerate((found.onset.bears, found.loss.bears)):
         for sign in (-1, 1):
             size = (1 + sign * BESIDE_SHARE) * bears
@@ -195,8 +209,8 @@ def _confirmed(
             count[which] += 1
             lost = judged.lost(which, size[which])[c]
             for i in which[lost if sign < 0 else ~lost]:
-                changes[i].append(f"at h = {fine.dt:g} s it {VERDICTS[c, sign]} with {asking.said(size[i])}")
-    return [Confirmed(asking.what, fine.dt, int(n), tuple(said)) for n, said in zip(count, changes, strict=True)]
+                changes[i].append(f"at {fine.step} it {VERDICTS[c, sign]} with {asking.said(size[i])}")
+    return [Confirmed(asking.what, fine, int(n), tuple(said)) for n, said in zip(count, changes, strict=True)]
 
 
 def different(coarse: float, fine: float) -> bool:

@@ -26,7 +26,15 @@ from barbalat.study.verdicts import Criterion, Lost, Member, Verdicts
 from barbalat.validate import Array
 
 SHORTEST_DELAY_STEPS = 2
-"""The shortest delay that can be simulated, in solver steps."""
+"""Shortest delay that can be simulated, in solver steps; with a tolerance in multiples of the resolution."""
+
+
+def shortest_delay(simulation: Simulation) -> str:
+    """The shortest delay that a study tries, in words."""
+    shortest = f"{SHORTEST_DELAY_STEPS * simulation.resolution:g} s"
+    return f"two solver steps, {shortest}" if simulation.tolerance is None else f"{shortest}, the shortest that is tried"
+
+
 SIZES_TRIED = 16
 """Sizes of a modelling error at which the loop with known theta is run; in between, the cost of noise is interpolated."""
 NOISE_SENTENCE = (
@@ -36,7 +44,7 @@ NOISE_SENTENCE = (
 )
 NOISE_BAND_SHARE = 1 / 3
 """Share of the judge's band, which is for the largest error: a third of it is the RMS of an error as random as the noise.
-Largest errors are no measure of it: for a run in which any change matters, as at a command's steps, two noises differ by more."""
+Largest errors do not measure it: for a run in which any change matters, as at a command's steps, two noises differ by more."""
 
 
 def ideal(problem: Problem) -> Member:
@@ -60,7 +68,7 @@ class Ideals:
     @classmethod
     def over(cls, simulation: Simulation, longest: float) -> Ideals:
         """For delays from the shortest one on [s]."""
-        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
+        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.resolution, longest, SIZES_TRIED))
 
     def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
         """(J, n) the increase of the RMS error due to the noise of these streams with errors of these sizes; infinite without
@@ -98,7 +106,7 @@ def quiet(problem: Any) -> Any:
 
 
 def quiet_members(members: Sequence[Member]) -> list[Member]:
-    """Each member without noise; members that shared a problem still do."""
+    """Each member without noise; members that shared a problem still share one."""
     made = {id(problem): problem for problem, _ in members}
     silent = {key: quiet(problem) for key, problem in made.items()}
     return [(silent[id(problem)], controller) for problem, controller in members]
@@ -110,7 +118,7 @@ def with_error(problem: Any, error: ModellingError, size: float) -> Any:
 
 
 def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) -> list[Member]:
-    """Each member with an error of its size; members that shared a problem still do, and are then read faster."""
+    """Each member with an error of its size; members that shared a problem still share one, and are then read faster."""
     made: dict[tuple[int, float], Any] = {}
     found = []
     for (problem, controller), size in zip(members, sizes, strict=True):
@@ -147,7 +155,7 @@ class Undelayed:
         *,
         twin: bool = True,
     ) -> Undelayed:
-        """Simulate and judge both; without the ``twin`` only the noisy runs, which then stand for both."""
+        """Simulate and judge both; without the ``twin`` only the noisy runs, which are then used for both."""
         noisy = Verdicts.run(members, simulation, judge, numbers=numbers, threads=threads)
         if members[0][0].noise is None or not twin:
             return cls(noisy, noisy)

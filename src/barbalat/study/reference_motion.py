@@ -46,7 +46,7 @@ class ReferenceMotion:
     def of(cls, problem: TrackingProblem, simulation: Simulation) -> ReferenceMotion:
         """The motion of a problem's model: the response of a linear system to the command."""
         A, B, C = problem.model.matrices
-        t, moved = driven_response(A, B, C, problem.model.x0, problem.commands, simulation.t_end, simulation.steps)
+        t, moved = driven_response(A, B, C, problem.model.x0, problem.commands, simulation.t_end, simulation.stepped.steps)
         ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
         moving = ranges > 0
         swept = float((variation[moving] / ranges[moving]).max()) / simulation.t_end if moving.any() else 0.0

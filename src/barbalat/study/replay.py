@@ -20,7 +20,7 @@ CLOCK = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control it would have put out; flown (N, m);
+    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control that it would have applied; flown (N, m);
     names (p,) of the estimates without a hat."""
 
     times: Array
@@ -66,7 +66,7 @@ def replay(problem: Problem, controller: Controller, times: Array, measured: Arr
 
     times     (N,) [s], spaced by the controller's sample time
     measured  (N, n), the states of the plant, or with an observer (N, p), its measurements
-    inputs    (N, m), the control that was put out at each sample and held until the next
+    inputs    (N, m), the control that was applied at each sample and held until the next
     commands  (N, q)
 
     Raises InputError for a continuous controller, and for wrong times or sizes.

@@ -27,8 +27,9 @@ from barbalat.study.delay_margin import (
     margins_ensemble,
 )
 from barbalat.study.finer_step import PlainRun, delays_confirmed, gains_confirmed
-from barbalat.study.ideal_benchmark import NOISE_SENTENCE, Ideals, Judging
+from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS, Ideals, Judging
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
+from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Lost
 
 MEASURED_SENTENCE = (
@@ -56,9 +57,8 @@ def with_simulated_margins(
 
     They also have ``delay_onset_simulated``, the older name of the measured one, and ``delay_margin_simulated`` [s], by ``Lost``.
     """
-    simulation.require_steps("a measured margin")
     result, by = {}, Judging(judge or Judge(), lost or Lost())
-    given = numbered(controllers)
+    given, simulation = numbered(controllers), resolved(problem, controllers, simulation)
     for i, controller in enumerate(given):
         part = part_of(progress, i / len(given), 1 / len(given))
         found = _Measured.of(problem, controller, simulation, by, part)
@@ -156,7 +156,9 @@ class _Measured:
             return "none: it is in a limit cycle, or oscillates more and more, without any delay"
         delay, loses = float(self.delay.onset.bears[0]), float(self.delay.onset.loses[0])
         longest = " at least" if np.isinf(loses) else ""
-        borne = f"delay{longest} {delay:.3g} s" if delay > 0 else f"delay below {2 * simulation.dt:.3g} s"
+        borne = (
+            f"delay{longest} {delay:.3g} s" if delay > 0 else f"delay below {SHORTEST_DELAY_STEPS * simulation.resolution:.3g} s"
+        )
         all_gains = all(np.isinf(one.onset.loses[0]) for one in self.gains)
         ends = self.delay.ends[0]
         first = min(self.gains, key=lambda one: float(one.onset.bears[0])).ends[0]
@@ -220,7 +222,8 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
         parts.append("its faults")
     if problem.noise is not None:
         parts.append("judged without its noise and again with it; the verdict here is without it")
-    return f"{', '.join(parts)}; {simulation.solver.name}, h = {simulation.dt:g} s"
+    stepped = f"{simulation.solver.name}, {simulation.step}" if simulation.tolerance is None else simulation.how
+    return f"{', '.join(parts)}; {stepped}"
 
 
 def _limit(bears: float, loses: float, simulation: Simulation) -> str:
@@ -228,7 +231,8 @@ def _limit(bears: float, loses: float, simulation: Simulation) -> str:
     if np.isinf(loses):
         return "; it tolerates the longest delay that was tried"
     if bears == 0 and loses > 0:
-        return f"; it does not tolerate even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
+        steps, shortest = "two steps, " * (simulation.tolerance is None), SHORTEST_DELAY_STEPS * simulation.resolution
+        return f"; it does not tolerate even the shortest delay that can be simulated, {steps}{shortest:g} s"
     return ""
 
 

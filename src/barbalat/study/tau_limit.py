@@ -1,6 +1,6 @@
 """Theorem 2's trade-off by simulation: the robust MRAC's tau and the size of a modelling error, with the boundary in tau.
 
-It is measured for the adapting loop in the runs that are made: no guarantee. The corresponding linear loop is in
+It is measured in runs of the adapting loop, and is not a guarantee. The corresponding linear loop is in
 ``certificates.linear_loops.frozen``.
 """
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROUNDING_SHARE = 1e-9
-"""Share of the model's motion: a smaller error may grow as rounding does."""
+"""Share of the model's motion; the growth of smaller errors may be that of rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +152,7 @@ class TauStudy:
         search = _TauSearch(sizes, taus, tail)
         done = 0.5
         while len((chosen := search.open_members(rounds))[0]):
-            width = (1 - done) / max(to_come, 2)  # more rounds than one and the bisections if a longer run disagrees
+            width = (1 - done) / max(to_come, 2)  # if a longer run disagrees, there are further rounds
             step = part_of(progress, done, width)
             search.take(chosen[0], self.tail_errors(sizes[chosen[0]], chosen[1], longer, threads=threads, progress=step))
             done, to_come = done + width, to_come - 1
@@ -223,7 +223,7 @@ MOST_CURVES = 6
 
 
 def _drawn(found: TauLimits, *, shown: bool) -> Figure:
-    """Two adjacent panels; ``shown`` as in ``new_figure``."""
+    """A figure with two adjacent panels; ``shown`` as in ``new_figure``."""
     from barbalat.pictures.theme import WIDE, Theme, dash_of, new_figure
 
     figure = new_figure(WIDE, FIGURE_HEIGHT, shown=shown, layout="constrained")

@@ -75,11 +75,14 @@ class Verdicts:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Verdicts:
-        """Simulate and judge these members, as ``simulate_ensemble`` does, each with a close search for limit cycles."""
+        """Simulate and judge these members, as ``simulate_ensemble`` does, each with a close search for limit cycles.
+
+        The caller has estimated the cost."""
         closely = replace(judge, closely=True)
         found = simulate_ensemble(
-            members, simulation, numbers=numbers, judge=closely, frequencies=False, threads=threads, progress=progress
-        )
+            members, simulation, numbers=numbers, judge=closely, frequencies=False, threads=threads, progress=progress,
+            estimated=True,
+        )  # fmt: skip
         judged = found.judged
         assert judged is not None
         lost = judged.kinds == CLASSES.index(Class.LOST)
@@ -121,7 +124,7 @@ class Lost(Settings):
     """The loss of the motion: the judge calls the run *lost*, or its error grew by ``share`` of the model's own motion.
 
     share  of the largest |x_m| of the run, for the increase of the tail's largest |e| over that without the modelling error. 1 by
-           default: the increase of the error has become as large as the commanded motion. It is no stability boundary: an
+           default: the increase of the error has become as large as the commanded motion. It is not a stability boundary: an
            oscillation that projection or saturation keeps smaller than that is tolerated
     """
 

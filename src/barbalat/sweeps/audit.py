@@ -59,7 +59,7 @@ class Audit:
 
     @property
     def _finer(self) -> tuple[str, str]:
-        """What was made finer, in words, and the setting."""
+        """The refined setting in words, and its name."""
         return ("a 32nd of the tolerance", "simulation.tolerance") if self.tolerance else ("half the step", "simulation.dt")
 
     @property
@@ -80,7 +80,7 @@ class Audit:
             smaller = f"a smaller {self._finer[1]} is needed"
             said = [f"{again}, {self.changed} changed a verdict ({within}; {self._changes}): {smaller}"]
         else:
-            said = [f"{again}, none changed a verdict ({within})"]
+            said = [f"{again}, no verdict changed ({within})"]
         if left := self.drawn - len(self.members):
             said.append(f"{validate.counted(left, 'member')} also drawn could not be repeated: no step settles them")
         if errors := {name: count for name, count in self.errors.items() if count}:

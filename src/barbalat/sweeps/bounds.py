@@ -66,7 +66,7 @@ class Bounds:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on controllers whose errors are compared with no bound, because too many numbers vary."""
+        """Sentences on controllers whose errors are not compared with a bound, because too many numbers vary."""
         found = []
         for place, name in enumerate(self.study.controllers):
             count = self._combinations(self._others(place))
@@ -102,12 +102,12 @@ class Bounds:
         inside = np.ones(len(rows), dtype=bool)
         for column in self.parameters:
             assert isinstance(problem, Problem) and problem.plant.physical is not None
-            low, high = problem.plant.physical.ranges[str(self.study.plan.paths[column].keys[1])]
+            low, high = problem.plant.physical.ranges[str(self.study.plan.paths[column].keys[-1])]
             inside &= (low <= rows[:, column]) & (rows[:, column] <= high)
         return inside
 
     def _combinations(self, others: list[int]) -> int:
-        """Random draws count as distinct."""
+        """The number of distinct combinations; random draws count as distinct."""
         plan = self.study.plan
         varied = {plan.paths[i] for i in others}
         points = math.prod(axis.count for path, axis in plan.axes.items() if path in varied)

@@ -67,7 +67,8 @@ def chunks_of(members: int, size: int) -> Iterator[Chunk]:
 
 
 UNIT_SECONDS = 1.0
-"""Approximate seconds of a unit of work: a kill loses this much, in addition to the unstored results."""
+"""Approximate duration of a unit of work [s]: if the process is killed, this much work is lost in addition to the unstored
+results."""
 GROWTH = 8
 """Largest growth of the number of members between units: the first ones include compilation and are not representative."""
 
@@ -103,7 +104,7 @@ class Pace:
 
 
 MOST_IN_MEMORY = 2**28
-"""Bytes of all columns together."""
+"""Largest total size of all columns in bytes."""
 
 
 Made = Iterator[tuple[Chunk, Columns]]

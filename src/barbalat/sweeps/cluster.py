@@ -109,7 +109,7 @@ def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable
 @dataclass(frozen=True, eq=False)
 class Canary:
     """A few members of the study that every worker's process runs before others: it must obtain the client's bits. Hashes of the
-    sources do not tell of a patched package, another compiler's library or a defective processor."""
+    sources do not reveal a patched package, another compiler's library or a defective processor."""
 
     task: WorkerTask
     tables: Tabulated
@@ -135,7 +135,7 @@ class Canary:
 
 CANARY_MEMBERS = 4
 _DIGESTS: dict[str, str] = {}
-"""Of the canaries that ran in this process, by their names."""
+"""The digests of the canaries that ran in this process, by name."""
 
 
 def kept(tables: Tabulated) -> Tabulated:
@@ -177,7 +177,7 @@ MOST_DEATHS = 5
 
 
 class SchedulerLostError(Exception):
-    """It no longer answers; stored rows stay."""
+    """The scheduler no longer answers; stored rows are kept."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
 
 
 def _local(workers: int | None) -> LocalCluster:
-    """Without Dask's profiler, which samples every thread a hundred times a second."""
+    """Switches off Dask's profiler, which samples every thread a hundred times a second."""
     import logging
 
     import dask.config
@@ -236,7 +236,8 @@ def _local(workers: int | None) -> LocalCluster:
 
 
 def _close(cluster: LocalCluster) -> None:
-    """Workers in the middle of a chunk are killed: Dask would wait for them, for ten more seconds at the end of this process."""
+    """Kills workers that are in the middle of a chunk: Dask would wait for them for ten more seconds at the end of this
+    process."""
     workers = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(TimeoutError, OSError):
         cluster.close(timeout=CLOSING_SECONDS)
@@ -384,7 +385,7 @@ class Workers:
         return self.canary[1]
 
     def _least_busy(self) -> str | None:
-        """The worker to use if it is alive. By itself Dask prefers the one that already has the signals."""
+        """The worker to use if it is alive. Dask itself prefers the one that already has the signals."""
         busy = Counter(worker for _, _, worker in self.under_way.values())
         return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
 
@@ -408,7 +409,8 @@ class Workers:
             if given.deaths > MOST_DEATHS:
                 first, size = given.chunk
                 raise InputError(
-                    f"members {first} to {first + size - 1} ended every worker that took them, {error.last_worker} last: memory?"
+                    f"members {first} to {first + size - 1} ended every worker that took them, {error.last_worker} last; "
+                    f"perhaps they ran out of memory"
                 ) from None
             return None
         except CancelledError as error:
@@ -418,7 +420,8 @@ class Workers:
         assert self.canary is not None
         if digest != self.canary[0]:
             raise InputError(
-                f"the worker {worker} computes other bits than this computer for the same {CANARY_MEMBERS} members, although its "
+                f"the worker {worker} does not reproduce this computer's results bit for bit for the same {CANARY_MEMBERS} "
+                f"members, although its "
                 "versions and sources are the same: none of its rows is kept; stop it, then repeat the command"
             )
         figures: list[Figured] = found

@@ -28,7 +28,7 @@ from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Figured, Study
 
 MEASURING_SECONDS = 3.0
-"""Seconds of the client's work over which its speed is measured."""
+"""Duration of the client's work over which its speed is measured [s]."""
 
 
 GROUP_SECONDS = 0.02
@@ -80,7 +80,8 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(
         "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
-        fits=lambda most: f"at most {most} members", what=f"the sweep of {validate.counted(members, 'member')}",
+        fits=lambda most: f"at most {validate.counted(most, 'member')}", what=f"the sweep of "
+        f"{validate.counted(members, 'member')}",
     )  # fmt: skip
 
 

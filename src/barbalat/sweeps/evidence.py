@@ -24,7 +24,7 @@ DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 RING, NOT_SETTLED = "estimates ring", "not settled"
 """Shares from finer steps: the parts of ``oscillated``, and the members whose verdict no affordable step settles."""
 VERDICTS = (*(str(kind) for kind in Class if kind is not Class.FOLLOWS), RING, NOT_SETTLED)
-"""Shares of the judge's classes."""
+"""The judge's classes whose shares are reported."""
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
 """Names of shares; any other share has the name of a requirement and counts the members that violate it."""
 EXAMINED = "only the estimates: a limit cycle of the control or of the state with constant estimates is not counted"
@@ -94,7 +94,7 @@ def evidence(
     notes: Sequence[str] = (),
     unexamined: Mapping[str, str] | None = None,
 ) -> Evidence:
-    """Computed from the columns, one after another; ``notes`` are known gaps."""
+    """The evidence, computed from the columns one after another; ``notes`` are known gaps."""
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
@@ -150,7 +150,7 @@ class Verdict(NamedTuple):
 
     @property
     def share(self) -> Share:
-        """The share for which it is true; split if settled members are distinguished."""
+        """The share of members for which the verdict is true; it is split if settled members are distinguished."""
         if not self.split:
             return Share.of(self.counted, self.judged)
         count, unsettled = int((self.counted & self.judged & self.settled).sum()), int((self.judged & ~self.settled).sum())
@@ -220,13 +220,12 @@ def _meaning(plan: Plan) -> str:
         Design.RANDOM: "exact: the members are independent draws",
         Design.LATIN: "those of the same number of independent draws; a Latin hypercube's share varies by n/(n - 1) of "
         "theirs at most",
-        Design.SOBOL: "those of the same number of independent draws, for orientation: points of a Sobol sequence are not "
-        "independent",
-        Design.SALTELLI: "those of the same number of independent draws, for orientation: rows of Saltelli's design share "
+        Design.SOBOL: "those of the same number of independent draws, as a guide: points of a Sobol sequence are not independent",
+        Design.SALTELLI: "those of the same number of independent draws, as a guide: rows of Saltelli's design share "
         "their numbers",
     }[plan.design]
     if not plan.draws:
-        return "those of the same number of independent draws, for orientation: a grid is not a random sample"
+        return "those of the same number of independent draws, as a guide: a grid is not a random sample"
     if plan.axes:
-        return "those of the same number of independent draws, for orientation: at each point of the grid the draws are the same"
+        return "those of the same number of independent draws, as a guide: at each point of the grid the draws are the same"
     return kind

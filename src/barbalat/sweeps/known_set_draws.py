@@ -19,7 +19,7 @@ from barbalat.sweeps.spread import CutNormal, Distribution, InBall, LogUniform, 
 from barbalat.validate import InputError
 
 KNOWN_SET, BETWEEN = "known-set", "between"
-"""In place of a distribution: over the known set, or over the range of a physical parameter."""
+"""The words that replace a distribution, to draw from the known set or from the range of a physical parameter."""
 GAIN = "gain"
 """The last key of the path of an input's gain."""
 
@@ -111,9 +111,9 @@ def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
     if not is_parameter(path):
         raise InputError(f"{BETWEEN} needs a physical parameter, such as parameters.k={BETWEEN}, or all of them: got {path}")
     require_parameter(path, known)
-    if known[str(path.keys[1])].is_exact:
+    if known[str(path.keys[-1])].is_exact:
         raise InputError(f"{path}={BETWEEN} needs a range: the parameter is known exactly")
-    return {path: spread_of(known[str(path.keys[1])])}
+    return {path: spread_of(known[str(path.keys[-1])])}
 
 
 def spread_of(parameter: Parameter) -> Distribution:

@@ -136,7 +136,7 @@ def histograms(found: SweepResult, *, narrow: bool = False, shown: bool = False)
 
 
 def symbol(name: str) -> str:
-    """|e_1| of max_abs_e[0], as Matplotlib sets it."""
+    """The label |e_1| of max_abs_e[0], in Matplotlib's notation."""
     return f"$|e_{{{int(name.split('[')[1][:-1]) + 1}}}|$"
 
 

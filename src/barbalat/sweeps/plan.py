@@ -23,7 +23,7 @@ MOST_SOBOL = 2**30
 
 
 class Design(Enum):
-    """How draws cover their space."""
+    """The ways in which draws cover their space."""
 
     LATIN = "latin"
     SOBOL = "sobol"
@@ -106,7 +106,7 @@ class Plan:
 
     @property
     def draws_each(self) -> int:
-        """At each point of the grid."""
+        """The number of draws at each point of the grid."""
         return self.members * (len(self.draws) + 2) if self.design is Design.SALTELLI else self.members
 
     @property
@@ -193,7 +193,7 @@ class Plan:
         return np.where(from_b, both[:, dimensions:], both[:, :dimensions])
 
     def as_json(self) -> dict[str, object]:
-        """Everything from which the members follow."""
+        """Everything that determines the members."""
         return {
             "vary": {str(path): str(axis) for path, axis in self.axes.items()},
             "sample": {str(path): str(one) for path, one in self.draws.items()},

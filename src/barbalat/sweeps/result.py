@@ -71,7 +71,7 @@ class SweepResult:
 
     @property
     def sentences(self) -> dict[str, str]:
-        """The results of the members, by controller: "of 100 members 58 follow, 40 in a limit cycle, 2 off"; empty without
+        """The results of the members, by controller: "58 of 100 members follow, 40 in a limit cycle, 2 off"; empty without
         verdicts."""
         found, shares = {}, self.evidence.shares
         for name in self.controllers if self.judged else ():
@@ -79,8 +79,8 @@ class SweepResult:
             unsettled = shares[NOT_SETTLED][name].count
             said = [f"{count} {DID.get(kind, kind)}" for kind, count in counts.items() if count]
             follow = len(self) - sum(counts.values()) - unsettled
-            said = [f"{follow} follow{'s' if follow == 1 else ''}", *said] + ([f"{unsettled} not settled"] if unsettled else [])
-            found[name] = f"of {validate.counted(len(self), 'member')} {', '.join(said)}"
+            said = [f"follow{'s' if follow == 1 else ''}", *said] + ([f"{unsettled} not settled"] if unsettled else [])
+            found[name] = f"{follow} of {validate.counted(len(self), 'member')} {', '.join(said)}"
         return found
 
     @property
@@ -111,7 +111,7 @@ class SweepResult:
         for path, designs in self.redesigned.items():
             by_design.setdefault(designs, []).append(path)
         return [
-            f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed anew for each member, from its own "
+            f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed again for each member, from its own "
             f"{', '.join(paths)}"
             f": this sweep tries many designs{'' if _are_settings(paths) else self._on_their_plants}"
             for designs, paths in by_design.items()
@@ -119,7 +119,7 @@ class SweepResult:
 
     @property
     def _on_their_plants(self) -> str:
-        alone = "; without --redesign what is simulated varies alone" if self.redesign else ""
+        alone = "; without --redesign only the simulated plant varies" if self.redesign else ""
         return f", each on its own plant, and not one design on many plants{alone}"
 
     def column(self, name: str) -> Array:

@@ -21,11 +21,11 @@ MOST_DRAWS = 2**14
 FEWEST_DRAWS = 128
 """Least number of draws: with fewer, RBD-FAST's spectrum has too few points for its ten harmonics."""
 RESAMPLES = 50
-"""Of the bootstrap."""
+"""Number of resamples of the bootstrap."""
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
 """A share below this is rounding: the square of that of a sum of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
-"""The evaluated figures, without their components."""
+"""The evaluated figures, without indices of components."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Sensitivity:
 
     first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
                Estimates below 0 or above 1 are clipped
-    total      with what it accounts for together with others; of Saltelli's design only, else None
+    total      the share including what the number accounts for together with others; only for Saltelli's design, else None
     estimator  how it was obtained
     """
 
@@ -64,7 +64,7 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
     notes: list[str] = []
     if plan.draws and plan.design is not Design.SALTELLI:
         if plan.members < FEWEST_DRAWS:
-            notes.append(f"sensitivity to drawn numbers needs at least {FEWEST_DRAWS} draws, and there are {plan.members}")
+            notes.append(f"sensitivity to drawn numbers needs at least {FEWEST_DRAWS} draws, got {plan.members}")
         elif find_spec("SALib") is None:
             notes.append("sensitivity to drawn numbers needs the package SALib: pip install 'barbalat[study]'")
     if any(isinstance(one, InBall) for one in plan.draws.values()):

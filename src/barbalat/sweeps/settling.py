@@ -29,16 +29,17 @@ PILOTS = 32
 """Number of a plan's members from which the affordable steps are determined."""
 RERUN_COST = 4.6
 """Processor time of an evaluation in runs with finer steps, as a multiple of one of the plain sweep: it includes the judge,
-the search for limit cycles and the audit. Measured with mostly suspect members; the search for limit cycles is more than
-half of it."""
+the search for limit cycles and the audit. Measured on studies in which most members are suspect; the search for limit cycles
+takes more than half of this time."""
 MOST_RERUN = 9.0 / RERUN_COST
 """Largest total number of evaluations of runs with finer steps, as a multiple of the plain sweep's: together they take ten
 times its time."""
 ALWAYS_RERUN = 3 * 10**8
-"""Solver steps that they may always take, even in a small sweep: some ten seconds of one core."""
+"""Number of solver steps that these runs may always take, even in a small sweep: some ten seconds of one core."""
 
 GOLDEN = (5**0.5 - 1) / 2
-"""Its multiples are evenly distributed in [0, 1) modulo 1: any sequence of them samples the members."""
+"""The multiples of this number modulo 1 are evenly distributed in [0, 1), so that any sequence of them samples the members
+evenly."""
 
 Work = Generator[list[StudyPart], list[list[Figured]], Columns]
 """Yields parts to be run anywhere, receives their figures, and returns columns."""

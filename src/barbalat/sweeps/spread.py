@@ -51,7 +51,7 @@ class Axis:
 
     @property
     def values(self) -> Array:
-        """(count,), both ends exact."""
+        """The values (count,), with both ends exact."""
         spaced = np.geomspace if self.logarithmic else np.linspace
         return np.asarray(spaced(self.start, self.stop, self.count))
 

@@ -14,7 +14,7 @@ import numpy as np
 from barbalat.validate import Array
 
 CONFIDENCE_LEVEL = 0.95
-"""The confidence of all intervals."""
+"""The confidence level of all intervals."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ Compared = TypeVar("Compared", bound=Hashable)
 
 
 def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
-    """1 if a share is significantly above one half, -1 if it is below, 0 otherwise.
+    """For each share, 1 if it is significantly above one half, -1 if it is below, 0 otherwise.
 
     Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not: if
     all shares are one half, the probability that any is called otherwise is at most 1 - CONFIDENCE_LEVEL.

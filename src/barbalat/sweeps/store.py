@@ -156,7 +156,8 @@ class Store:
 
 
 STORED_EVERY = 3.0
-"""Seconds between stores of completed chunks: a kill loses this much, in addition to the running chunks."""
+"""Seconds between two times of storing completed chunks: if the process is killed, this much work is lost in addition to the
+running chunks."""
 MANY_FILES, FILES_FOR_DOUBLE = 1024, 512
 """Number of files above which a store is written less often, and half as often again with this many more: 4096 files
 correspond to a day."""
@@ -287,7 +288,7 @@ def _require_empty(folder: Path) -> None:
     """InputError if the folder contains other files."""
     ours = (LOCK_FILE, WRITING_DIR)
     if foreign := sorted(one.name for one in folder.iterdir() if one.name not in ours and not _ours(one)):
-        raise InputError(f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder")
+        raise InputError(f"the store {str(folder)!r} contains other files, such as {foreign[0]!r}: choose another folder")
 
 
 def _damaged(folder: Path, index: StoreIndex) -> tuple[str, ...]:
@@ -324,7 +325,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _sync(folder: Path) -> None:
-    """Flush the folder's own entries to the disk; Windows has no handle for that, and does it by itself."""
+    """Flush the folder's own entries to the disk; Windows has no handle for that and flushes by itself."""
     if sys.platform == "win32":
         return
     handle = os.open(folder, os.O_RDONLY)

@@ -34,7 +34,7 @@ NAMES_OF_DIFFERENCES = {
     "judge": "the verdicts of another judge",
     "bounds": "the other choice of --no-bounds",
 }
-"""The difference, by the keys of ``Study.identity``."""
+"""The words for a difference, by the keys of ``Study.identity``."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def require_parquet(purpose: str = "a store") -> None:
 
 
 def read_index(folder: Path) -> StoreIndex | None:
-    """None if there is none; InputError if it can't be read."""
+    """The index of a folder; None if there is none; InputError if it can't be read."""
     from pyarrow import ArrowException
 
     try:
@@ -133,7 +133,9 @@ def require_same(
     for key, what in differences.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key in ("equations", "judge") else ""
-            raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
+            raise InputError(
+                f"the store {str(folder)!r} was made with {what}{by}: choose another folder, or the command that made it"
+            )
 
 
 def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.engine.by_tolerance import expected_attempts, run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged
 from barbalat.run.engine.refining import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, finer_by, needed_by_modes
+from barbalat.run.engine.side_by_side import expected_attempts, run_members
 from barbalat.run.kernel import delay, template
 from barbalat.run.kernel.breaks import can_be_split
 from barbalat.run.kernel.costs import steps_like
@@ -36,9 +36,9 @@ from barbalat.sweeps.plan import Plan
 from barbalat.validate import Array, InputError
 
 REFERENCE_MODEL, OBSERVER = "the reference model", "the observer"
-"""Uses of a member's numbers, in addition to the names of controllers."""
+"""What a member's numbers are used for, in addition to the names of controllers."""
 OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "simulation")
-"""First keys of a designer's choices and knowledge: varying them means other designs. All other keys belong to the plant."""
+"""First keys of a designer's choices and knowledge, whose variation means other designs. All other keys belong to the plant."""
 OF_NO_DESIGN = (("plant", "x0"),)
 """The state is measured, so a predictor begins at its initial value, which is not a design choice."""
 DESIGN_ROUNDING = 1e-9
@@ -80,9 +80,17 @@ def _observer(case: Case) -> tuple[Array, ...]:
     found = case.problem.fixed_observer if isinstance(case.problem, Problem) else None
     if found is None:
         return ()
-    settings = [np.ravel(value) for value in vars(found.design).values() if isinstance(value, (int, float, np.ndarray, tuple))]
-    numbers = [np.asarray(one, dtype=float) for one in settings if one.dtype.kind in "iuf"]
-    return found.A, found.b, found.C, np.array([found.delay]), *numbers
+    settings = [np.array(list(_numbers_in(value))) for value in vars(found.design).values()]
+    return found.A, found.b, found.C, np.array([found.delay]), *settings
+
+
+def _numbers_in(value: Any) -> Iterator[complex]:
+    """The numbers in nested sequences; poles are numbers and pairs."""
+    if isinstance(value, (list, tuple, np.ndarray)):
+        for one in value:
+            yield from _numbers_in(one)
+    elif isinstance(value, (int, float, complex)):
+        yield complex(value)
 
 
 def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
@@ -290,7 +298,7 @@ class Study:
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:
-        """Which controllers are made anew for each member, by the paths from which they follow; see ``redesigned``."""
+        """Which controllers are made again for each member, by the paths that determine them; see ``redesigned``."""
         return redesigned(self.varied, self.tried)
 
     @cached_property
@@ -360,11 +368,10 @@ def batches_run(
     setting: Setting,
     members: Sequence[Members],
     *,
-    record: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> list[Batch]:
-    """The members of each controller after their run; members with a tolerance are not recorded."""
+    """The members of each controller after their run, which is not recorded."""
     simulation = setting.simulation
     if simulation.tolerance is not None:
         shares = [(i / len(members), 1 / len(members)) for i in range(len(members))]
@@ -372,7 +379,7 @@ def batches_run(
         return [run_members(one, slice(0, len(one)), threads=threads, progress=p) for one, p in zip(members, told, strict=True)]
     for one in members:
         delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)
-    batches = [Batch.part(one, slice(0, len(one)), record=record) for one in members]
+    batches = [Batch.part(one, slice(0, len(one)), record=False) for one in members]
     run(batches, setting.signals, simulation, threads=threads, progress=progress)
     return batches
 

@@ -54,7 +54,7 @@ from barbalat.sweeps.study import SETTLED, VERDICT, Study, batches_run
 from barbalat.validate import Array
 
 Told = Callable[[str], None]
-"""Receives a sentence for the waiting user."""
+"""A callback that receives a sentence for the waiting user."""
 
 
 def sweep(
@@ -82,8 +82,8 @@ def sweep(
     sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file; "between"
              for "parameters.NAME", or "parameters" for all, over their ranges
     members  draws at each point of the grid, by default 1000 if anything is drawn
-    design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
-    require  such as "max_abs_e[0] < 2"; violations are counted
+    design   how numbers are drawn: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
+    require  requirements such as "max_abs_e[0] < 2", whose violations are counted
     store    a folder that keeps every row, and from which a repeated call continues
     scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the results are bit for bit those of
                threads, the default
@@ -261,7 +261,7 @@ def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
 
 
 def _here(settling: Settling, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
-    """In threads, one after the other; ``done`` members are already stored."""
+    """Run the chunks in threads, one after the other; ``done`` members are already stored."""
     members = len(settling.study)
     for one in units:
         told = part_of(progress, done / members, one.size / members)
@@ -270,7 +270,7 @@ def _here(settling: Settling, units: Iterator[Chunk], done: int, threads: int | 
 
 
 def _elsewhere(settling: Settling, units: Iterator[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
-    """On a cluster, in any order."""
+    """Run the chunks on a cluster, in any order."""
     first = next(units, None)
     if first is not None:
         with connected(scheduler) as client:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HELD_BLANK = "\0"
-"""Stands for a non-breaking space."""
+"""It stands for a non-breaking space."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
-"""Figures of each flight."""
+"""The figures that are kept of each flight."""
 MEMBERS, PROCESSES = 200, 2
 """Default numbers of draws and of processes."""
 MOST_DRAWS = 25
@@ -93,7 +93,7 @@ class Campaign:
         drawn = counted(members, "draw")
         budget.require(
             "the campaign", members, lambda count: self.cost(count, processes), given=f"of {drawn}",
-            fits=lambda most: f"at most {most} draws", what=f"the flights of {drawn}",
+            fits=lambda most: f"at most {counted(most, 'draw')}", what=f"the flights of {drawn}",
         )  # fmt: skip
 
     def identity(self) -> dict[str, object]:
@@ -162,13 +162,13 @@ def fly_dispersed(
     processes: int = PROCESSES,
     progress: Progress | None = None,
 ) -> DispersedComparison:
-    """Fly schemes through failures on vehicles that are drawn; the extras ``flight`` and, for a store, ``study``.
+    """Fly schemes through failures on randomly drawn vehicles; needs the extra ``flight`` and, for a store, ``study``.
 
-    name, schemes, failures  as of ``fly``
+    name, schemes, failures  as for ``fly``
     members    number of draws, each flown by every scheme through every failure; several conditions alternate
-    seed       of the draws, and each draw's number of its gusts
+    seed       of the draws and of their gusts
     store      a folder that keeps every row, from which the same call, or one for more draws, continues
-    processes  that fly side by side
+    processes  number of processes that fly at the same time
 
     Raises InputError for anything that can't be flown, and SimulatorFailed if the simulator fails; stored rows remain.
     """
@@ -289,8 +289,8 @@ class Evidence:
     """The evaluation of the flights for each failure, with the controllers ordered by losses and then by error, and for all
     failures.
 
-    lost         of all flights of each controller, the fewest first: draws are independent, flights on one draw are not, so that
-                 no interval stands beside them
+    lost         of all flights of each controller, the fewest first: draws are independent, flights on one draw are not, so
+                 that they have no interval
     comparisons  of two controllers through one failure by error or by losses that some draw decides, which share one confidence
     """
 

@@ -22,18 +22,18 @@ from barbalat.vehicles.picture import box_of, frame, inside
 from barbalat.vehicles.scene import Mover, Scene
 
 FRAME_SIDE, PIXELS_PER_INCH = 4.8, 100
-"""[in], and of a frame: 480 pixels a side, of which a phone shows 390."""
+"""Side of a frame [in] and resolution: 480 pixels a side, of which a phone shows 390."""
 FRAMES_PER_SECOND = 10
 SECONDS_BEFORE = 3.0
-"""[s] of a flight before its failure that are shown."""
+"""Time before a flight's failure that is shown [s]."""
 TITLE_WIDTH = 66
 """Characters of a line of the title."""
 TRAIL_SECONDS = 3.0
-"""[s] that a vehicle's path stays in sight."""
+"""Time for which a vehicle's path stays in sight [s]."""
 LARGEST_FILM_BYTES = 2_000_000
 """Bytes of a film; a larger one is drawn again with half the frames."""
 SHADES = 12
-"""Of each colour, down to the ground's: the smoothed edges of lines."""
+"""Number of shades between each colour and the ground's, for the smoothed edges of lines."""
 
 
 def film(scene: Scene) -> bytes:

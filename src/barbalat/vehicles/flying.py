@@ -51,7 +51,7 @@ def fly(
     """
     vehicle, maker = vehicle_of(name), software_in_the_loop
     if maker is not None and not callable(maker):
-        raise InputError(f"software_in_the_loop must be what makes a controller fly, exported_c, got {show(maker)}")
+        raise InputError(f"software_in_the_loop must be exported_c, got {show(maker)}")
     wanted, chosen = chosen_schemes(vehicle, schemes), chosen_failures(vehicle, failures)
     vehicle.require(condition, equipment)
     model = vehicle.nominal(condition, equipment)
@@ -87,7 +87,7 @@ def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[F
     known = {one.name: one for one in vehicle.failures}
     unknown = [one for one in names or () if one not in known]
     if unknown:
-        raise InputError(f"--failure must be of {', '.join(known)}, got {show(unknown[0])}")
+        raise InputError(f"--failure must be one of {', '.join(known)}, got {show(unknown[0])}")
     return tuple(known[one] for one in dict.fromkeys(names or known))
 
 

@@ -47,7 +47,7 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
             with _held_open() as alive:
                 done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, env=_environment(), stdin=alive)
         except subprocess.TimeoutExpired:
-            raise SimulatorFailed(f"the simulator was not done after {seconds:g} s, and was stopped") from None
+            raise SimulatorFailed(f"the simulator did not finish within {seconds:g} s and was stopped") from None
         if done.returncode:
             raise SimulatorFailed(_crash(done.returncode, done.stderr.decode(errors="replace")))
         answer = pickle.loads((folder / ANSWERED).read_bytes())

@@ -57,15 +57,15 @@ def thinned(values: Array) -> Array:
 
 
 PATH_POINTS = 250
-"""Of a drawn path: a pixel and a half of a phone's width from one to the next."""
+"""Number of points of a drawn path; successive ones are a pixel and a half apart on a phone."""
 MARKED_EVERY = 25
 """Points of a path from one mark to the next, where its line has marks."""
 ELEVATION, AZIMUTH = 24.0, -58.0
 """[deg], the viewing direction."""
 PAD = 0.1
-"""[in] around a picture, and between its legend and its box."""
+"""Space around a picture, and between its legend and its box [in]."""
 WIRE_SHARE = 0.05
-"""Of the box's longest side: the size of a vehicle's frame, which is larger than life."""
+"""Size of a vehicle's frame, as a share of the box's longest side; it is drawn larger than to scale."""
 
 
 def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Figure:

@@ -182,4 +182,4 @@ def require_offered(names: Sequence[str], offered: Mapping[str, Scheme]) -> None
         here = [own for own, scheme in offered.items() if scheme.counterpart == name]
         near = here or get_close_matches(name, offered, n=1)
         meant = f"; here it is {near[0]}" if here else f"; did you mean {near[0]}?" if near else ""
-        raise InputError(f"--schemes must be of {', '.join(offered)}, got {show(name)}{meant}")
+        raise InputError(f"--schemes must be one of {', '.join(offered)}, got {show(name)}{meant}")

@@ -119,7 +119,8 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     simulator: ClassVar[str]
     """The package that simulates it."""
     dispersion: ClassVar[Callable[..., Any]]
-    """From a draw's values, by name, and its ``number``, to what ``fly`` takes; without arguments the nominal vehicle."""
+    """A function from a draw's values, by name, and its ``number`` to the arguments of ``fly``; without arguments it gives the
+    nominal vehicle."""
     delays: ClassVar[DelaySearch]
     own_loops: ClassVar[int | None] = None
     """Number of loops, the first ones, that a user's own controller closes; the scheme ``own_rest`` closes the others. None:

@@ -19,10 +19,10 @@ from barbalat.judge.memory import Memory, Sample
 from barbalat.judge.scale import ROUNDING
 from barbalat.judge.settings import CYCLE_SHARE, Judge
 from barbalat.judge.verdict import Class, Verdict, percent
-from barbalat.validate import Array
+from barbalat.validate import Array, counted
 
 TAIL_SHARE = 0.75
-"""Of a flight's duration, before its tail."""
+"""Share of a flight's duration before its tail."""
 WHOLE_SWING = 0.8
 """Share of a control's range: a control whose average motion between turns is larger goes from limit to limit."""
 SWINGS = "swings from limit to limit"
@@ -106,7 +106,7 @@ def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
     each = swings[0, worst] / count if count else 0.0
     if each > WHOLE_SWING:
         return f"{SWINGS} in the tail, {count} times"
-    return f"its control turns {count} times in the tail, by {percent(each)} of its range"
+    return f"its control reverses {count} times in the tail, by {percent(each)} of its range"
 
 
 def said_of(verdicts: Sequence[Verdict]) -> str:
@@ -114,7 +114,7 @@ def said_of(verdicts: Sequence[Verdict]) -> str:
     counts = {kind: sum(one.kind is kind for one in verdicts) for kind in (Class.FOLLOWS, Class.OFF, Class.LOST)}
     words = {Class.FOLLOWS: "follows in", Class.OFF: "is off in", Class.LOST: "is lost in"}
     said = ", ".join(f"{words[kind]} {count}" for kind, count in counts.items() if count)
-    parts = [f"{said} of {len(verdicts)} flight{'s' if len(verdicts) > 1 else ''}"]
+    parts = [f"{said} of {counted(len(verdicts), 'flight')}"]
     errors = [one.error / one.scale for one in verdicts if one.kind is not Class.LOST and one.error is not None and one.scale > 0]
     if errors:
         parts.append(f"its largest error {percent(max(errors))}")

@@ -1,6 +1,6 @@
 """Random problems for Theorem 1, and how much of its bounds their simulations use.
 
-Run as a script it prints the tightness that docs/theorem-1.md quotes: the problems are those of the tests.
+Run as a script it prints the first table of docs/laboratory/bounds.md: the problems are those of the tests.
 """
 
 from __future__ import annotations

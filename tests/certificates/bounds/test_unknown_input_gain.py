@@ -1,4 +1,4 @@
-"""The MRAC's bounds beside an input gain in an interval, attacked at the ends and inside of the interval and the box."""
+"""MRAC's bounds beside an input gain in an interval, attacked at the ends and inside of the interval and the box."""
 
 from __future__ import annotations
 

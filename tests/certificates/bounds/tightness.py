@@ -1,8 +1,9 @@
 """How tight the guaranteed bounds of e are on Section V: each over the worst run that a search finds.
 
-Run as a script it prints the table of docs/theorem-1.md: the bound for all commands over the worst run with a command of the
-case's size that a search chooses, and the bound for the case's command over the worst run with that one. Thetas are searched in
-both, the worst command by the signs of the loop's response to a step, which is exact for linear loops, or by mutation.
+Run as a script it prints the second table of docs/laboratory/bounds.md: the bound for all commands over the worst run with a
+command of the case's size that a search chooses, and the bound for the case's command over the worst run with that one. Thetas
+are searched in both, the worst command by the signs of the loop's response to a step, which is exact for linear loops, or by
+mutation.
 """
 
 from __future__ import annotations

@@ -300,7 +300,7 @@ class Clipping(laws.HighOrderTunerEquations):
         (laws.CompositeAdaptation(), Escaping, "not shown|false|finite time"),
         (laws.CompositeAdaptation(), TrackingOnly, "finite time"),
         (laws.CompositeAdaptation(), OnlyLimited, "whose rate is not projected"),
-        (laws.HighOrderTuner(), Branching, "evaluated with numbers, its lines differ"),
+        (laws.HighOrderTuner(), Branching, "evaluated on numbers, its code differs"),
         (laws.HighOrderTuner(), Clipping, "minimum"),
     ],
     ids=lambda part: part.__name__ if isinstance(part, type) else "",

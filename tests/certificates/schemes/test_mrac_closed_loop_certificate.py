@@ -1,4 +1,4 @@
-"""The certificate of the MRAC with a closed-loop reference model: formulas with SciPy's matrices and by hand, and runs."""
+"""The certificate of MRAC with a closed-loop reference model: formulas with SciPy's matrices and by hand, and runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The guarantees of the MRAC with a network against runs, and the level used in the proof against brute force."""
+"""The guarantees of MRAC with a network against runs, and the level used in the proof against brute force."""
 
 from dataclasses import replace
 

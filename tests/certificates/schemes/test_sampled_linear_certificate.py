@@ -129,7 +129,7 @@ def test_over_the_known_set_an_uncertain_gain_varies_too():
     gained = replace(PROBLEM, input_gain=(0.5, 1.5))
     controller = Sampled(BaselineAlone(nominal=[4.0, 2.0]), T)
     (loop,) = certified(controller, gained).values["margins_over_known_set"]
-    assert loop["delay_margin"]["input_gain"] == 1.5 and "left_out" not in loop
+    assert loop["delay_margin"]["input_gain"] == 1.5
     for key in ("delay_margin", "gain_margin", "gain_reduction_margin"):
         plant = replace(gained.plant, theta=np.array(loop[key]["theta"]), input=PlantInput(gain=loop[key]["input_gain"]))
         assert loop[key]["value"] == pytest.approx(certified(controller, replace(gained, plant=plant)).values[key], rel=1e-9)
@@ -139,7 +139,7 @@ def test_over_the_known_set_an_uncertain_gain_varies_too():
     assert lost["unstable_at_gain"] > 1.5
 
 
-def test_margins_over_a_set_with_unmatched_remainders_say_that_these_are_left_out():
+def test_margins_over_ranges_with_unmatched_remainders_belong_to_the_ranges():
     """k acts on both states, and the input on one."""
     physical = PhysicalPlant(A=[[0, "k"], [-2, "-k"]], b=[0, 1], parameters=[Parameter("k", 2.0, tolerance=0.1)])
     plant = Plant(physical=physical, poles=[-1, -2])
@@ -147,11 +147,11 @@ def test_margins_over_a_set_with_unmatched_remainders_say_that_these_are_left_ou
     for controller in (BaselineAlone(nominal=[4.0, 2.0]), Sampled(BaselineAlone(nominal=[4.0, 2.0]), T)):
         found = certify(problem, [controller], SIMULATION)
         (loop,) = found[controller.name].values["margins_over_known_set"]
-        assert loop["left_out"].startswith("the unmatched remainders")
+        k = loop["delay_margin"]["parameters"]["k"]
         (column,) = table_1(problem, [controller], found).columns
-        assert "without the unmatched remainders" in column.cells["margins"].text
+        assert "over the parameters' ranges" in column.cells["margins"].text
         (said,) = (line.text for line in five(column, found[controller.name], None) if line.label == "margin")
-        assert "in the set (its matched part)" in said
+        assert f"s in the ranges, at k = {k:g}" in said and "matched part" not in said
 
 
 def test_no_claim_of_the_continuous_loop_is_left():

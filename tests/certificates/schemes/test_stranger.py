@@ -49,7 +49,7 @@ def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
     rng, compared = np.random.default_rng(1), 0
     for _ in range(sample(10, 300)):
         problem = random_problem(rng, int(rng.integers(1, 4)))
-        if problem.plant.paths[0].dynamics is not None:  # there the MRAC's own linearisation leaves the actuator's gain aside
+        if problem.plant.paths[0].dynamics is not None:  # there MRAC's own linearisation leaves the actuator's gain aside
             problem = replace(problem, plant=replace(problem.plant, input=PlantInput()))
         gamma = float(10 ** rng.uniform(-1, 2))
         own = certify(problem, [Plain(gamma)], SIMULATION)["plain"].values
@@ -138,11 +138,11 @@ def test_nothing_is_claimed_beside_what_was_computed(problems):
     plain = found["plain"]
     assert not plain.guaranteed
     bound = plain.entry("error_bound")
-    assert bound is not None and bound.kind == "does not apply" and bound.why == "none known"
+    assert bound is not None and bound.kind == "does not apply" and bound.why == "no proof is known for this controller"
     column = table_1(problems[2], controllers, found).columns[1]
     assert column.scheme == "Plain"
     for key in ("stability", "tracking", "transient", "estimates", "modelling_error"):
-        assert column.cells[key].text == "none known" and not column.cells[key].applies
+        assert column.cells[key].text == "no proof is known for this controller" and not column.cells[key].applies
 
 
 def test_sampled_its_linear_loop_is_its_own(problems):

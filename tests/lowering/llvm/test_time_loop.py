@@ -128,7 +128,7 @@ def test_pieces_that_end_too_few_steps_are_refused():
     nothing = ca.SX(0, 1)
     kernel = Kernel(read(ca.Function("f", [x, nothing, nothing, s], [x + s[0]])), LoopShape(1, 0, 0, 3, in_pieces=True), (), 1)
     table = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0]])
-    with pytest.raises(ValueError, match="must end so many steps"):
+    with pytest.raises(ValueError, match="must end that many steps"):
         kernel(1, 2, np.zeros((1, 1)), np.zeros(0), table, np.empty((1, 1, 1)))
 
 

@@ -108,7 +108,7 @@ def test_a_figure_that_the_tolerance_leaves_open_is_named() -> None:
     assert loose.figures[rate][0] > 10 * fixed[rate][0]
     assert loose.accuracy.unresolved == (rate,)
     assert loose.accuracy.figures[rate] > 1
-    assert f"{rate} is not resolved: ask for a smaller tolerance" in loose.numerics
+    assert f"{rate} is not resolved: use a smaller tolerance" in loose.numerics
     assert tight.figures[rate] == pytest.approx(fixed[rate], rel=0.05)
     assert tight.accuracy.unresolved == ()
 

@@ -81,7 +81,7 @@ def test_a_label_without_consequences():
     labelled = replace(sound, stiffness=replace(sound.stiffness, unstable_from=1.0))
     (result,) = check_numerics({"MRAC": labelled}).values()
     assert result.check.origin == "loop"
-    assert "the same within 10%" in result.check.sentence
+    assert "the same within 10 %" in result.check.sentence
     assert result.label is None and not any(finding.kind == "solver" for finding in result.findings)
 
 
@@ -209,7 +209,7 @@ def test_no_solver_is_blamed_for_a_finite_escape(tmp_path):
     fine = simulate(found.problem, found.controllers, replace(found.simulation, dt=2e-4))["L1"]
     assert result.diverged_at == pytest.approx(fine.diverged_at, rel=1e-3)
     assert result.check.origin == "unsettled" and result.check.diverged_at == fine.diverged_at
-    assert result.label == "diverges at t = 10.02 s, also at h = 0.0002 s: not settled whose it is"
+    assert result.label == "diverges at t = 10.02 s, also at h = 0.0002 s: whether plant or solver causes it is not settled"
     block = run_block(result)
     assert block["label"] == result.label and "diverges at t = 10.018" in block["finer_step"]["sentence"]
     assert "numerically unstable" not in result.numerics

@@ -10,10 +10,11 @@ import pytest
 
 from barbalat import Mrac, Sampled, Simulation, simulate
 from barbalat.cases.load import load_case
-from barbalat.problem.faults import Dropout, Jitter
+from barbalat.problem.faults import Dropout, Jitter, Spike, Stuck
 from barbalat.problem.shell import Shell
 from barbalat.run.engine.settle import halved
 from barbalat.run.engine.simulate import with_missed_samples
+from barbalat.signals import Step
 
 PROBLEM = load_case("first-order").problem
 T, LONGEST = 0.02, 0.06
@@ -48,7 +49,7 @@ def test_calls_of_a_jittered_timer_are_counted_once():
     assert run.missed.samples == 200 and 25 <= run.missed.missed <= 26
     assert "rounded to solver steps" not in run.missed.sentence
     coarse = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0025)
-    assert "of which the timer's jitter has 2: use a smaller dt" in coarse.missed.sentence
+    assert "the timer's jitter is only 2 of them: use a smaller dt" in coarse.missed.sentence
     assert halved({"MRAC": coarse})["MRAC"].half_step is None  # its calls would be others
 
 
@@ -58,21 +59,32 @@ def test_what_the_shell_refuses_is_counted():
     assert "the fallback (zero) acted" in run.missed.sentence
 
 
-@pytest.mark.parametrize("shell", [None, Shell(), Shell(range={PROBLEM.measured_names[0]: [-1e3, 1e3]})])
-def test_without_a_longest_outage_only_lost_samples_can_be_counted(shell):
+CHANNEL = PROBLEM.measured_names[0]
+
+
+@pytest.mark.parametrize(
+    ("shell", "refused"),
+    [
+        (None, ()),
+        (Shell(), ()),
+        (Shell(range={CHANNEL: [-1e3, 1e3]}), (Spike(channel=CHANNEL, size=1e4, share=0.1, seed=2),)),
+        (Shell(stuck={CHANNEL: T}), (Stuck(channel=CHANNEL, times=[[0.5, 0.9]]),)),
+    ],
+)
+def test_without_a_longest_outage_lost_and_refused_samples_are_counted(shell, refused):
+    """A spike is out of range; of a sensor that is stuck for 20 samples the first repetition is accepted."""
     fault = Dropout(share=0.3, seed=4)
-    run = missed(replace(PROBLEM, shell=shell, faults=(fault,)), t_end=2.0)
-    lost = fault.there(T * np.arange(100), 0)
-    if shell is not None and shell.range:
-        assert run.missed is None  # a sample out of range would not be noticed
-    else:
-        runs = [len(list(same)) for gone, same in groupby(lost) if gone]
-        assert (run.missed.samples, run.missed.missed, run.missed.in_a_row, run.missed.fallback) == (
-            100,
-            lost.sum(),
-            max(runs),
-            0,
-        )
+    run = missed(replace(PROBLEM, shell=shell, faults=(fault, *refused)), t_end=2.0)
+    at, lost = T * np.arange(100), fault.there(T * np.arange(100), 0)
+    if refused and refused[0].kind == "spike":
+        lost = lost | refused[0].there(at, 1)
+        assert lost.sum() > fault.there(at, 0).sum()
+    elif refused:
+        repeats = np.flatnonzero(refused[0].there(at, 1) & ~lost)
+        lost = lost | np.isin(np.arange(100), repeats[1:])
+    runs = [len(list(same)) for gone, same in groupby(lost) if gone]
+    assert (run.missed.samples, run.missed.missed, run.missed.in_a_row, run.missed.fallback) == (100, lost.sum(), max(runs), 0)
+    assert run.findings[0].sentence == run.missed.sentence
 
 
 def test_a_run_without_a_shell_has_no_such_count():
@@ -83,3 +95,17 @@ def test_a_run_by_tolerance_is_not_counted():
     problem = replace(PROBLEM, faults=(Jitter(time=T / 8, seed=1),))
     runs = simulate(problem, [Sampled(Mrac(gamma=5.0), T)], Simulation(t_end=0.5, tolerance=1e-6))
     assert with_missed_samples(runs)["MRAC"].missed is None
+
+
+def test_a_refused_command_is_held_until_its_size_may_have_been_reached():
+    """A step of 1 at 2 per second and 0.02 s from sample to sample is accepted as the 25th, and held at 0 until then; a command
+    beyond its range is never accepted."""
+    step = replace(PROBLEM, reference=Step(amplitude=1.0, start=1.0))
+    run = missed(replace(step, shell=Shell(rate={"command": 2.0})))
+    assert (run.missed.missed, run.missed.commands) == (0, 24)
+    assert run.missed.sentence == "12 % of the 200 commands were lost or refused by the shell; the last good one was held"
+    late = missed(replace(PROBLEM, reference=Step(amplitude=1.0, start=1.48)))
+    np.testing.assert_array_equal(run.u, late.u)
+    never = missed(replace(step, shell=Shell(range={"command": [-0.5, 0.5]})))
+    assert never.missed.commands == 150
+    np.testing.assert_array_equal(never.u[run.t < 1.0], run.u[run.t < 1.0])

@@ -38,9 +38,9 @@ def test_it_is_the_difference_from_fine_steps(controller, problem) -> None:
 
 
 def test_why_none_is_measured() -> None:
-    delayed = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=0.1)))
-    found = check_numerics(simulate(delayed, [MRAC], Simulation(1.0, 5e-3)), measured=True)["MRAC"].measured_error
-    assert found.sentence.startswith("error not measured: simulation.tolerance allows a delay")
+    converted = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(quantization=0.1)))
+    found = check_numerics(simulate(converted, [MRAC], Simulation(1.0, 5e-3)), measured=True)["MRAC"].measured_error
+    assert found.sentence.startswith("error not measured: simulation.tolerance cannot be used with floor")
     assert found.as_json()["error"] == {}
 
 

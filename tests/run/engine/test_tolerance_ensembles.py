@@ -12,9 +12,7 @@ from barbalat.judge.settings import Judge
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import right_hand_side
 from barbalat.lowering.compiled import Compiled
-from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.validate import InputError
 
 PAPER = load_case("paper")
 MRAC = replace(next(c for c in PAPER.controllers if c.name == "MRAC"), gamma=0.1)
@@ -97,16 +95,3 @@ def test_a_member_that_diverges_is_a_result() -> None:
     found = simulate_ensemble([(case.problem, classical)] * 2, simulation).metrics
     assert found.diverged_at.tolist() == [single.diverged_at] * 2
     assert np.isnan(found.rms_e).all()
-
-
-def test_refusals() -> None:
-    def delayed(delay):
-        return replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=delay)))
-
-    controller = Sampled(MRAC, 0.01)
-    with pytest.raises(
-        InputError, match=r"member 2: all members must share the delay and its history beside simulation\.tolerance"
-    ):
-        simulate_ensemble([(delayed(0.01), controller), (delayed(0.02), controller)], SIMULATION)
-    with pytest.raises(InputError, match=r"member 1: .*only after a sampled controller"):
-        simulate_ensemble([(delayed(0.01), MRAC)], SIMULATION)

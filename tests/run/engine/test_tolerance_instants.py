@@ -209,11 +209,6 @@ def test_refusals() -> None:
     simulation = Simulation(1.0, tolerance=1e-6)
     with pytest.raises(InputError, match=r"sample_time must not exceed simulation\.t_end = 1 s, got 2 s"):
         simulate(PAPER.problem, [Sampled(MRAC, 2.0)], simulation)
-    delayed = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=0.1)))
-    with pytest.raises(InputError, match=r"only after a sampled controller .*: give simulation\.dt"):
-        simulate(delayed, [MRAC], simulation)
-    with pytest.raises(InputError, match=r"at most 200 samples of 0\.0001 s"):
-        simulate(delayed, [Sampled(MRAC, 1e-4)], simulation)
 
 
 def test_nothing_turns_where_the_noise_jumps() -> None:

@@ -88,7 +88,7 @@ def exactly(given: Problem, command, corners, *, level=np.inf, regressor=lambda 
 
 
 def observed(given: Problem, expected, solver=RK4, steps=(1 / 48, 1 / 96, 1 / 192)) -> tuple[float, list[float]]:
-    """The order by regression, and the errors. The steps have the breaks at other fractions of them."""
+    """The order by regression, and the errors. The breaks are at other fractions of the steps."""
     errors = []
     for h in steps:
         run = simulate(given, [Mrac(gamma=GAMMA)], Simulation(t_end=T_END, dt=h, solver=solver))["MRAC"]

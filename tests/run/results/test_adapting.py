@@ -28,7 +28,7 @@ from barbalat.plants import Labels
 from barbalat.problem.baseline import LqiBaseline, PidBaseline
 from barbalat.problem.known_set import ParameterBall
 from barbalat.problem.observer import LuenbergerObserver
-from barbalat.run.results.adapting import UNEXCITED_RATIO, _gram, excitation, regressor_along, share_text
+from barbalat.run.results.adapting import UNEXCITED_RATIO, _gram, excitation, on_bounds, regressor_along, share_text
 from barbalat.signals import Constant
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
@@ -233,3 +233,16 @@ def test_excitation_beside_an_observer_is_that_of_the_estimate(baseline, sample_
     late = found.t > 0.5
     np.testing.assert_allclose(phi[late, 1, 0], found.x[late, 1], atol=0.1 * np.abs(found.x[:, 1]).max())
     assert np.abs(phi[~late, 1, 0] - found.x[~late, 1]).max() > 1e-4
+
+
+def test_a_share_of_the_time_is_at_most_100_percent():
+    """The weights of the intervals add up to more than 1 by rounding, which must not become 101 %."""
+    random, box = np.random.default_rng(0), ParameterBox(lower=[-1.0], upper=[1.0])
+    t = next(
+        t
+        for t in (np.cumsum(random.uniform(0.1, 1.0, 200)) for _ in range(1000))
+        if (np.diff(t) / (t[-1] - t[0])) @ np.ones(199) > 1
+    )
+    found = on_bounds(box, t, np.ones((199, 1)), np.ones((199, 1)))
+    assert found.least == found.most == 1.0
+    assert "101" not in share_text(0.9, float(found.most[0])) and "100" in share_text(0.9, float(found.most[0]))

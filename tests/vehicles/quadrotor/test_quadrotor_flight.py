@@ -210,8 +210,8 @@ def test_a_controller_of_ones_own_says_why_it_does_not_fly():
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--schemes", "lqr"], "--schemes must be of geometric, "),
-        (["--failures", "none,engine"], "--failure must be of none, slung-mass, "),
+        (["--schemes", "lqr"], "--schemes must be one of geometric, "),
+        (["--failures", "none,engine"], "--failure must be one of none, slung-mass, "),
         (["--mach", "0.5"], "are the F-16's: the quadrotor hovers near the ground"),
     ],
 )

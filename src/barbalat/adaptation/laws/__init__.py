@@ -1,4 +1,4 @@
-"""The registry of the laws on the parametric model, by their names in case files. The contract tests cover all of them."""
+"""The registry of the laws for the parametric model, with their names in case files. The contract tests cover all of them."""
 
 from barbalat.adaptation.law import AdaptiveLaw as AdaptiveLaw
 from barbalat.adaptation.law import Estimation as Estimation

@@ -41,8 +41,8 @@ class IntegralCost(Settings):
     Without modelling error Q = R theta, and V = theta_tilde'Gamma^-1 theta_tilde/2 has V' = -theta_tilde'R theta_tilde <= 0.
     Under persistent excitation the rate of convergence grows with Gamma without bound, unlike that of the instantaneous cost.
 
-    The law uses an integral of past errors. So a dead zone has no single error to act on, and V' is not proportional to the
-    present error, as the epsilon-modification requires: both are refused.
+    The law uses an integral of past errors. A dead zone therefore has no single error to act on, and V' is not proportional to
+    the present error, which the epsilon-modification requires: both are refused.
 
     Source: Ioannou and Sun, section 4.3.5; Ioannou and Fidan, section 3.6.2; Kreisselmeier (1977).
     """
@@ -53,8 +53,8 @@ class IntegralCost(Settings):
     leakage: Leakage | None = None
 
     roles: ClassVar[Mapping[str, Role]] = {
-        "R": Role.memory("information matrix that the law remembers"),
-        "Q": Role.memory("what the law remembers beside R"),
+        "R": Role.memory("information matrix in the law's memory"),
+        "Q": Role.memory("the rest of the law's memory"),
     }
 
     def __post_init__(self) -> None:

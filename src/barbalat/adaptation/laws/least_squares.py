@@ -1,4 +1,5 @@
-"""The least-squares laws: the paper's (15), and laws that forget, reset or bound the covariance, the memory of all of them.
+"""The least-squares laws: the paper's (15), and laws that forget, reset or bound the covariance, which is the memory of all of
+them.
 
 V = theta_tilde'P^-1 theta_tilde/2. With P' = beta P - P phi phi'P/m_s^2, (P^-1)' = -beta P^-1 + phi phi'/m_s^2, and so V' =
 -epsilon^2 m_s^2/2 - beta V without modelling error. With a dead zone of weight a on both the estimate and the data's effect on P,
@@ -27,7 +28,7 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 NORM_TOLERANCE = 2.0**-46
-"""A norm this close to its bound, relatively, counts as equal to it; ``bounded`` leaves it within a sixteenth of that."""
+"""A norm relatively this close to its bound counts as equal to it; ``bounded`` leaves it within a sixteenth of this distance."""
 
 COVARIANCE_METRIC = Gain(np.eye(1))
 """The metric of any covariance law, whatever its initial covariance."""
@@ -49,7 +50,7 @@ class CovarianceLaw(ModifiedLaw):
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
-        """P', reduced by ``taken`` due to the data."""
+        """P', with the reduction ``taken`` due to the data."""
 
     def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
         """P after T [s] without data, and the weight of the data from that time."""
@@ -86,7 +87,7 @@ class BoundedCovarianceLaw(CovarianceLaw):
 
     jump: ClassVar[str] = "the bound of the covariance"
     bears: ClassVar[tuple[str, Borne, str]]
-    """The law's name in messages, the leakages that it accepts, and why it accepts no others."""
+    """The law's name in messages, the leakages that it accepts, and the reason why it accepts no others."""
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
@@ -113,7 +114,7 @@ def initial_covariance(covariance0: float | Array, n: int, bound: float | None =
         raise InputError.of(
             "law.covariance0",
             f"must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "
-            f"has the norm {np.linalg.norm(P):.6g} (a multiple of I has that times the square root of n)",
+            f"has the norm {np.linalg.norm(P):.6g} (the norm of a multiple of I is that multiple times the square root of n)",
         )
     return Memory(P)
 
@@ -179,7 +180,7 @@ def smallest_pivot(P: Value, shift: Value) -> Value:
     for k in range(n):
         pivot = rest[k][k]
         smallest = np.minimum(pivot, smallest)
-        inverse = 1 / np.where(pivot > 0, pivot, 1.0)  # after a pivot that is not positive, nothing else matters
+        inverse = 1 / np.where(pivot > 0, pivot, 1.0)  # after a pivot that is not positive, the others do not matter
         for i in range(k + 1, n):
             factor = rest[i][k] * inverse
             for j in range(k + 1, n):
@@ -337,7 +338,7 @@ class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
 
     The norm is Frobenius', so that P <= R_0 I and the test needs only arithmetic. P^-1 stays bounded as well, since (P^-1)' is
-    zero or -beta P^-1 + phi phi'/m_s^2. In the source P stays constant for good once it is at the bound; here it changes again as
+    zero or -beta P^-1 + phi phi'/m_s^2. In the source P stays constant forever once it is at the bound; here it changes again as
     soon as it would shrink. V' <= 0 in both cases. In a fixed-step solver P is scaled back at every stage that overshoots.
 
     The epsilon-modification is refused for the reason given at LeastSquaresResetting.

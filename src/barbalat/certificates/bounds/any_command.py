@@ -1,12 +1,13 @@
 """A bound of e for every command of the case's size and every theta in the known set, over cells of that set.
 
-The loop and its parts e_c and s_i are those of ``known_command``; here they are bounded by L1 norms from r, and the contribution
-of x(0) by half the variation of their free response. With H = (I - G (c - origin)')^-1 G of a cell, q = ||H||_1 |rho|_1 < 1 and S
+The loop and its parts e_c and s_i are those of ``known_command``; here their response to r is bounded by L1 norms, and the
+contribution of x(0) by half the variation of their free response. With H = (I - G (c - origin)')^-1 G of a cell, q = ||H||_1
+|rho|_1 < 1 and S
 the bound of sum_i rho_i |s_i|,
 
     |e| <= |e_c| + S + q S/(1 - q) + (1 + ||H||_1 |c - origin|_1) |w|/(1 - q).
 
-The derivation is in docs/theorem-1.md, "All commands".
+The derivation is in docs/proofs.md, "For all commands".
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from barbalat.certificates.bounds import known_command
 from barbalat.certificates.bounds.known_command import Cell, KnownLoop, motion, with_halves
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import Assumption
@@ -40,15 +42,16 @@ KEY = "error_bound_worst"
 MOST_CELLS, MOST_WORK = 24, 1_500_000
 """Largest number of cells, and of cells times segments times the square of the loop's states: three seconds on one core."""
 MOST_SEGMENTS = 2000
-"""Of one norm: beyond it the rest is bounded by its decay."""
+"""Largest number of segments for one norm; the rest is bounded by its decay."""
 CLOSE = 1.1
-"""A bound this close to a norm that is attained at some theta is not refined."""
+"""A bound relatively this close to a norm that is attained at some theta is not refined."""
 MOST_STATES = 30
 """Largest number of states of the loop with its variations."""
 CLOSENESS = 2.0**-36
-"""Of the enclosures that witnesses prove, relative to the norms: far within ROUNDED."""
+"""Width of the enclosures that witnesses prove, relative to the norms: far less than ROUNDED."""
 ROUNDED = 1 + 1e-9
-"""The loop's matrices contain sums and products of a few float64 numbers; their rounding changes the norms by far less."""
+"""Allowance for rounding: the loop's matrices contain sums and products of a few float64 numbers, which change the norms by far
+less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,7 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
 
 
 def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple[arb_mat, arb_mat, arb_mat]]:
-    """(A, B, C) from r to e_c and the s_i, of the derivative of their free response if x(0) is not zero, and of H."""
+    """(A, B, C) from r to e_c and the s_i; of the derivative of their free response, if x(0) is not zero; and of H."""
     n, m = problem.known.n, len(loop.B)
     whole = motion(problem, loop, Generator(np.zeros((1, 1)), np.ones(1), []), center)  # its first state is r
     rows, C = whole.A.tolist()[1:], arb_mat([row[1:] for row in whole.C.tolist()])
@@ -102,7 +105,7 @@ def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple
 
 
 def witness(problem: Problem, loop: KnownLoop, cell: NormedCell) -> dict[str, Any]:
-    """The witnesses of a cell's norms; InputError if one is not found."""
+    """The witnesses of a cell's norms; InputError if one of them is not found."""
     found: dict[str, Any] = {"center": cell.center.tolist()}  # rounded: the witnesses hold for the loop with these numbers
     for name, (A, B, C) in systems(problem, loop, cell.center).items():
         size = max(_norms(A, B, C)[0])
@@ -124,7 +127,7 @@ def _estimated(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[tuple[float, ...], i
 
 
 def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Array, norms_of: NormsOf) -> NormedCell:
-    """The cell with its bound; ``norms_of`` encloses or estimates the rows' norms of a system, and counts its segments."""
+    """The cell with its bound. ``norms_of`` encloses or estimates the norms of a system's rows and counts its segments."""
     center, n = low + (high - low) / 2, problem.known.n
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     try:
@@ -147,8 +150,8 @@ def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Arra
 
 
 def add(draft: Draft, problem: Problem, loop: KnownLoop, rests_on: tuple[Assumption, ...]) -> None:
-    """Add the bound of a loop for all commands, or the reason why there is none."""
-    if problem.uncertainty is None or not is_needed(KEY):
+    """Add the bound of a loop for all commands, or the reason why there is none. The bound for the case's command uses it."""
+    if problem.uncertainty is None or not is_needed(KEY, known_command.KEY):
         return
     with draft.part(KEY):
         try:

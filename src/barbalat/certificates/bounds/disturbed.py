@@ -30,7 +30,7 @@ class Level:
 
     nu            |theta_tilde|_2/sqrt(lambda_min(P)) at the start; with disturbances the largest value in the set
     of_estimates  nu divided by the square root of the gain
-    pushed        the contribution of disturbances; 0 without any
+    pushed        the contribution of disturbances; 0 if there are none
     """
 
     nu: float
@@ -50,7 +50,7 @@ def is_disturbed(problem: Problem) -> bool:
 def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed: Known | None = None) -> Level:
     """The bound from V, with P of ``closed`` if it is given.
 
-    If a disturbance is unbounded, or without projection, the bound without disturbances.
+    If a disturbance is unbounded or nothing is projected, it is the bound without disturbances.
     """
     known = closed or problem.known
     bound_of_push, known_set = push(problem, known), controller.bind(problem.known).estimate_set
@@ -67,7 +67,7 @@ def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed
 def push(problem: Problem, known: Known) -> float | None:
     """p, a bound of |P w|_2, with P of ``known``.
 
-    None without a disturbance, for an unbounded one, or with a baseline, which has another V.
+    None if there is no disturbance, if one is unbounded, or if there is a baseline, which has another V.
     """
     if problem.plant.baseline is not None:
         return None
@@ -84,14 +84,14 @@ def push(problem: Problem, known: Known) -> float | None:
 
 
 def decay(known: Known) -> float:
-    """q, at most lambda_min(-(P A_m + A_m'P)), verified in ball arithmetic."""
+    """q, a lower bound of lambda_min(-(P A_m + A_m'P)), verified in ball arithmetic."""
     product = exact_matrix(known.P) * exact_matrix(known.A_m)
     Q = -(product + product.transpose())
     return _verified(float(np.linalg.eigvalsh(-(known.P @ known.A_m + known.A_m.T @ known.P))[0]), -1, lambda q: (Q, q))
 
 
 def largest_eigenvalue(P: Array) -> float:
-    """At least lambda_max(P), verified in ball arithmetic."""
+    """An upper bound of lambda_max(P), verified in ball arithmetic."""
     return _verified(float(np.linalg.eigvalsh(P)[-1]), 1, lambda largest: (-exact_matrix(P), -largest))
 
 

@@ -22,7 +22,7 @@ TIGHTNESS_RATIO = 1.05
 MOST_CUTS = 400
 """Largest number of cuts of the box; the bound holds after any number of cuts."""
 CORNER_STATES = 8
-"""Number of states up to which the corners of a box are tried for its largest value; beyond it only the centre."""
+"""Number of states up to which the corners of a box are tried for the largest value; with more states only the centre is."""
 
 
 def largest_square(regressor: Regressor, low: Array, high: Array) -> float:
@@ -146,7 +146,7 @@ def largest_slope(f: Nonlinearity, radius: float, t_end: float) -> float:
 
 
 def steepest_seen(f: Nonlinearity, radius: float) -> float:
-    """A lower bound of max |df/dy| over |y| <= radius, from 65 points at t = 0: every Lipschitz constant is at least this."""
+    """A lower bound of max |df/dy| over |y| <= radius, from 65 points at t = 0; every Lipschitz constant is at least as large."""
     points = [radius * k / 32 for k in range(-32, 33)]
     slopes = [_at(f, arb(y), 0.0).slope for y in points]
     return max((float_below(abs(slope).abs_lower()) for slope in slopes if slope.is_finite()), default=math.inf)

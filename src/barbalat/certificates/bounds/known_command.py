@@ -34,11 +34,11 @@ from barbalat.problem.known_set import KnownSet, ParameterBox
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.validate import Array, InputError
 
-KEY = "error_bound_command"
+KEY, OF_EVERY_COMMAND = "error_bound_command", "error_bound_worst"
 MOST_CELLS, MOST_WORK = 16, 250_000
 """Largest number of cells, and of cells times steps times the square of the loop's states: a second or two on one core."""
 NEGLIGIBLE_REST = 0.05
-"""Share of a cell's bound that its size may contribute; below it no cell is halved again."""
+"""A cell whose size contributes less than this share of its bound is not halved again."""
 MOST_STATES = 40
 """Largest number of states of the loop with its variations."""
 
@@ -62,7 +62,7 @@ class KnownLoop:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """low <= theta <= high with its bound, the contribution of each of its sides, and its halves."""
+    """The cell low <= theta <= high with its bound, the contribution of each side, and its halves."""
 
     low: Array
     high: Array
@@ -72,7 +72,7 @@ class Cell:
 
     @property
     def side(self) -> int:
-        """The side that is halved."""
+        """The side to halve."""
         return int(np.argmax(self.along))
 
     @property
@@ -80,7 +80,7 @@ class Cell:
         return np.asarray(self.low + (self.high - self.low) / 2)
 
     def tree(self, leaf: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """The cuts of the cell, and what is said of each cell without halves."""
+        """The cuts of the cell, with the entry for each cell that has no halves."""
         if not self.halves:
             return leaf(self)
         low, high = (half.tree(leaf) for half in self.halves)
@@ -124,7 +124,7 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
 
 
 def witness(cell: FollowedCell) -> dict[str, Any]:
-    """The numbers with which the response of a cell is followed."""
+    """The numbers that are needed to compute the response of a cell again."""
     found = cell.followed
     return {"bits": 2 * found.bits, "weights": found.weights, "steps": found.steps}
 
@@ -207,7 +207,8 @@ class _Blocks:
 
 
 def add(draft: Draft, problem: Problem, loop: KnownLoop, t_end: float, rests_on: tuple[Assumption, ...]) -> None:
-    """Add the bound of a loop for the known command, or the reason why there is none."""
+    """Add the bound of a loop for the known command, or the reason why there is none. The bound for every command holds for it
+    too."""
     known_set = problem.uncertainty
     if known_set is None:
         return
@@ -217,7 +218,9 @@ def add(draft: Draft, problem: Problem, loop: KnownLoop, t_end: float, rests_on:
         except InputError as error:
             draft.missing(KEY, str(error))
             return
-        draft.guarantee(KEY, found, *rests_on)
+        of_every = draft.entries.get(OF_EVERY_COMMAND)
+        known = of_every is not None and of_every.kind == "guaranteed" and of_every.value is not None
+        draft.guarantee(KEY, min(found, of_every.value) if of_every is not None and known else found, *rests_on)
 
 
 def told(certificate: Certificate) -> str:

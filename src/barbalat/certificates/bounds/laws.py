@@ -50,7 +50,7 @@ class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
 
 
 def least_gain(gamma: float | Array) -> float:
-    """A guaranteed lower bound of the gain's smallest eigenvalue; a scalar gain is its own."""
+    """A guaranteed lower bound of the gain's smallest eigenvalue; for a scalar gain, the gain itself."""
     return smallest_eigenvalue(gamma) if Gain(gamma).is_matrix else float(np.min(gamma))
 
 
@@ -62,7 +62,8 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
 
 
 def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed: Known | None = None) -> float:
-    """nu_0/sqrt(Gamma) of (9), for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up; P of ``closed``."""
+    """nu_0/sqrt(Gamma) of (9), or for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up; P is that of
+    ``closed``."""
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
         return mrac_bound(nu, float(gamma))
@@ -71,12 +72,13 @@ def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed:
 
 
 def is_modified(controller: ModifiedScheme) -> bool:
-    """Whether the law is modified: a leakage and a memory add a decay of the estimates, a dead zone scales the error."""
+    """Whether the law is modified: a leakage or a memory adds a decay of the estimates, and a dead zone scales the error."""
     return not (controller.leakage is None and controller.dead_zone is None and controller.learning is None)
 
 
 def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> Assumption:
-    """The projection keeps V' <= 0; with a gain that couples the parameters it may not if it cuts corners."""
+    """The assumption that the projection keeps V' <= 0. With a gain that couples the parameters it may fail if the projection
+    cuts corners."""
     cut = Gain(gamma).couples and known_set is not None and known_set.cuts_corners
     why = "a gain matrix in corners of the known set" if cut else ""
     return Assumption("the projection never makes V grow", why, theorems.CORNERS)
@@ -85,8 +87,8 @@ def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> A
 def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     """Why (9) and (10) don't hold with the law's modifications, as a sentence; None if V decreases as it does without them.
 
-    It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma whose M_0
-    bounds every relevant theta.
+    V does so with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma whose
+    M_0 bounds every relevant theta.
     """
     known_set, gamma = controller.bind(problem.known).estimate_set, controller.gamma
     if keeps_V_in_corners(gamma, known_set).broken:
@@ -101,7 +103,7 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
         return None
     M_0 = controller.leakage.harmless_within
     if M_0 is None:
-        return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) do not hold"
+        return f"{type(controller.leakage).__name__} pulls the estimates towards zero, so the bounds (9) and (10) do not hold"
     of_theta = sum((Fraction(value) ** 2 for value in problem.parameters.ravel().tolist()), Fraction(0))
     if of_theta <= Fraction(M_0) ** 2 and (
         problem.known.estimate_set is None or problem.known.estimate_set.within(Fraction(M_0))
@@ -111,7 +113,7 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
 
 
 def theorem_of_modified(controller: ModifiedScheme, problem: Problem) -> str:
-    """The theorem that is missing if ``why_no_bound`` gives a reason; otherwise empty."""
+    """The name of the missing theorem if ``why_no_bound`` gives a reason; otherwise empty."""
     if why_no_bound(controller, problem) is None:
         return ""
     if keeps_V_in_corners(controller.gamma, controller.bind(problem.known).estimate_set).broken:
@@ -120,14 +122,14 @@ def theorem_of_modified(controller: ModifiedScheme, problem: Problem) -> str:
 
 
 def guarantee_of(law: AdaptiveLaw | OutputErrorLaw, known_set: EstimateSet | None) -> Guarantee:
-    """The guarantee that a law declares; a law that declares none has none."""
+    """The guarantee that a law declares; nothing is guaranteed for a law that declares none."""
     if isinstance(law, GuaranteedLaw):
         return law.guarantee(known_set)
     return nothing(f"nothing is guaranteed: no guarantee is known for {type(law).__name__}")
 
 
 def bounds_the_parameters(found: Guarantee, parameters: Array | None) -> Assumption:
-    """A switching leakage's M_0 bounds the true parameters, if there are any."""
+    """The assumption that a switching leakage's M_0 bounds the true parameters."""
     if found.M_0 is None:
         return Assumption("no bound M_0 of the parameters is needed")
     above = parameters is None or float(np.linalg.norm(parameters)) * OUTWARD_FACTOR > found.M_0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -42,8 +43,9 @@ def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[
     return driven_response(A_m, B, np.eye(known.n), known.x0, problem.commands, simulation.t_end, simulation.steps)
 
 
+@lru_cache(maxsize=16)  # shared by the controllers of one case
 def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
-    """The largest |x_m|_2 under the case's own command in the run: no bound, but the model's response at sampled instants."""
+    """The largest |x_m|_2 under the case's own command in the run. It is the largest value at sampled instants, not a bound."""
     return float(np.linalg.norm(motion_along_the_command(problem, simulation)[1], axis=1).max())
 
 
@@ -61,7 +63,7 @@ def state_bounds(problem: Problem) -> list[float]:
     """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: the sum of the bounds for each."""
     known, n, pushed = problem.known, problem.known.n, command_bounds(problem)
     columns = known.b.reshape(n, -1).T
-    if known.enters is not None:  # the command enters directly too, each command through its own column
+    if known.enters is not None:  # the commands also enter directly, each through its own column
         pushed = np.array([command.bound for command in problem.commands if isinstance(command, BoundedSignal)])
         columns = problem.model.matrices[1].T
 

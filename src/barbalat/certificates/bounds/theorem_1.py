@@ -13,8 +13,8 @@ With theta_tilde = theta_hat - theta, x_tilde = x - x_hat and G = W_b (1 - C): (
 
 if ||G||_1 theta_max < 1: the condition of Theorem 1 (ii).
 
-Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, as in V(0), in place of its
-largest value over the known set.
+Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, which V(0) contains, in place
+of its largest value over the known set.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> 
     # 1 - C -> 1 for kappa -> infinity: the norm tends to that of W_b itself
     if theta_max == 0 or l1_norm(known.A_m, known.b[:, None], np.eye(known.n), np.zeros((known.n, 1))).upper * theta_max < 1:
         return math.inf
-    start = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # where kappa ||s W_b|| theta_max < 1, C's norm being 1
+    start = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # kappa ||s W_b|| theta_max < 1 there, as ||C||_1 = 1
     return largest_of_size(size, start, within=relative)
 
 

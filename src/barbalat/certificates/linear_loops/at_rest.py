@@ -21,7 +21,7 @@ from barbalat.loop.true_values import truth_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal, Value
 from barbalat.roles import StatePart
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, counted
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
@@ -116,10 +116,15 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     if frozen:
         out += rows_of(loop, resting_parts(loop)).tolist()
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
-    kept = kept[_acting(A[np.ix_(kept, kept)], C[0, kept])]
-    A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
-    moving = _moved_by(np.hstack([A, B]))
-    return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
+    return reduced(A[np.ix_(kept, kept)], B[kept, 0], C[0, kept])
+
+
+def reduced(A: Array, B: Array, C: Array) -> StateSpace:
+    """The loop from v to -u, u = C x, without states that nothing moves and states without effect."""
+    acts = _acting(A, C)
+    A, B, C = A[np.ix_(acts, acts)], B[acts], C[acts]
+    moving = _moved_by(np.column_stack([A, B]))
+    return StateSpace(moving.T @ A @ moving, moving.T @ B, -C @ moving, 0.0)
 
 
 def _acting(A: Array, C: Array) -> Array:
@@ -188,8 +193,10 @@ def place_of(loop: ClosedLoop, state: Array, level: Array, ideal: tuple[StatePar
 
 
 def without_limits(loop: ClosedLoop) -> ClosedLoop:
-    """The loop without delay, limits and quantisation at the plant's input."""
-    return replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    """The loop without delay and limits at the plant's input, anti-windup of a baseline and quantisation."""
+    baseline, external = (fixed and replace(fixed, limits=None) for fixed in (loop.baseline, loop.external))
+    paths = tuple(path and path.linear for path in loop.paths)
+    return replace(loop, delayed=False, resolutions=None, paths=paths, baseline=baseline, external=external)
 
 
 def why_no_rest(loop: ClosedLoop) -> NotApplicable | None:
@@ -201,9 +208,9 @@ def why_no_rest(loop: ClosedLoop) -> NotApplicable | None:
             "the closed loop",
             loop.size,
             budget.of_linearisation,
-            given=f"has {loop.size} states, and its equilibrium and modes",
-            fits=lambda most: f"at most {most} states",
-            what=f"the linearised loop of {loop.size} states",
+            given=f"has {counted(loop.size, 'state')}, and its equilibrium and modes",
+            fits=lambda most: f"at most {counted(most, 'state')}",
+            what=f"the linearised loop of {counted(loop.size, 'state')}",
         )
     except InputError as beyond:  # the rest of the certificate is unaffected
         return NotApplicable(str(beyond))

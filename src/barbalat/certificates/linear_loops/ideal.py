@@ -44,6 +44,23 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
     return series(disturbance, integrator)
 
 
+def fast_adaptation_on(A: Array, b: Array, C: StateSpace, A_m: Array, b_m: Array, P: Array) -> StateSpace:
+    """The same around x' = A x + b v, which need not have the form A_m + b theta'.
+
+    The law's error b_m'P (x_hat - x) vanishes, so that w = theta_hat'x + u in x_hat' = A_m x_hat + b_m w follows from x:
+    b_m'P b_m w = b_m'P (A x + b v - A_m x_hat), and u = -C/(1 - C) w. With A = A_m + b_m theta' and b = b_m, w = theta'x + v.
+    """
+    n, c = len(A), b_m @ P
+    size = float(c @ b_m)
+    row = (
+        np.concatenate([c @ (A + np.eye(n)), -c @ (A_m + np.eye(n))]) / size
+    )  # + c (x - x_hat): the error decays, moved by nothing
+    direct = float(c @ b) / size
+    predictor = np.block([[A, np.zeros((n, n))], [np.outer(b_m, row[:n]), A_m + np.outer(b_m, row[n:])]])
+    w = StateSpace(predictor, np.concatenate([b, direct * b_m]), row, direct)
+    return series(w, StateSpace(C.A + np.outer(C.B, C.C), C.B, C.C, 0.0))
+
+
 def open_jacobians(loop: ClosedLoop, given_input: Callable[[Value, Value], tuple[Value, Value]]) -> Any:
     """A, B and C of a loop opened at one input v, as a function of its flat state and v.
 

@@ -36,6 +36,10 @@ PLAIN_LAW_ONLY = "it is given only for the plain law: with the modification the 
 """The reason why a law with leakage, a dead zone or a memory has no margin that includes the law."""
 
 
+UNSTABLE_WITH_LAW = "with its law linearised at the largest command the loop is unstable"
+"""The beginning of the reason why an unstable loop with its law has no margin."""
+
+
 def add_margins(
     draft: Draft,
     problem: TrackingProblem,
@@ -145,14 +149,31 @@ def add_delay_margin_adapting(
     draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str, rest: PlaceOfRest | None
 ) -> None:
     """Add the delay margin of the loop with its law, which was ``linearised at`` a command."""
+    whole = with_dynamics(problem, loop)
     try:
-        found = margins(with_dynamics(problem, loop), problem.delay)
+        found = margins(whole, problem.delay)
     except InputError as error:
-        draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
+        try:
+            lost = is_unstable(whole, problem.delay, NEUTRAL)
+        except InputError:  # what hinders the margins hinders this too, and is the reason given
+            lost = False
+        draft.missing("delay_margin_adapting", f"{UNSTABLE_WITH_LAW}: {error}" if lost else f"linear loop {at}: {error}")
         return
-    draft.loops.append(MarginLoop(f"{at}, its law included", with_dynamics(problem, loop), problem.delay))
+    draft.loops.append(MarginLoop(f"{at}, its law included", whole, problem.delay))
     name = f"{at}, its law included{in_the_loop(problem)}"
     draft.exact({"delay_margin_adapting": finite(found.delay)}, name, LINEAR_LOOP_ONLY, rest=rest)
+
+
+NEUTRAL = 1e-9
+"""Real part of an eigenvalue, as a share of the largest one, below which a mode neither grows nor decays."""
+
+
+def is_unstable(loop: StateSpace, delay: float, neutral: float = 0.0) -> bool:
+    """Whether a loop is unstable with its delay; a mode with a real part up to the share ``neutral`` is not."""
+    values = np.linalg.eigvals(sensitivity(loop).A)
+    if values.real.max() >= 0:
+        return bool(values.real.max() >= neutral * np.abs(values).max())
+    return margins(loop).delay <= delay
 
 
 def with_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:

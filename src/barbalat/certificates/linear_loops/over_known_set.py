@@ -2,7 +2,8 @@
 
 A sampled loop is analysed at the extreme points and the case's theta, and checked for stability at seeded points too; an input
 gain of the known set is varied with theta. One delay margin of a sampled loop takes as long as a hundred other margins: it is
-computed where the ratio of phase margin and frequency is smallest. Remainders that no theta and no gain match are left out.
+computed where the ratio of phase margin and frequency is smallest. A set that follows from ranges of physical parameters is not
+searched: see ``over_ranges``.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ import numpy as np
 
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
+from barbalat.certificates.linear_loops import over_ranges
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.ideal import fast_adaptation, fast_adaptation_on, known_parameters
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
+from barbalat.certificates.linear_loops.over_ranges import MARGINS_KEY, PlantAt
 from barbalat.certificates.linear_loops.worst_case import (
     EXACT_VERTICES,
     MARGIN_NAMES,
-    OF_MEMBERS,
     LoopsOverTheta,
     WorstCase,
     points_inside,
@@ -33,21 +35,18 @@ from barbalat.linear.margins import Margins, margins
 from barbalat.linear.robust_stability import MatchedFamily, RobustStability, robust_stability
 from barbalat.linear.sampled_loop import SampledLoop, delay_margin
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.problem.from_ranges import FromRanges, Members
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
-POINTS_INSIDE, DELAYS, OF_RANGES = 100, 3, 1000
-"""Seeded points at which only stability is checked, points at which the delay margin is computed, and seeded points of the
-parameters' ranges for a continuous loop."""
+POINTS_INSIDE, DELAYS = 100, 3
+"""Seeded points at which only stability is checked, and points at which the delay margin is computed."""
 SEARCHED = (
     "from sample to sample: the set's {extremes} extreme points{varied}, the case's theta, {inside} seeded points inside for "
-    "stability only; the delay margin at the {delays} points with the least ratio of phase margin to frequency: the least "
+    "stability only; the delay margin at the {delays} points with the smallest ratio of phase margin to frequency: the smallest "
     "found, not a guarantee"
 )
-UNMATCHED_REMAINDERS = "the unmatched remainders of the parameters' ranges"
 
 
 def sampled_worst_case(
@@ -57,12 +56,10 @@ def sampled_worst_case(
     theta: Array,
     gain: float = 1.0,
     gains: tuple[float, float] | None = None,
-    members: Members | None = None,
 ) -> WorstCase:
     """The smallest margins of one input's loop in addition to ``delay``; ``loop_at`` gives the loop for a theta.
 
     With ``gains`` the input's gain, which is ``gain`` in these loops, varies over that interval, and is the last entry of points.
-    If the set is a box around the ``members`` that has an unstable point, the members decide.
     """
     rng, p = np.random.default_rng(0), known_set.size
     extremes = known_set.extreme_points(rng, EXACT_VERTICES)
@@ -84,29 +81,15 @@ def sampled_worst_case(
     searched = SEARCHED.format(extremes=count, varied=varied, inside=POINTS_INSIDE, delays=min(DELAYS, len(looked_at)))
     points = np.concatenate([looked_at, inside])
     radii = np.array([loop_of(point).radius(delay) for point in points])
-    box_unstable_at = None
     if radii.max() >= 1:
-        lost = points[int(radii.argmax())]
-        if members is None:
-            return WorstCase({}, lost, searched)
-        points, box_unstable_at = members.points(with_gain=gains is not None), lost
-        looked_at = points[: len(points) - members.drawn][:EXACT_VERTICES]
-        searched = OF_MEMBERS.format(count=len(points), drawn=members.drawn)
-        radii = np.array([loop_of(point).radius(delay) for point in points])
-        if radii.max() >= 1:
-            return WorstCase({}, points[int(radii.argmax())], searched)
+        return WorstCase({}, points[int(radii.argmax())], searched)
     found = [margins(loop_of(point).as_continuous(delay)) for point in looked_at]
     least = {name: _least(name, found, looked_at) for name in MARGIN_NAMES if name != "delay"}
     order = np.argsort([one.delay for one in found], kind="stable")[:DELAYS]
     delays = [(value, looked_at[k]) for k in order if (value := _delay(loop_of(looked_at[k]), delay)) is not None]
     if delays:
         least["delay"] = min(delays, key=lambda one: one[0])
-    return WorstCase(least, None, searched, box_unstable_at)
-
-
-def _members(derived: FromRanges | None, drawn: int) -> Members | None:
-    """The plants in the box that parameters in their ranges give; None where the box does not follow from ranges."""
-    return None if derived is None or not derived.used else derived.members(drawn)
+    return WorstCase(least, None, searched)
 
 
 def _least(name: str, found: list[Margins], points: Array) -> tuple[float, Array]:
@@ -124,37 +107,47 @@ def _delay(loop: SampledLoop, delay: float) -> float | None:
         return None
 
 
-MARGINS_KEY = "margins_over_known_set"
 LOOP_AT_REST = "with the estimates fixed at theta"
 LOOP_OF_FAST_ADAPTATION = "in the limit of fast adaptation"
+
+
+def _is_searched(problem: Problem) -> bool:
+    """Whether the margins over the known set are needed, and the set is not derived from ranges of physical parameters."""
+    derived = problem.derived
+    return problem.uncertainty is not None and is_needed(MARGINS_KEY) and not (derived is not None and derived.used)
 
 
 def add_at_rest(draft: Draft, problem: Problem) -> None:
     """Add the margins over the known set of the loop to which every scheme with C = 1 reduces; nothing without a known set."""
     known_set = problem.uncertainty
-    if known_set is not None and is_needed(MARGINS_KEY):
+    if known_set is not None and _is_searched(problem):
         with draft.part(MARGINS_KEY):
-            _add(draft, problem, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag, problem.derived))])
+            _add(draft, problem, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
 
 
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
     """Add the margins over the known set for L1-AC's two interpretations: the limit of fast adaptation, and constant
     estimates."""
     known_set = problem.uncertainty
-    if known_set is not None and is_needed(MARGINS_KEY):
+    if known_set is not None and _is_searched(problem):
         with draft.part(MARGINS_KEY):
-            _add(draft, problem, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag, problem.derived))
+            _add(draft, problem, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
+    if over_ranges.is_over_ranges(problem) and is_needed(MARGINS_KEY):
+        known = problem.known
+
+        def loop_at(plant: PlantAt) -> StateSpace:
+            return plant.around(fast_adaptation_on(plant.A, plant.b.reshape(-1), C, known.A_m, known.b, known.P))
+
+        over_ranges.entry_of(draft, LOOP_OF_FAST_ADAPTATION, problem, loop_at)
 
 
 def add_fixed(draft: Draft, problem: Problem, around: Callable[[Plant], StateSpace]) -> None:
     """Add the margins over the known set, and over the interval of an unknown input gain, of a linear controller's loop."""
     known_set = problem.uncertainty
-    if known_set is not None and is_needed(MARGINS_KEY):
+    if known_set is not None and _is_searched(problem):
         family = LoopsOverTheta(problem.plant, around, problem.sensor_lag, problem.known.gains)
         with draft.part(MARGINS_KEY):
-            _add(
-                draft, problem, [("with a fixed controller", worst_case(family, known_set, _members(problem.derived, OF_RANGES)))]
-            )
+            _add(draft, problem, [("with a fixed controller", worst_case(family, known_set))])
 
 
 def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
@@ -168,90 +161,54 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
 def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
     """The same for a loop that is given for each theta; ``which`` names it."""
     known_set, plant = problem.uncertainty, problem.plant
-    if known_set is None or not is_needed(MARGINS_KEY):
+    if known_set is None or not _is_searched(problem):
         return
     gains = None
     if problem.input_gain is not None:
         low, high = np.ravel(problem.input_gain).tolist()
         gains = (low, high)
     with draft.part(MARGINS_KEY):
-        worst = sampled_worst_case(
-            loop_at,
-            problem.delay,
-            known_set,
-            plant.theta,
-            float(plant.paths[0].gain),
-            gains,
-            _members(problem.derived, POINTS_INSIDE),
-        )
+        worst = sampled_worst_case(loop_at, problem.delay, known_set, plant.theta, float(plant.paths[0].gain), gains)
         _add(draft, problem, [(which, worst)])
 
 
 @lru_cache(maxsize=16)
-def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None, derived: FromRanges | None) -> WorstCase:
+def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None) -> WorstCase:
     """The worst case of the loop with constant estimates, which several schemes of one case share."""
-    return worst_case(
-        LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set, _members(derived, OF_RANGES)
-    )
+    return worst_case(LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set)
 
 
 @lru_cache(maxsize=16)
-def _worst_filtered(
-    plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None, derived: FromRanges | None
-) -> list[tuple[str, WorstCase]]:
+def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None) -> list[tuple[str, WorstCase]]:
     """The worst cases of L1-AC's two interpretations, shared by all L1-ACs of one case that differ only in the gain."""
     families = {
         LOOP_OF_FAST_ADAPTATION: LoopsOverTheta(plant, lambda plant: fast_adaptation(plant, C), lag),
         LOOP_AT_REST: LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),
     }
-    members = _members(derived, OF_RANGES)
-    return [(which, worst_case(family, known_set, members)) for which, family in families.items()]
+    return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
 
 def _add(draft: Draft, problem: Problem, found: list[tuple[str, WorstCase]]) -> None:
-    unmatched = problem.derived is not None and bool(problem.derived.unmatched)
-    beside = {"left_out": UNMATCHED_REMAINDERS} if unmatched else {}
-    value = [_of_one_loop(draft, which, worst, problem) | beside for which, worst in found]
+    value = [_of_one_loop(draft, which, worst, problem.plant.n) for which, worst in found]
     draft.estimate({MARGINS_KEY: value}, LINEAR_LOOP_ONLY)
 
 
-def _of_one_loop(draft: Draft, which: str, worst: WorstCase, problem: Problem) -> dict[str, Any]:
+def _of_one_loop(draft: Draft, which: str, worst: WorstCase, n: int) -> dict[str, Any]:
     """JSON for one loop: each finite margin with its theta and, if it varies, the input's gain, in addition to the plant's
     delay."""
     entry: dict[str, Any] = {"loop": which, "searched": worst.searched, "unlimited": []}
-    n, members = problem.plant.n, _members(problem.derived, OF_RANGES)
-    matched = " by their matched part" if problem.derived is not None and problem.derived.unmatched else ""
     if worst.unstable_at is not None:
-        where, found = _unstable("unstable_at", worst.unstable_at, n), ""
-        if members is not None:
-            given = members.at(worst.unstable_at)
-            found = f", which {', '.join(f'{name} = {value:.4g}' for name, value in given.items())} give{matched}"
-            entry["unstable_at_parameters"] = given
-        draft.note(f"linear loop {which}: unstable at {where[0]} of the known set{found}")
-        return entry | where[1]
-    if worst.box_unstable_at is not None:
-        where = _unstable("box_unstable_at", worst.box_unstable_at, n)
-        delay = worst.least.get("delay", (np.inf,))[0]
-        least = f", with a delay margin of {delay:.4g} s at least" if np.isfinite(delay) else ""
-        draft.note(
-            f"linear loop {which}: unstable at {where[0]} of the box, not of any physical plant found: {worst.searched}, are all "
-            f"stable{matched}{least}, as far as found"
-        )
-        entry |= where[1]
+        theta, omega = worst.unstable_at[:n].tolist(), worst.unstable_at[n:].tolist()
+        gain = f" and omega = {omega[0]:.4g}" if omega else ""
+        draft.note(f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in theta)}]{gain} of the known set")
+        return entry | {"unstable_at": theta} | ({"unstable_at_gain": omega[0]} if omega else {})
     for name, (value, point) in worst.least.items():
         if np.isfinite(value):
-            gain = {"input_gain": float(point[n])} if len(point) > n else {}
-            entry[KEYS_OF_MARGINS[name]] = {"value": value, "theta": point[:n].tolist()} | gain
+            gains = {"input_gain": float(point[n])} if len(point) > n else {}
+            entry[KEYS_OF_MARGINS[name]] = {"value": value, "theta": point[:n].tolist()} | gains
         else:
             entry["unlimited"].append(KEYS_OF_MARGINS[name])
     return entry
-
-
-def _unstable(key: str, point: Array, n: int) -> tuple[str, dict[str, Any]]:
-    """A point in words and as JSON."""
-    theta, omega = point[:n], point[n:].tolist()
-    said = f"theta = [{', '.join(f'{v:.4g}' for v in theta)}]{f' and omega = {omega[0]:.4g}' if omega else ''}"
-    return said, {key: theta.tolist()} | ({f"{key}_gain": omega[0]} if omega else {})
 
 
 MU_KEYS = ("mu_parameters", "parameter_scale", "theta_destabilising", "mu_dynamics", "mu", "mu_frequency")

@@ -67,7 +67,7 @@ class SampledRest:
 
     def with_estimates_frozen(self) -> Linearised:
         """The loop with estimates and memory frozen."""
-        return _acting(self._frozen_at(self.state))
+        return acting(self._frozen_at(self.state))
 
     def _frozen_at(self, state: Array) -> Linearised:
         return of_jacobians(self.loop, *self._jacobians(self._sampled_frozen, state), left_out=self.resting)
@@ -102,13 +102,13 @@ class SampledRest:
             state[part.rows] = value
         found = self._frozen_at(state)
         own = problem.plant.states  # a baseline's own states are known, and so are their inputs
-        return _acting(replace(found, loop=found.beside(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
+        return acting(replace(found, loop=found.beside(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
 
     def with_its_law(self) -> SampledLoop:
         """The loop with its law, without combinations of the estimates and the law's memory that nothing moves."""
         between, J = np.array(self._between(self.state, self.signals)), sum(self._on_both_sides, np.zeros(())) / 2
         whole = of_jacobians(self.loop, between, J, estimates=self.resting)
-        found = _acting(whole)
+        found = acting(whole)
         rows = found.rows["estimates"]
         V = _moved(found.loop.J, rows[rows >= 0])
         loop = found.loop
@@ -248,7 +248,7 @@ def _moved(J: Array, rows: Array) -> Array:
     return np.asarray(np.linalg.svd(whole)[0][:, conserved.shape[1] :])
 
 
-def _acting(found: Linearised) -> Linearised:
+def acting(found: Linearised) -> Linearised:
     """The loop without states that don't affect the control: a zero entry of these Jacobians is exactly zero."""
     loop = found.loop
     acts = (loop.C != 0).any(axis=0)

@@ -14,7 +14,6 @@ import numpy as np
 
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, sensitivity, series, states_response
-from barbalat.problem.from_ranges import Members
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBox
 from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
@@ -26,7 +25,7 @@ EXACT_VERTICES, EXACT_POINTS = 64, 20
 MARGIN_NAMES = ("delay", "phase", "gain_up", "gain_down")
 SEARCH_SENTENCE = (
     "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, "
-    "all screened; the {exactly} worst of each round and the case's theta exactly: the least found, not a guarantee"
+    "all screened; the {exactly} worst of each round and the case's theta exactly: the smallest found, not a guarantee"
 )
 
 
@@ -140,24 +139,16 @@ class WorstCase:
 
     least        by the margin's name in ``Margins``; gain_down is the largest one. Infinite if nothing destabilises
     unstable_at  a theta of the set at which the loop is unstable from the start; ``None`` if none was found
-    box_unstable_at  the same of a box around plants of physical parameters that are all stable, whose margins these are
     """
 
     least: dict[str, tuple[float, Array]]
     unstable_at: Array | None
     searched: str
-    box_unstable_at: Array | None = None
 
 
-OF_MEMBERS = "{count} plants of the parameters' ranges, at the corners, the centre and {drawn} seeded points"
-
-
-def worst_case(family: LoopsOverTheta, theta_set: KnownSet, members: Members | None = None) -> WorstCase:
+def worst_case(family: LoopsOverTheta, theta_set: KnownSet) -> WorstCase:
     """Search the set, with the input's gain if the family varies it, for the smallest margins in addition to the plant's delay,
-    and for the largest gain reduction margin.
-
-    If the set is a box around the ``members`` that has an unstable point, the members decide.
-    """
+    and for the largest gain reduction margin."""
     rng, known_set = np.random.default_rng(0), theta_set if family.gains is None else theta_set.with_gains(family.gains)
     extremes = known_set.extreme_points(rng, MOST_EXTREMES)
     center = np.mean(known_set.extent, axis=0)
@@ -174,19 +165,8 @@ def worst_case(family: LoopsOverTheta, theta_set: KnownSet, members: Members | N
             centers = np.unique([theta for _, theta in search.least.values()], axis=0)
             search.screen(np.concatenate([points_inside(known_set, rng, theta, 4.0**-k, POINTS_AROUND) for theta in centers]))
     except _Unstable as found:
-        return WorstCase({}, found.theta, searched) if members is None else _of_members(family, members, found.theta)
-    return WorstCase(search.least, None, searched)
-
-
-def _of_members(family: LoopsOverTheta, members: Members, box_unstable_at: Array) -> WorstCase:
-    points = members.points(with_gain=family.gains is not None)
-    searched = OF_MEMBERS.format(count=len(points), drawn=members.drawn)
-    search = _WorstCaseSearch(family, family.frequencies(points))
-    try:
-        search.screen(points)
-    except _Unstable as found:
         return WorstCase({}, found.theta, searched)
-    return WorstCase(search.least, None, searched, box_unstable_at)
+    return WorstCase(search.least, None, searched)
 
 
 class _Unstable(Exception):

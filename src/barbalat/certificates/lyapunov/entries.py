@@ -20,13 +20,13 @@ from barbalat.protocols import Controller, LyapunovEquations
 from barbalat.validate import InputError
 
 OWN = {
-    "estimates_error_bound": Quantity("of every component of the estimates less theta, at all times"),
-    "lyapunov_decay": Quantity("what was shown of V, the Lyapunov function of the law's author", timeless=True),
+    "estimates_error_bound": Quantity("of every component of the estimates minus theta, at all times"),
+    "lyapunov_decay": Quantity("what was shown about V, the Lyapunov function supplied by the law's author", timeless=True),
     "error_limit": Quantity("of |e|, for t to infinity"),
 }
 """The meanings of the keys that only a law with its own V has."""
 
-EXACT_LINES = "V' <= -W holds on the law's own lines, read in exact arithmetic"
+EXACT_LINES = "V' <= -W holds for the law's own code, read in exact arithmetic"
 
 
 class Handed(NamedTuple):
@@ -56,7 +56,7 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
 def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotApplicable:
     """Any failure to read foreign code is a finding, with its reason."""
     if not isinstance(problem, Problem):
-        return NotApplicable("a law's own V is checked for state feedback only")
+        return NotApplicable("a law's own V is checked only for state feedback")
     known = problem.known
     if known.matched.gain_unknown or known.theta_0 is not None or known.enters is not None:
         return NotApplicable("a law's own V is checked only for a known input gain and without a baseline")
@@ -65,9 +65,9 @@ def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotAppli
     except (Refused, NotRational) as refused:
         return NotApplicable(str(refused))
     except InputError as refused:
-        return NotApplicable(f"its lines could not be read exactly: {refused}")
+        return NotApplicable(f"its code could not be read exactly: {refused}")
     except Exception as error:  # noqa: BLE001 (lines from outside, on numbers that they were not written for)
-        return NotApplicable(f"its lines could not be read exactly ({type(error).__name__}: {error})")
+        return NotApplicable(f"its code could not be read exactly ({type(error).__name__}: {error})")
 
 
 def add_bounds(draft: Draft, problem: TrackingProblem, handed: Handed) -> None:

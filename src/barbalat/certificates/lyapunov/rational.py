@@ -14,15 +14,15 @@ import numpy as np
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 FREE = 96
-"""Variables in reserve, for functions of others and for the terms that projections subtract."""
+"""Number of spare variables, for functions of others and for the terms that projections subtract."""
 
 
 class NotRational(ValueError):
-    """Code that is no rational function: it branches on a value, or uses another function."""
+    """The code is not a rational function: it branches on a value, or uses another function."""
 
 
 class Ring:
-    """The variables, by their names, and the functions of them."""
+    """The variables by name, and the functions of variables."""
 
     def __init__(self, names: list[str]) -> None:
         self.names = names
@@ -73,7 +73,7 @@ def exact_number(value: Any) -> fmpq:
     if isinstance(value, fmpq):
         return value
     if isinstance(value, float) and not math.isfinite(value):
-        raise NotRational(f"{value} is no number")
+        raise NotRational(f"{value} is not a number")
     fraction = Fraction(value)
     return fmpq(fraction.numerator, fraction.denominator)
 
@@ -197,7 +197,7 @@ class Rational:
         return self
 
     def reshape(self, *shape: Any) -> Any:
-        """An array with one entry, or it itself."""
+        """The entry of an array that has one; anything else unchanged."""
         flat = shape[0] if len(shape) == 1 and isinstance(shape[0], tuple) else shape
         return np.array([self], dtype=object).reshape(flat) if flat else self
 
@@ -278,7 +278,7 @@ def ring_one(ring: Ring) -> fmpq_mpoly:
 
 
 def _constant_term(poly: fmpq_mpoly) -> fmpq:
-    """The constant term of a denominator, or 1 if it is zero, so that no sign is hidden."""
+    """The constant term of a denominator, or 1 if that is zero, so that dividing by it hides no sign."""
     found = poly[(0,) * poly.context().nvars()]
     return found if found != 0 else fmpq(1)
 

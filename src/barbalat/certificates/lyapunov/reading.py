@@ -32,7 +32,7 @@ class Normals(NamedTuple):
 
 
 class ReadSet:
-    """The known set, whose projection is replaced by normals of unknown length; everything else is the set's own."""
+    """The known set with its projection replaced by normals of unknown length; everything else is inherited from the set."""
 
     def __init__(self, known_set: EstimateSet, ring: Ring) -> None:
         self._set, self._ring = known_set, ring
@@ -77,7 +77,7 @@ class ReadKnown:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """The loop: indices of the variables, rates by index, the initial state, and the functions supplied.
+    """The loop: indices of the variables, rates by index, the initial state, and the supplied functions.
 
     limited  the indices of estimates that ``limit`` keeps in the known set
     """
@@ -101,14 +101,12 @@ class Reading:
         """The function's derivative along the loop's motion."""
         inside = function.used - set(self.theta)
         if not inside <= self.rates.keys():
-            raise NotRational(
-                "V and what stays zero may depend on the state, x, x_m and theta only, not on r or on functions of x"
-            )
+            raise NotRational("V and what stays zero may depend only on the state, x, x_m and theta, not on r or functions of x")
         return sum((function.derivative(i) * self.rates[i] for i in inside), self.ring.constant(fmpq(0)))
 
 
 def read(problem: Problem, controller: Controller) -> Reading:
-    """Read the loop; NotRational if the code is no rational function, or does not agree with its values on numbers."""
+    """Read the loop; NotRational if the code is not a rational function, or does not agree with its values on numbers."""
     known = problem.known
     equations: Any = controller.bind(known)
     parts = state_parts(equations, equations.initial())
@@ -198,7 +196,7 @@ def _require_agreement(problem: Problem, equations: Any, found: Reading) -> None
         ])  # fmt: skip
         scale = 1 + np.abs(on_numbers)
         if not (np.abs(read_of_them - on_numbers) <= AGREES * scale).all():
-            raise NotRational("evaluated with numbers, its lines differ from the expressions that were read from them")
+            raise NotRational("evaluated on numbers, its code differs from the expressions that were read from it")
 
 
 def _numbers(u: Any, state: Any) -> Array:

@@ -1,7 +1,8 @@
-"""Proves polynomials nonnegative as sums of squares: found in floating point, verified exactly.
+"""Proves polynomials nonnegative as sums of squares, which are found in floating point and verified exactly.
 
-p = m'G m with monomials m and a positive semidefinite G. A candidate G is searched for between the affine set of all G with m'G m
-= p and the cone, then moved exactly onto the set, and factored in rational arithmetic: nothing in the search is trusted.
+p = m'G m with monomials m and a positive semidefinite G. A candidate G is found by alternating between the affine set of all G
+with m'G m = p and the cone. It is then moved exactly onto the set and factored in rational arithmetic, so that the proof does
+not rely on the search.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ Terms = Mapping[Powers, fmpq]
 """A polynomial: its coefficients by the powers of the variables."""
 
 MOST_MONOMIALS = 120
-"""The largest number of monomials in m; no G is searched for beyond it."""
+"""Largest number of monomials in m; with more, no G is searched for."""
 INSIDE = (0.1, 1e-2, 1e-3, 1e-5)
-"""Distances inside the cone at which G is searched for, in a scale in which its diagonal is near one; a polynomial near its
-minimum leaves little room."""
+"""Distances inside the cone at which G is searched for, in a scale in which its diagonal is near one; a polynomial whose
+minimum is close to zero leaves little room."""
 ROUNDS = 250
 
 
@@ -48,7 +49,7 @@ def _used(poly: Terms) -> list[int]:
 def _without_constant_directions(poly: Terms) -> Terms:
     """The polynomial with one variable set to zero for each direction along which it is constant.
 
-    Along such a direction every G is singular, and a search that ends close to the cone finds none that is exactly in it.
+    Along such a direction every G is singular, and a search that ends close to the cone finds no G that is exactly in it.
     """
     used = _used(poly)
     slopes: dict[Powers, list[fmpq]] = {}

@@ -1,7 +1,8 @@
 """Proves or refuses V' <= -W for an author's Lyapunov function, and derives bounds; docs/own-laws.md has the theorem.
 
-Everything is rational arithmetic: the form of V, quantities that stay zero, matrices that stay positive semidefinite,
-projections, the decay as a sum of squares, if necessary over cells of the known set, and that no solution escapes in finite time.
+Every step uses rational arithmetic: the form of V, quantities that stay zero, matrices that stay positive semidefinite,
+projections, the decay as a sum of squares (if necessary over cells of the known set), and the proof that no solution escapes in
+finite time.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from barbalat.validate import Array
 NEARLY = fmpq(1) - fmpq(1, 2**20)
 """A share of W: the P of a case is rounded, so that V' = -|e|^2 holds only up to rounding."""
 LEAST_SHARES = (fmpq(1, 2), fmpq(1, 2**10))
-"""Shares of |e|^2 that are tried as decay rates of V."""
+"""Multiples of |e|^2 that are tried as decay rates of V."""
 MOST_CELLS = 64
 MOST_VERTICES = 4096
 TRIALS = 4000
 
 
 class Refused(ValueError):
-    """Why nothing follows from the supplied functions, as a part of a sentence."""
+    """Nothing follows from the supplied functions; the reason is part of a sentence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,12 +221,12 @@ def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
             continue
         place = next((i for i in reading.state if left.derivative(i).is_constant and not left.derivative(i).is_zero), None)
         if place is None:
-            raise Refused(f"{name} does not determine a part of the state: it must have one with a constant factor")
+            raise Refused(f"{name} does not determine a part of the state: one part must occur in it with a constant factor")
         value = ring.variables[place] - left / left.derivative(place)
         solved = {i: one.replaced({place: value}) for i, one in solved.items()} | {place: value}
     for number, relation in enumerate(relations, start=1):
         if not reading.along(relation).replaced(solved).is_zero:
-            raise Refused(f"the quantity {number} that stays zero does not: its rate is not zero where these quantities are")
+            raise Refused(f"the quantity {number} does not stay zero: its rate is not zero where these quantities are")
     return solved
 
 
@@ -293,7 +294,7 @@ def _without_normals(reading: Reading, falls: Rational) -> Rational:
             shares.append(k.number)
             lowers |= {own} if k.number > 0 else set()
         if not normals.alone and len(set(shares)) > 1:
-            raise Refused("the projection is not shown to lower V: V must weigh all parameters as the projection's gain does")
+            raise Refused("the projection is not shown to lower V: V must weight all parameters as the projection's gain does")
     if not reading.limited <= lowers:
         raise Refused("`limit` keeps estimates in the known set whose rate is not projected, and V may grow by that")
     zero = {place: ring.constant(fmpq(0)) for normals in reading.normals for place in normals.places}
@@ -336,9 +337,8 @@ class _Cells:
         return self._on_cells(function, ends[0], ends[1])
 
     def _on_cells(self, function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq]) -> bool:
-        """Halve cells until the Bernstein coefficients, functions of all but theta, are all sums of squares.
-
-        The coefficient at a vertex is the function there, which halving does not change.
+        """Halve cells until all Bernstein coefficients, which are functions of everything but theta, are sums of squares. The
+        coefficient at a vertex equals the function there, so that halving does not change it.
         """
         left, done = [(lower, upper)], 0
         while left:
@@ -395,7 +395,7 @@ def _counterexample(cells: _Cells, rest: Rational) -> str:
     if rest.used & reading.ring.functions.keys():
         return "not shown"
     used, worst = sorted(rest.used), None
-    values = [fmpq(0)] * len(reading.ring.variables)  # for variables on which nothing depends
+    values = [fmpq(0)] * len(reading.ring.variables)  # nothing depends on these variables
     for _ in range(TRIALS):
         drawn = random.normal(size=len(reading.ring.variables)) * 10.0 ** random.uniform(-1, 2, len(reading.ring.variables))
         if cells.extent is not None:
@@ -414,7 +414,8 @@ def _counterexample(cells: _Cells, rest: Rational) -> str:
 
 
 def _require_motion(reading: Reading, in_V: tuple[int, ...]) -> None:
-    """Require that no part of the state outside V escapes in finite time: in turn, each group is linear given bounded parts."""
+    """Require that no part of the state outside V escapes in finite time: one group after another must be linear in itself,
+    given the parts already known to be bounded."""
     bounded = {*reading.e, *reading.x, *reading.r, *reading.theta, *in_V} | {i for one in reading.normals for i in one.places}
     left = set(reading.state) - bounded
     while left:

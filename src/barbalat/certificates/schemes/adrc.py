@@ -27,7 +27,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 STARTS_AT_THE_STATE = Assumption("the observer starts at x(0), with f_hat = 0")
-STEP = "step_max is that of the linear loop, without delay and limits"
+STEP = "step_max is that of the linear loop, without the delay and limits"
 
 
 def loop_at(theta: Array, equations: Equations, known: Known) -> StateSpace:
@@ -45,7 +45,7 @@ def loop_at(theta: Array, equations: Equations, known: Known) -> StateSpace:
 
 
 def loop_of(problem: Problem, controller: Adrc) -> FixedLoop | None:
-    """None for several inputs, or another regressor than x."""
+    """None for several inputs, or a regressor other than x."""
     if problem.plant.inputs > 1 or not problem.plant.is_linear:
         return None
     known, omega = problem.known, float(problem.plant.paths[0].gain)

@@ -19,7 +19,7 @@ from barbalat.solvers.simulation import Simulation
 
 def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop | None:
     """The loop broken at the plant's input, in which the closed loop is the model with theta = theta_0; None for several inputs,
-    or another regressor than x."""
+    or a regressor other than x."""
     if problem.plant.inputs > 1 or not problem.plant.is_linear:
         return None
     known, theta_0 = problem.known, controller.bind(problem.known).theta_0

@@ -36,7 +36,7 @@ OF_RESPONSES = {
     "control_noise_rms": Quantity("bound of the standard deviation that measurement noise adds to u, input by input"),
     "error_rms_bound": Quantity("bound of the root mean square of every component of x - x_m over all realisations of the noise"),
 }
-UP_TO_THE_END = Assumption("jumps of r are those up to t_end")
+UP_TO_THE_END = Assumption("only the jumps of r up to t_end are considered")
 INDEPENDENT = Assumption("the noise of different samples is independent and has zero mean")
 RMS = "error_rms_bound"
 OF_THE_LOOP = "from sample to sample with the case's theta"
@@ -47,7 +47,7 @@ THE_CASE_S = Assumption("theta is the case's")
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: float) -> None:
-    """Add the bounds of e, x and u for every command and disturbance of the case's sizes; nothing if phi(x) is not x."""
+    """Add the bounds of e, x and u for every command and disturbance as large as the case's; nothing if phi(x) is not x."""
     if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS, *OF_NOISE, RMS):
         return
     if problem.plant.states < problem.plant.n:
@@ -69,7 +69,7 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
         draft.missing("error_bound", beside.why, *linear, quiet, theorem=theorems.BOUNDED_COMMAND)
     else:
         draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *linear, quiet, UP_TO_THE_END)
-    if quiet.broken:
+    if problem.noise is not None:
         _add_noise(draft, problem, controller, linear, None if isinstance(beside, NotApplicable) else found.held + beside)
 
 
@@ -132,6 +132,11 @@ def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
             "the plant has no input dynamics other than a delay, an actuator and limits", _listed(on_the_way), theorems.LIMITS
         ),
         Assumption("u stays within its limits", reached, theorems.LIMITS),
+        Assumption(
+            "the measurement is not quantised",
+            "a quantised measurement" if problem.sensor is not None and problem.sensor.quantization is not None else "",
+            theorems.MEASUREMENT,
+        ),
         Assumption("disturbances are bounded", "a disturbance without a bound" if unbounded else "", theorems.OUTPUT_LOOP),
         bounded_command(problem),
         THE_CASE_S,

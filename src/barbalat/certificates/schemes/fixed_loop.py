@@ -102,7 +102,7 @@ def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> N
     if problem.input_gain is not None and loop.gain is not None:
         draft.note(
             f"bounds of e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
-            "uncertainty.input_gain; margins in the known set are for all of it"
+            "uncertainty.input_gain; margins in the known set hold for all of it"
         )
     if known_set is not None:
         _add_bound(draft, problem, loop, known_set.farthest_1(loop.theta_0), t_end)
@@ -124,7 +124,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float, t_end:
     draft.guarantee("condition", found, NUMBERS_ALONE)
     if condition.holds:
         draft.guarantee("error_bound", error_bound, *loop.rests_on(problem))
-        if is_needed(any_command.KEY):
+        if is_needed(any_command.KEY, known_command.KEY):
             any_command.add(draft, problem, loop.known_loop(), loop.rests_on(problem))
         if is_needed(known_command.KEY):
             known_command.add(draft, problem, loop.known_loop(), t_end, loop.rests_on(problem))

@@ -63,7 +63,7 @@ OWN_QUANTITIES = {
     ),
 }
 FILTER_AT_REST = Assumption("the filter starts at rest")
-"""Holds by construction."""
+"""It holds by construction."""
 REACH_ASSUMED = "|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate"
 
 
@@ -128,7 +128,7 @@ def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str
 
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
-    """The predictor's midpoint form; with C = 1 the MRAC's."""
+    """The predictor's midpoint form; with C = 1 MRAC's."""
     delayed = () if controller.filter is not None else (mrac.one_sample_of_delay(sample_time),)
     return midpoint.of_predictor(problem, controller, *delayed)
 

@@ -129,14 +129,15 @@ OWN_QUANTITIES = (
         "reference_distance": Quantity(
             "bound of every component of x - x_ref at the samples; x_ref is the state of the theory's reference system"
         ),
-        "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
+        "reference_distance_between": Quantity("the same at all times, if r is held between samples in the reference system"),
     }
 )
 NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
 
 def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: Simulation) -> Certificate:
-    """Loop, margins, noise, the remainder of a constant disturbance, the distance to the reference system."""
+    """The values of the linear loop: margins, noise, the steady error under a constant disturbance, and the distance to the
+    reference system."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:

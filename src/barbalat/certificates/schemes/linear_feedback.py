@@ -67,7 +67,7 @@ def known_loop(problem: Problem, controller: LinearFeedback) -> KnownLoop:
 
 
 def linear_when(problem: Problem, _: LinearFeedback) -> str | None:
-    """The controller is linear on every plant that it takes."""
+    """The controller is linear on every plant that it supports."""
     return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 

@@ -54,7 +54,7 @@ class MidpointFile(SchemeFile, Protocol):
 
 
 def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: str) -> MidpointForm:
-    """Return the preserved properties for L1-AC and for the MRAC, whose sampled form has a predictor too."""
+    """Return the preserved properties for L1-AC and for MRAC, whose sampled form has a predictor too."""
     metric, estimate_set = Gain(controller.gamma), controller.bind(problem.known).estimate_set
     kept = controller.leakage is None or controller.leakage.harmless_within is not None
     if metric.is_matrix or controller.learning is not None:

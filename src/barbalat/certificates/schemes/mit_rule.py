@@ -29,8 +29,8 @@ from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-ITS_BASIS = "the rule follows a gradient that is correct only for constant gains"
-NONE_KNOWN = f"none known: {ITS_BASIS}"
+ITS_BASIS = "it follows a gradient that is correct only for constant gains"
+NONE_KNOWN = f"no proof is known for the MIT rule: {ITS_BASIS}"
 MARGIN = "adaptation_gain_margin"
 OWN_QUANTITIES = {
     MARGIN: Quantity("factor on Gamma and gamma_r, or on the squared command, at which the ideal gains become unstable")
@@ -42,7 +42,6 @@ SLOW_ADAPTATION_RATIO = 1e-4
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:
     """The findings of the rule's linearisations: nothing is guaranteed."""
     draft = Draft(own=OWN_QUANTITIES)
-    draft.note(f"no bound is known for the MIT rule, {ITS_BASIS}")
     draft.missing("error_bound", NONE_KNOWN, theorem=theorems.MIT_RULE)
     _add_gain_margin(draft, problem, controller)
     add_linearised(draft, problem, controller, simulation)

@@ -1,4 +1,4 @@
-"""The certificate of the MRAC with a closed-loop reference model: the bounds from its Lyapunov function, and its column of Table
+"""The certificate of MRAC with a closed-loop reference model: the bounds from its Lyapunov function, and its column of Table
 1.
 
 V = e_c'P e_c + theta_tilde'Gamma^-1 theta_tilde has V' <= -|e_c|^2 with P of A_m + L, so |e_c|_2 <= nu_0/sqrt(Gamma) with that P.
@@ -43,7 +43,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
     add_parameter_errors(draft, problem, equations, closed)
-    draft.note("P of nu_0 is that of A_m + L, the controller's")
+    draft.note("nu_0 uses the controller's P, that of A_m + L")
     nu_0, nu_0_worst = draft["nu_0"], draft.get("nu_0_worst")
     level = disturbed.level(problem, controller, nu_0, closed)
     bound = carried.upper * level.value * OUTWARD_FACTOR

@@ -2,8 +2,9 @@
 
 With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes
 V = e'P e + omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times.
-With several inputs, each with an omega_i > 0 of its own, e' = A_m e + b diag(omega) (K_hat - K)'z, and omega_i stands in V with
-what is adapted of the input i. V(0) is convex in (theta, omega), as a sum of squares of linear functions over omega: its largest
+With several inputs, each with an omega_i > 0 of its own, e' = A_m e + b diag(omega) (K_hat - K)'z, and in V omega_i multiplies
+the term of the gains that are adapted for the input i. V(0) is convex in (theta, omega), as a sum of squares of linear
+functions over omega: its largest
 value over a known set and an interval of omega is at one of the interval's ends.
 
 Beside bounded disturbances, and with both gains projected, V' <= -q |e|^2 + 2 p |e| as in ``bounds/disturbed``: what the gains
@@ -132,7 +133,7 @@ def _error_level(problem: Problem, gains: ControlGains, omega: float) -> float:
 
 
 def _beside_disturbances(problem: Problem, gains: ControlGains) -> float | None:
-    """The bound that V gives beside bounded disturbances; None without any, and where V has none."""
+    """The bound that V gives with bounded disturbances; None without disturbances, and where V gives none."""
     push = disturbed.push(problem, problem.known)
     if push is None or gains.estimate_set is None or gains.interval is None:
         return None

@@ -1,4 +1,4 @@
-"""The certificate of the MRAC with a network: bounds from its modification, in numbers if the case allows; Table 1's column.
+"""The certificate of MRAC with a network: bounds from its modification, in numbers if the case allows; Table 1's column.
 
 No ideal weights are known, so nothing depends on how well the network approximates: see ``bounds``. For a plant that the model's
 feedback alone does not stabilise, no number is known.

@@ -13,8 +13,8 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
-from barbalat.certificates.schemes import LinearFile, bounded_response, sampled_margins, scheme_file
-from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER, OF_SAMPLED_LOOPS, add_loop
+from barbalat.certificates.schemes import bounded_response, sampled_margins
+from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop, linear_because
 from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.controllers import Sampled
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
@@ -66,12 +66,7 @@ def _why(problem: Problem, controller: Controller) -> str:
 
 def _linear_when(problem: Problem, controller: Controller) -> str | None:
     """What makes a sampled controller linear; None if it is not, or not sampled."""
-    if isinstance(controller, L1PiecewiseConstant):
-        return LINEAR_CONTROLLER
-    if not isinstance(controller, Sampled):
-        return None
-    file = scheme_file(controller.controller)
-    return file.linear_when(problem, controller.controller) if isinstance(file, LinearFile) else None
+    return linear_because(problem, controller) if isinstance(controller, (L1PiecewiseConstant, Sampled)) else None
 
 
 def column(problem: Problem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

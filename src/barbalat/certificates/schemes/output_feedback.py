@@ -95,6 +95,8 @@ def _bounded_drivers(problem: OutputProblem) -> list[BoundedSignal | None] | Not
         return NotApplicable("limits or a delay at the plant's input are not covered")
     if problem.noise is not None:
         return NotApplicable("Gaussian noise has no bound")
+    if problem.sensor is not None and problem.sensor.quantization is not None:
+        return NotApplicable("a quantised measurement is not covered")
     drivers = (problem.reference, problem.disturbance, problem.output_disturbance)
     bounded = [signal for signal in drivers if signal is None or isinstance(signal, BoundedSignal)]
     return bounded if len(bounded) == len(drivers) else NotApplicable("a signal of the case has no known bound")

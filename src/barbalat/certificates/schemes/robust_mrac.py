@@ -1,4 +1,4 @@
-"""The certificate of the MRAC with a normalised law and of the robust MRAC (14)-(16), and their column of Table 1.
+"""The certificate of MRAC with a normalised law and of the robust MRAC (14)-(16), and their column of Table 1.
 
 The guarantees are Lemma 1's boundedness and convergence; its constants can't be computed from the case.
 """
@@ -38,7 +38,7 @@ from barbalat.solvers.simulation import Simulation
 OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, the upper limit of tau (Theorem 2)", "s")}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
 """``bind`` refuses other c_0."""
-SEVERAL_INPUTS = "none known: Theorem 2 is for one input"
+SEVERAL_INPUTS = "not known: Theorem 2 is for one input"
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
@@ -49,7 +49,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
     draft.missing(
         "error_bound",
-        "no numerical bound of e: Lemma 1's constants cannot be computed from the case",
+        "Lemma 1's constants cannot be computed from the case",
         *of_the_case(problem, equations.estimate_set),
         theorem=theorems.LEMMA_1,
     )

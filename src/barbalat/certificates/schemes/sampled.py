@@ -16,6 +16,7 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
+from barbalat.certificates.linear_loops.over_ranges import MARGINS_KEY
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
 from barbalat.certificates.schemes import HeldFile, LinearFile, bounded_response, sampled_margins, scheme_file, unregistered
@@ -46,7 +47,7 @@ OF_THE_CONTINUOUS_LOOP = frozenset(
         *KEYS_OF_MARGINS.values(),
         *EACH_INPUT.values(),
         *over_known_set.MU_KEYS,
-        over_known_set.MARGINS_KEY,
+        MARGINS_KEY,
         "delay_margin_adapting",
     }
 )
@@ -122,7 +123,7 @@ def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
     at_rest = ""
     if radius is not None:
         verdict = "stable" if radius < 1 else "unstable"
-        at_rest = f"; at its equilibrium under the largest command the sampled loop is {verdict}, spectral radius {radius:.4g}"
+        at_rest = f"; with its law linearised at the largest command the sampled loop is {verdict}, spectral radius {radius:.4g}"
     if not whole_loop:
         return f"with |x| at its bound the law admits samples only up to {step_max:.3g} s{at_rest}"
     return (
@@ -156,10 +157,16 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
         key: replace(_at_samples(cell, why), value=None) if cell.kind == "guaranteed" else cell
         for key, cell in continuous.items()
     }
-    radius = certificate.entry("spectral_radius_adapting") or certificate.entry("spectral_radius")
+    adapting, frozen = (certificate.entry(key) for key in ("spectral_radius_adapting", "spectral_radius"))
+    radius = adapting or frozen
     if radius is not None and radius.applies:
         verdict = "stable" if radius.value < 1 else "unstable"
-        about = f"{why}; from sample to sample {verdict} at the case's theta, spectral radius {radius.value:.4g}"
+        at = "at the case's theta"
+        if adapting is not None:
+            at = "with its law linearised at the largest command"
+        elif radius.rest is not None and radius.rest.estimates:
+            at = "with its estimates frozen"
+        about = f"{why}; from sample to sample {verdict} {at}, spectral radius {radius.value:.4g}"
         cells["stability"] = nothing("stability", about)
     cells |= bounded_response.cells(certificate)
     if controller.discretization == "midpoint":

@@ -12,17 +12,23 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite, in_the_loop
 from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
 from barbalat.certificates.requested_keys import is_needed
+from barbalat.certificates.schemes import LinearFile, scheme_file
+from barbalat.controllers import Sampled
+from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import peak_gain
 from barbalat.linear.sampled_loop import SampledLoop, delay_margin, gain_margins
 from barbalat.linear.systems import complementary_sensitivity, sensitivity
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
 
 OF_SAMPLED_LOOPS = {
     "spectral_radius": Quantity("spectral radius of the closed loop from sample to sample: stable below 1"),
     "spectral_radius_adapting": Quantity("the same including its law, at the equilibrium under the largest constant command"),
-    "sample_time_max": Quantity("largest sample time, from the present one on, with which that loop with its law is stable", "s"),
+    "sample_time_max": Quantity(
+        "largest sample time, starting from the present one, at which that loop with its law is stable", "s"
+    ),
     "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for independent measurement noise of standard deviation 1"),
     "noise_in_u": Quantity("the same of u"),
     "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at equilibrium, row by row; it is not I", form=Form.MATRIX),
@@ -30,6 +36,15 @@ OF_SAMPLED_LOOPS = {
 LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
 WHITE_NOISE = "the noise of different samples is independent"
 OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
+
+
+def linear_because(problem: TrackingProblem, controller: Controller) -> str | None:
+    """What makes a controller, sampled or not, linear on this plant; None if it is not."""
+    if isinstance(controller, L1PiecewiseConstant):
+        return LINEAR_CONTROLLER
+    continuous = controller.controller if isinstance(controller, Sampled) else controller
+    file = scheme_file(continuous)
+    return file.linear_when(problem, continuous) if isinstance(file, LinearFile) else None
 
 
 def name_of(problem: TrackingProblem) -> str:

@@ -12,11 +12,11 @@ from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import NotApplicable
 from barbalat.certificates.linear_loops import over_known_set
-from barbalat.certificates.linear_loops.margin_values import finite, in_the_loop
+from barbalat.certificates.linear_loops.margin_values import UNSTABLE_WITH_LAW, finite, in_the_loop
 from barbalat.certificates.linear_loops.sampled_rest import ON_A_FACE, SampledRest, adapting_of, sampled_rest
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes import bounded_response
-from barbalat.certificates.schemes.sampled_loop import add_loop, unstable
+from barbalat.certificates.schemes.sampled_loop import add_loop
 from barbalat.controllers import Sampled
 from barbalat.linear.largest import largest, largest_from
 from barbalat.linear.sampled_loop import MOST_SAMPLES_OF_DELAY, delay_margin
@@ -79,7 +79,7 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled, a
         longest = _longest(problem, controller, adapting, stable=radius < 1)
         draft.exact({"sample_time_max": longest}, name, LINEAR_LOOP_ONLY, rest=rest)
     if radius >= 1:
-        draft.missing("delay_margin_adapting", unstable(radius))
+        draft.missing("delay_margin_adapting", f"{UNSTABLE_WITH_LAW}: its spectral radius from sample to sample is {radius:.6g}")
     elif is_needed("delay_margin_adapting") and loop.inputs == 1:
         try:
             draft.exact({"delay_margin_adapting": finite(delay_margin(loop, problem.delay))}, name, LINEAR_LOOP_ONLY, rest=rest)

@@ -64,17 +64,17 @@ def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certi
 
 
 def carried(problem: Problem, controller: laws.ModifiedScheme) -> Assumption:
-    """What V carries along of a law that may learn from a memory."""
+    """What V includes for a law that may learn from a memory."""
     return carried_along(problem, controller.bind(problem.known).estimate_set, learns=controller.learning is not None)
 
 
 def carried_along(problem: Problem, estimate_set: EstimateSet | None, *, learns: bool = False) -> Assumption:
-    """Disturbances that the bound of V carries along: bounded ones, beside estimates that are projected."""
+    """Disturbances that the bound of V includes: bounded ones, if the estimates are projected."""
     if not disturbed.is_disturbed(problem):
         return undisturbed(problem)
     words = []
     if problem.plant.baseline is not None:
-        words.append("disturbance, beside a baseline")
+        words.append("disturbance, with a baseline")
     elif disturbed.push(problem, problem.known) is None:
         words.append("a disturbance without a bound")
     if not projected(estimate_set):
@@ -203,7 +203,8 @@ def _add_worst_beyond(draft: Draft, problem: Problem, controller: laws.LyapunovS
     worst = far / math.sqrt(least * laws.least_gain(controller.gamma)) * OUTWARD_FACTOR**2
     rests_on = of_the_case(problem, known_set, worst)
     draft.guarantee("error_bound_worst", worst, *rests_on)
-    draft.guarantee(known_command.KEY, worst * known_command.largest_component(P, least) * OUTWARD_FACTOR, *rests_on)
+    component = min(worst, worst * known_command.largest_component(P, least) * OUTWARD_FACTOR)
+    draft.guarantee(known_command.KEY, component, *rests_on)
 
 
 def add_margins_at_rest(draft: Draft, problem: Problem) -> None:

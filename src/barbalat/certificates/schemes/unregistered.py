@@ -27,7 +27,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
-NONE_KNOWN = "none known"
+NONE_KNOWN = "no proof is known for this controller"
 WHOLE_LOOP = "the whole loop, including the plant"
 MANY_RESTS = "it differs between the equilibria of the loop, of which there are many"
 
@@ -75,7 +75,8 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
         if of_a_part is not None and of_a_part <= step:
             return
         rests_on = (
-            f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without delay and limits: an estimate "
+            f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without the delay and limits: an "
+            f"estimate "
             "for the loop in motion"
         )
         draft.estimate({"step_max": step}, rests_on, of=WHOLE_LOOP, rest=moving.found)
@@ -159,7 +160,7 @@ def _of_its_V(certificate: Certificate) -> dict[str, Entry]:
     decay, bound, of_estimates, limit = found.values()
     cells = {}
     if decay is not None and bound is not None:
-        cells["stability"] = statement("stability", f"what V holds stays bounded: {decay.value}", *decay.rests_on)
+        cells["stability"] = statement("stability", f"whatever V contains stays bounded: {decay.value}", *decay.rests_on)
         cells["transient"] = statement("transient", f"every |e_i| <= {up(bound.value)}", *bound.rests_on)
     if of_estimates is not None:
         cells["estimates"] = statement("estimates", f"every |theta_tilde_i| <= {up(of_estimates.value)}", *of_estimates.rests_on)

@@ -28,7 +28,7 @@ from barbalat.comparison.contest.rule import (
 )
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
-from barbalat.comparison.plants import parameters_of, plants_of
+from barbalat.comparison.plants import parameters_of, plants_of, require_delays
 from barbalat.comparison.search.aim import Plants
 from barbalat.comparison.search.search import least_trials
 from barbalat.comparison.starts import initial_estimates
@@ -36,8 +36,11 @@ from barbalat.judge.settings import Judge
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.run.kernel.costs import steps_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.finer_step import FINER_BY, refined
+from barbalat.study.finer_step import finer as finer_in_words
+from barbalat.study.finer_step import refined
+from barbalat.study.fixed_steps import fixed_steps
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.study.verdicts import Criterion
@@ -47,7 +50,7 @@ from barbalat.validate import InputError, Named, counted
 DEFAULT_MEMBERS = 200
 """Number of validation runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
 TUNING_SHARE = 0.85
-"""Approximate share of the time; the validation runs take the rest."""
+"""Approximate share of the time for the search; the validation runs take the rest."""
 
 
 def contest(
@@ -72,7 +75,7 @@ def contest(
                   only if their class is from outside and declares tuned settings
     delay_margin  [s]; by default ``default_delay_margin``
     until         "onset": a margin ends where the loop begins to oscillate; "loss": where it loses its motion
-    schemes       by their names in case files; by default all that declare tuned settings and take the problem
+    schemes       by their names in case files; by default all that declare tuned settings and support the problem
     sample_time   sample time of all controllers [s]; by default continuous ones stay continuous
     noise         share of the model's motion, if the case has no noise of its own
     members       number of validation runs
@@ -80,22 +83,23 @@ def contest(
     """
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)
-    whole.simulation.require_steps("a contest")
-    margin = default_delay_margin(problem, whole.simulation) if delay_margin is None else delay_margin
+    steps = fixed_steps(problem, whole.controllers, whole.simulation)
+    simulation = steps.simulation
+    margin = default_delay_margin(problem, simulation) if delay_margin is None else delay_margin
     rule = Rule(delay_margin=margin, gain_margin=gain_margin, until=until, plants=plants, trials=trials, seed=seed)
-    rule.require_steps(whole.simulation)
+    rule.require_steps(simulation)
     held = margin if sample_time is None else sample_time
-    noisy = with_noise(problem, noise, whole.simulation, held, seed)
+    noisy = with_noise(problem, noise, simulation, held, seed)
     own = [one for one in whole.controllers if comes_from_outside(one)]
-    entrants, left_out = entrants_of(noisy, whole.simulation, schemes=schemes, own=own, sample_time=sample_time)
+    entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=sample_time)
     if not entrants:
         raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
     found = compete(
-        noisy, whole.simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, threads=threads,
+        noisy, simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, threads=threads,
         progress=progress,
     )  # fmt: skip
-    said = added_noise(problem, noisy, noise)
-    return found if said is None else replace(found, notes=(said, *found.notes))
+    said = filter(None, (steps.sentence, added_noise(problem, noisy, noise)))
+    return replace(found, notes=(*said, *found.notes))
 
 
 def posed(problem: TrackingProblem) -> Problem:
@@ -115,6 +119,7 @@ def compete(
     members: int = DEFAULT_MEMBERS,
     left_out: Sequence[str] = (),
     finer: bool = True,
+    family: Sequence[Problem] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Contest:
@@ -123,6 +128,7 @@ def compete(
     judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
     left_out  sentences on schemes that do not take part, which are passed on
     finer     whether the first validation run of each command is repeated with a finer step
+    family    the plants for tuning, in place of those that the rule draws
 
     Raises InputError for a problem without a known set, and for entrants with the same name.
     """
@@ -130,14 +136,15 @@ def compete(
     _require(problem, simulation, entrants, rule, members)
     _require_budget(simulation, len(entrants), rule, members)
     assert problem.uncertainty is not None
-    family = plants_of(problem, problem.uncertainty, rule.plants, rule.seed)
+    family = plants_of(problem, problem.uncertainty, rule.plants, rule.seed) if family is None else family
+    draws = Draws.drawn(problem, members, rule)
+    require_delays([*family, *draws.problems], simulation)
     plants = _Shared(family, rule, simulation)
     tuned = []
     for i, one in enumerate(entrants):
         part = part_of(progress, TUNING_SHARE * i / len(entrants), TUNING_SHARE / len(entrants))
         tuned.append(qualify(one, rule, plants.read_by(one), simulation, judge=judge, threads=threads, progress=part))
     qualified = [one for one in tuned if one.meets]
-    draws = Draws.drawn(problem, members, rule)
     rest = part_of(progress, TUNING_SHARE, 1 - TUNING_SHARE)
     held = measure(qualified, draws, rule, simulation, judge=judge, threads=threads, progress=rest)
     ordered = sorted(tuned, key=lambda one: _rank(one, held))
@@ -169,7 +176,7 @@ class _Shared:
         self.found: list[Plants] = []
 
     def read_by(self, entrant: Entrant) -> Plants:
-        """The plants as this entrant reads them."""
+        """The plants in the form that this entrant accepts."""
         problems = [entrant.reads(problem) for problem in self.family]
         for one in self.found:
             if all(a is b for a, b in zip(one.problems, problems, strict=True)):
@@ -183,6 +190,7 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
     validate.instance("simulation", simulation, Simulation)
     validate.instance("rule", rule, Rule)
     validate.whole("members", members, least=8)
+    simulation.require_steps("a contest between entrants")
     rule.require_steps(simulation)
     posed(problem)
     if not entrants:
@@ -193,25 +201,25 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
 
 
 RUNS_EACH_PLANT = 12
-"""Runs of a tuning on one plant, including modelling errors: 6 for the template's case, 18 beside an observer and a specification
+"""Runs of a tuning on one plant, including modelling errors: 6 for the template's case, 18 with an observer and a specification
 of delay and gain."""
 RUN_SECONDS = 2e-3
-"""Seconds for the equations of a run, in addition to its steps: 1 ms for a small loop, 3 ms beside an observer."""
+"""Seconds for the equations of a run, in addition to its steps: 1 ms for a small loop, 3 ms with an observer."""
 STEP_SECONDS = 1e-8
 """Seconds per step of a member: 3 ns for a small loop; most loops are larger."""
 HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
 """Seconds for the plant and command of a validation run, in addition to its steps."""
 
 
-def search_seconds(steps: int, entrants: int, trials: int, plants: int) -> float:
-    """The time of one core for the search of so many tunings of each entrant on so many plants [s]."""
+def search_seconds(steps: float, entrants: int, trials: int, plants: int) -> float:
+    """The time of one core [s] for a search over this number of tunings of each entrant on this number of plants."""
     return entrants * trials * plants * RUNS_EACH_PLANT * (RUN_SECONDS + steps * STEP_SECONDS)
 
 
 def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: int) -> None:
     """InputError if the plants, the trials on them or the validation runs exceed the budget."""
-    steps = entrants * simulation.steps * STEP_SECONDS
-    searched = Estimate(seconds=search_seconds(simulation.steps, entrants, 1, 1))
+    steps = entrants * steps_of(simulation) * STEP_SECONDS
+    searched = Estimate(seconds=search_seconds(steps_of(simulation), entrants, 1, 1))
 
     def held_out(count: float) -> Estimate:
         return (HELD_OUT + Estimate(seconds=steps)).times(count)
@@ -234,18 +242,18 @@ def _notes(
     problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Remeasured], rule: Rule
 ) -> list[str]:
     """Sentences on the limits of the result."""
-    said = []
+    said, own = [], "the step" if simulation.tolerance is None else "the tolerance"
     for one in tuned:
         if not one.meets:
-            also = f" even at a step {FINER_BY} times smaller" if one.refused else ""
+            also = f" even at {finer_in_words(simulation)}" if one.refused else ""
             said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} satisfies the rule{also}")
         elif one.refused:
             said.append(
-                f"{one.name}: better tunings, {len(one.refused)} of them, satisfy the rule only at the step of the case: "
+                f"{one.name}: better tunings, {len(one.refused)} of them, satisfy the rule only at {own} of the case: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
-    said += [one.sentence(name, refined(simulation).dt) for name, one in again.items()]
+    said += [one.sentence(name, refined(simulation)) for name, one in again.items()]
     if rule.until is Criterion.ONSET and problem.noise is not None:
         said.append(NOISE_SENTENCE)
     for one in tuned:

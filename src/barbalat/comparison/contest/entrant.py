@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.comparison.grids import reach_of
+from barbalat.comparison.grids import reach_of, unresolved
 from barbalat.comparison.ranges import BEYOND_GRID, Range, Space
 from barbalat.controllers import SCHEMES, BaselineAlone, Sampled
 from barbalat.controllers.sampled import DISCRETIZATIONS
@@ -118,7 +118,7 @@ def entrants_of(
     sample_time: float | None = None,
     ours: bool = True,
 ) -> tuple[list[Entrant], list[str]]:
-    """The registered schemes that declare tuned settings and take the problem; and sentences on those that are left out.
+    """The registered schemes that declare tuned settings and support the problem; and sentences on those that are left out.
 
     schemes      their names in case files; by default all
     own          controllers from outside: those that declare tuned settings take part too
@@ -132,15 +132,15 @@ def entrants_of(
     ``starts.start_of`` reports its start.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
-        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
+        raise InputError(f"--schemes must be one of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
     reach, how = reach_of(problem, simulation)
     theta_set, theta_0 = problem.known.theta_set, problem.known.theta_0
-    unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
-    left_out = [f"{unresolved}, are not tried"]
+    beyond = unresolved(reach.highest_gain, how, simulation)
+    left_out = [f"{beyond}, are not tried"]
     if sample_time is not None:
         reach = reach.sampled(sample_time, SAMPLED_GAINS_BEYOND)
         left_out = [
-            f"gains above {SAMPLED_GAINS_BEYOND:g} times {unresolved.removeprefix('gains above ')} of a continuous law, and time "
+            f"gains above {SAMPLED_GAINS_BEYOND:g} times {beyond.removeprefix('gains above ')} of a continuous law, and time "
             f"constants below half a sample, {reach.times[0]:g} s, are not tried"
         ]
     reach = replace(

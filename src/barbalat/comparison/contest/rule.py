@@ -15,8 +15,8 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
+from barbalat.study.delay_margin import LARGEST_GAIN_ERROR
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, shortest_delay
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.verdicts import Criterion
 from barbalat.validate import InputError
@@ -25,7 +25,7 @@ DEFAULT_GAIN_MARGIN = 1.5
 """Factor: flight control systems require 6 dB, a factor of 2, which often excludes every scheme on the plants of a known
 set; many schemes can satisfy 3.5 dB."""
 DEFAULT_PLANTS, DEFAULT_TRIALS = 4, 384
-"""As in ``tune``."""
+"""The same numbers as in ``tune``."""
 OBJECTIVE_FIGURE = "rms_e"
 DELAY_KEYS = {Criterion.ONSET: "delay_margin_measured", Criterion.LOSS: "delay_margin_simulated"}
 GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_margin_simulated"}
@@ -71,8 +71,7 @@ class Rule(Settings):
         self.__post_init__()
 
     def __post_init__(self) -> None:
-        if not 0 < validate.number("delay_margin", self.delay_margin) <= LONGEST_DELAY:
-            raise InputError(f"delay_margin must be above 0 and at most {LONGEST_DELAY:g} s, got {self.delay_margin:g} s")
+        validate.positive("delay_margin", self.delay_margin)
         most = 1 + LARGEST_GAIN_ERROR
         if not 1 < validate.number("gain_margin", self.gain_margin) <= most:
             raise InputError(f"gain_margin must be a factor above 1 and at most {most:g}, such as 2, got {self.gain_margin:g}")
@@ -82,7 +81,7 @@ class Rule(Settings):
 
     @property
     def constraints(self) -> tuple[Constraint, Constraint]:
-        """On the delay and on the gain."""
+        """The constraints on the delay and on the gain."""
         delay = Constraint.parse(f"{DELAY_KEYS[self.until]} >= {self.delay_margin!r}")
         return delay, Constraint.parse(f"{GAIN_KEYS[self.until]} >= {self.gain_margin!r}")
 
@@ -93,11 +92,13 @@ class Rule(Settings):
         constraints = (*self.constraints, *map(Constraint.parse, self.also))
         return Aim(quantity=quantity, constraints=constraints, plants=self.plants, seed=self.seed)
 
-    def require_steps(self, simulation: Simulation) -> None:
-        """InputError for a delay that can't be simulated."""
-        shortest = SHORTEST_DELAY_STEPS * simulation.dt
-        if self.delay_margin < shortest:
-            raise InputError(f"delay_margin must be at least two solver steps, {shortest:g} s, got {self.delay_margin:g} s")
+    def require_steps(self, simulation: Simulation, called: str = "delay_margin") -> None:
+        """InputError for a delay, which the user knows as ``called``, that can't be simulated."""
+        shortest, delay = SHORTEST_DELAY_STEPS * simulation.resolution, self.delay_margin
+        if delay < shortest:
+            raise InputError(f"{called} must be at least {shortest_delay(simulation)}, got {delay:g} s")
+        if delay >= simulation.t_end:
+            raise InputError(f"{called} must be shorter than simulation.t_end = {simulation.t_end:g} s, got {delay:g} s")
 
     def as_json(self) -> dict[str, object]:
         return {
@@ -116,7 +117,8 @@ MOST_CORNERS = 1024
 
 
 def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
-    """A tenth of the fastest time constant of the model and, for phi(x) = x, of the corners of the known set [s]; two digits.
+    """A tenth of the fastest time constant of the model and, for phi(x) = x, of the corners of the known set [s], rounded to
+    two digits.
 
     Unmodelled dynamics are then assumed to begin a decade above those of the equations. At least four solver steps.
     """
@@ -127,7 +129,7 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
         b = plant.b.reshape(plant.n, -1)
         matrices += [plant.A_m + b @ np.reshape(corner, (plant.n, -1)).T for corner in corners]
     fastest = max(float(np.abs(np.linalg.eigvals(one)).max()) for one in matrices)
-    return max(float(f"{0.1 / fastest:.2g}"), 4 * simulation.dt)
+    return max(float(f"{0.1 / fastest:.2g}"), 4 * simulation.resolution)
 
 
 DEFAULT_NOISE_SHARE = 1e-3
@@ -135,16 +137,16 @@ DEFAULT_NOISE_SHARE = 1e-3
 
 
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
-    """The problem, with Gaussian noise added if it has none; ``share`` 0 leaves it without.
+    """The problem, with Gaussian noise added if it has neither noise nor a quantised measurement; ``share`` 0 adds none.
 
     sample_time  approximate time for which a value is held [s]: the nearest whole number of solver steps
     """
-    if problem.noise is not None or share == 0:
+    sensor = problem.surroundings.sensor
+    if problem.noise is not None or share == 0 or (sensor is not None and sensor.quantization is not None):
         return problem
     if not 0 < share < 1:
         raise InputError(f"noise must be a share of the model's motion, at least 0 and below 1, got {share:g}")
-    steps = max(round(sample_time / simulation.dt), 1)
-    held = simulation.dt * steps
+    held = simulation.resolution * max(round(sample_time / simulation.resolution), 1)
     noise = Noise(std=[share * each for each in ReferenceMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
     return problem.with_sensor(lambda own: Sensor(noise=noise) if own is None else replace(own, noise=noise))
 

@@ -60,14 +60,14 @@ class Qualified:
     meets        whether the tuning keeps both margins
     error        RMS |e| on the worst of the tuning's plants; infinite if it diverged
     margins      by each criterion, on the worst of these plants
-    own          what its designers look at, by keys of its certificate, as far as the certificate claims it
+    own          the values of its certificate that its designers examine, by key, as far as the certificate claims them
     settled      the share of the error that the second half of the trials has removed, from 0 to 1; None if the first half
                  found nothing that meets the rule
-    at_edge      knobs that lie at an end of their range, beyond which something else lies
+    at_edge      knobs that lie at an end of their range beyond which other values exist
     sample_time  with which it runs [s]; None for a continuous one
     start        (p,) of its estimates of theta; None if it has none, or none that are known to be theta's
     step         the result of a finer step for the tuning; None if it does not meet the rule at the case's step either
-    refused      the same of better tunings, which meet the rule at the case's step alone
+    refused      the same of better tunings, which meet the rule only at the case's own step
     verdict      the judge's on the tuning's run, on the case's own plant
     """
 
@@ -104,7 +104,7 @@ class Qualified:
         return self.entrant.name
 
     def as_json(self, rule: Rule) -> dict[str, object]:
-        """Without the measurements on validation plants."""
+        """The fields of the JSON document without the measurements on validation plants."""
         return {
             "meets": self.meets,
             "verdict": self.verdict.as_json(),
@@ -137,7 +137,7 @@ def qualify(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Qualified:
-    """Search under the rule; ``plants`` are those of the rule as this entrant reads them."""
+    """Search under the rule; ``plants`` are those of the rule in the form that this entrant accepts."""
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths, judge)

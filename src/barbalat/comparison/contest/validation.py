@@ -112,6 +112,7 @@ class Validation:
     """One entrant on all draws.
 
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
+    unsound   (M,) truth values: the judge calls the run lost or a limit cycle
     diverged  (M,) truth values; lost: the judge calls the run lost or, if the rule ends margins at the onset, a limit cycle, or
     it follows its model in no component
     delay, gain_up, gain_down  (M,) whether it does not tolerate what the rule requires, on these plants and commands
@@ -125,10 +126,11 @@ class Validation:
     gain_up: Array
     gain_down: Array
     effort: Array
+    unsound: Array
 
     @property
     def failures(self) -> dict[str, Share]:
-        """What is counted first."""
+        """The shares of failures, which count before the error."""
         found = {
             "diverged": self.diverged,
             "lost": self.lost,
@@ -162,7 +164,7 @@ class Validation:
 
 @dataclass(frozen=True, kw_only=True)
 class Remeasured:
-    """Some validation runs of one entrant, repeated with a step that is FINER_BY times smaller.
+    """Some validation runs of one entrant, repeated with the ``refined`` simulation.
 
     verdicts  runs with another verdict: lost, or not tolerating what the rule requires
     errors    runs with a different error
@@ -172,14 +174,15 @@ class Remeasured:
     verdicts: int
     errors: int
 
-    def sentence(self, name: str, dt: float) -> str:
+    def sentence(self, name: str, fine: Simulation) -> str:
         """The finding as a sentence."""
-        again = f"{name}: of {counted(self.runs, 'validation run')} repeated at h = {dt:g} s"
+        again = f"{name}: of {counted(self.runs, 'validation run')} repeated at {fine.step}"
         if not (self.verdicts or self.errors):
             return f"{again} none changes its verdict or its error"
         return (
-            f"{again} another verdict is given on {self.verdicts}, and the error of {self.errors} differs by more than "
-            f"{EQUAL_FIGURES_SHARE:.0%}: part of what is counted is the solver's, make simulation.dt smaller"
+            f"{again} the verdict changes on {self.verdicts}, and the error changes by more than "
+            f"{100 * EQUAL_FIGURES_SHARE:.0f} % on {self.errors}: part of them is due to the solver, "
+            f"make {fine.refined_by} smaller"
         )
 
 
@@ -277,4 +280,5 @@ def _measured(
         gain_up=~borne["gain_up"],
         gain_down=~borne["gain_down"],
         effort=metrics.max_abs_u.reshape(len(members), -1).max(axis=1),
+        unsound=found.noisy.lost | found.noisy.oscillates | found.quiet.oscillates,
     )

@@ -66,7 +66,7 @@ def _same(value: Any, default: Any) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """As TOML has it."""
+    """The value in a form that TOML can represent."""
     if isinstance(value, StateSpace):
         value = value.transfer_function()
     if isinstance(value, TransferFunction):

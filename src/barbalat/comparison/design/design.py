@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,31 +20,39 @@ from barbalat.comparison.contest.entrant import Entrant, entrants_of
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.contest.rule import DEFAULT_NOISE_SHARE, Rule, added_noise, default_delay_margin, with_noise
 from barbalat.comparison.contest.tuned import Qualified
+from barbalat.comparison.contest.validation import VALIDATION_SEED, Draws, Validation, measure
 from barbalat.comparison.design.meeting import FIGURES, StepTest, measured, model_settling
-from barbalat.comparison.plants import plants_of
+from barbalat.comparison.plants import extreme_plants, plants_of, require_delays
 from barbalat.controllers import BaselineAlone, Sampled
 from barbalat.judge.specification import Specification
+from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
+from barbalat.study.fixed_steps import fixed_steps
 from barbalat.sweeps.statistics import Share
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError, counted
 
-DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 3, 288, 64
+DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 4, 288, 64
 LEAST_GAIN = 1.001
 """The rule's gain margin if the specification requires none: almost none."""
-STEP_MEMBERS = 16
-"""Validation plants with measured step responses; each takes two recorded runs."""
-SEARCH_SHARE = 0.85
-"""Approximate share of the time."""
+STEP_MEMBERS, EXTREME_MEMBERS = 12, 6
+"""Random plants of the validation, and extreme ones in addition to those of the tuning; each takes three recorded runs."""
+SEARCH_SHARE, FIRST_ROUND_SHARE = 0.85, 0.4
+"""Approximate shares of the time that the search, and the first round of it, take."""
+ROUNDS = 2
+"""The validation plants on which an entrant fails join the tuning, once, unless one with a smaller error on the tuning's plants
+meets everything."""
 ASKED_IN_WORDS = {
     "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} of the step", "u_max": "demands |u| up to {:.4g}",
     "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
+LOST = "lost"
+"""The requirement, always made, that no validation run is lost or in a limit cycle."""
 
 
 class NobodyTakesPart(InputError):
-    """No entrant takes the case; ``left_out`` are sentences with the reasons."""
+    """No entrant supports the case; ``left_out`` are sentences with the reasons."""
 
     def __init__(self, left_out: Sequence[str]) -> None:
         super().__init__(f"no scheme takes part: {'; '.join(left_out)}")
@@ -76,6 +85,12 @@ class Candidate:
         return {name: value for name, value in self.factor.items() if not value <= 1}
 
     @property
+    def distance(self) -> float:
+        """How far it is from the specification: the root of the sum of the squared logarithms of the factors by which it misses
+        requirements, without those that it misses beyond any factor."""
+        return math.hypot(*(math.log(value) for value in self.misses.values() if math.isfinite(value)))
+
+    @property
     def meets(self) -> bool:
         return self.tuned.meets and not self.misses
 
@@ -85,27 +100,29 @@ class Candidate:
         return max(self.factor, key=self.factor.__getitem__)
 
     @property
-    def broken(self) -> str:
-        """The requirements that validation plants do not meet, and how many; empty if they meet all."""
-        return ", ".join(f"{name} on {one.count} of {one.judged}" for name, one in self.held_out.items() if one.count)
-
-    @property
     def sentence(self) -> str:
         """What it meets, or what it misses and by how much."""
         if not self.misses:
-            said = ", ".join(map(self._said, self.worst))
+            said = ", ".join(self._said(name) for name in self.worst if name != LOST)
             return said if self.tuned.meets else f"{said}; but no tuning of it meets every constraint of the search"
-        by = {
-            name: "beyond any factor" if np.isinf(value) else f"{value:.3g} times the limit"
-            for name, value in self.misses.items()
-        }
-        return "misses " + "; ".join(f"{name}: {self._said(name)}, {how}" for name, how in by.items())
+        return "misses " + "; ".join(map(self._missed, self.misses))
+
+    def _missed(self, name: str) -> str:
+        share = self.held_out.get(name)
+        on = "" if share is None or not share.count else f" on {share.count} of {counted(share.judged, 'validation plant')}"
+        if name == LOST:
+            return f"it is lost or in a limit cycle{on}"
+        if name in ("delay", "gain") and on and share is not None and self.misses[name] == 1 + share.share:
+            return f"{name}: {self._said(name)}, but less than required{on}"
+        far = "beyond any factor" if np.isinf(self.misses[name]) else f"{self.misses[name]:.3g} times the limit"
+        return f"{name}: {self._said(name)}, {far}{f' and missed{on}' if on else ''}"
 
     def _said(self, name: str) -> str:
         value, step = self.worst[name], self.step.get(name)
         if not np.isfinite(value):
             return {"settling": "does not settle"}.get(name, "diverges")
-        return f"{ASKED_IN_WORDS[name].format(value)}{f' (the step {step})' if step else ''}"
+        where = " on the tuning's plants" if name in ("delay", "gain") and name in self.held_out else ""
+        return f"{ASKED_IN_WORDS[name].format(value)}{where}{f' (the step {step})' if step else ''}"
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -125,6 +142,7 @@ class Design:
     """The result of ``design``: candidates, those that meet the specification first, and the contest that tuned them.
 
     added_noise  a sentence on the measurement noise that the design adds because the case has none; None if it has its own
+    tried        the numbers of plants, for tuning and for validation, on which everything was measured
     """
 
     case: Case
@@ -135,6 +153,7 @@ class Design:
     candidates: tuple[Candidate, ...]
     contest: Contest
     added_noise: str | None = None
+    tried: tuple[int, int] = (0, 0)
 
     @property
     def recommended(self) -> Candidate | None:
@@ -148,32 +167,37 @@ class Design:
 
     @property
     def reasons(self) -> list[str]:
-        """Plain sentences: the recommendation and its reasons, what fails first, and what no scheme can change."""
+        """Plain sentences: the recommendation and its reasons, the tightest requirement, and what no scheme can change."""
         first = self.candidates[0]
         said = []
         if first.meets:
             said.append(f"{first.name} is recommended: it {first.sentence}")
-            if first.broken:
-                said.append(
-                    f"it meets the specification on the tuning's plants, but on validation plants it fails {first.broken}: with "
-                    "--plants more of them take part in the tuning"
-                )
             others = [one.name for one in self.candidates[1:] if one.meets]
             if others:
                 also = "meets" if len(others) == 1 else "meet"
                 said.append(f"{', '.join(others)} {also} the specification too, with larger errors on validation plants")
-            said.append(f"what fails first is {first.tightest}: {first.factor[first.tightest]:.0%} of what is allowed is used")
+            said.append(
+                f"the tightest requirement is {first.tightest}: {first.factor[first.tightest] * 100:.0f} % of the limit is used"
+            )
         else:
             said.append("none of the schemes meets the specification")
-            said += [f"the nearest is {first.name}, which {first.sentence}"]
+            said += [f"the nearest, by all factors of its misses together, is {first.name}, which {first.sentence}"]
+            if any(first.held_out[name].count for name in first.misses if name in first.held_out):
+                said.append("a larger --plants tunes on more plants, which may prevent failures on validation plants")
+        if self.tried[1]:
+            said.append(
+                f"all of this is measured on {sum(self.tried)} plants, {self.tried[0]} of the tuning and {self.tried[1]} of the "
+                "validation: the case's own, extremes of its ranges, and random ones; on validation plants delay and gain are "
+                "tested only up to the required values; for plants in between nothing is guaranteed"
+            )
         said += self._of_the_baseline()
         asked = self.specification.settling
         if asked is not None or self.specification.overshoot is not None:
             said.append(self.test.sentence)
         if asked is not None and self.model_settling > asked:
             said.append(
-                f"the reference model itself settles in {self.model_settling:.3g} s where {asked:.3g} s is asked: "
-                "make its poles faster, since controllers follow it"
+                f"the reference model itself settles in {self.model_settling:.3g} s, but {asked:.3g} s is required: "
+                f"{self._faster_model}, since controllers follow it"
             )
         if self.added_noise is not None:
             decides = "" if self.specification.noise is None else ", on which the required noise share of u depends"
@@ -181,12 +205,17 @@ class Design:
         return said
 
     @property
+    def _faster_model(self) -> str:
+        around = self.contest.problem.plant.baseline is not None
+        return "make the baseline faster, whose loop with the nominal plant is the model" if around else "make its poles faster"
+
+    @property
     def baseline(self) -> Candidate | None:
         """The fixed loop without adaptation; None if it does not take part."""
         return next((one for one in self.candidates if isinstance(_unsampled(one.tuned.controller), BaselineAlone)), None)
 
     def _of_the_baseline(self) -> list[str]:
-        """A sentence if the loop without adaptation misses the specification, and which misses no scheme mends."""
+        """A sentence if the loop without adaptation misses the specification, and which requirements no scheme meets either."""
         found = self.baseline
         if found is None or found.meets:
             return []
@@ -196,7 +225,7 @@ class Design:
         shared = [name for name in found.misses if others and all(name in one.misses for one in others)]
         said = [] if found is self.candidates[0] else [f"{what}{beside} already {found.sentence}"]
         if shared:
-            said.append(f"every scheme misses {' and '.join(shared)}, and {what}{beside} too: adaptation does not mend it")
+            said.append(f"every scheme misses {' and '.join(shared)}, and {what}{beside} too: adaptation does not help")
         return said
 
     def as_json(self) -> dict[str, Any]:
@@ -239,15 +268,16 @@ def design(
     own: Sequence[Controller] = (),
     as_set: Sequence[Controller] = (),
     ours: bool = True,
-    held_out_steps: bool = True,
+    validated: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Design:
     """Let every scheme and the fixed loop compete under a specification, and recommend one or none.
 
-    All are tuned for the smallest RMS error on the worst of some plants, among the tunings that tolerate the specified delay and
-    gain factors and demand no more than ``u_max``. Then settling, overshoot, demand and the effect of noise are measured on these
-    plants and on validation plants.
+    All are tuned for the smallest RMS error on the worst of some plants, the case's own and the extremes of its ranges, among the
+    tunings that tolerate the specified delay and gain factors and demand no more than ``u_max``. Then everything that is
+    specified is measured on these plants and on validation plants, further extremes and random ones: a controller meets the
+    specification if it does so on all of them.
 
     specification  by default the case's ``[specification]``
     sample_time    sample time of all controllers [s]; by default that of the case's first sampled controller, or else a tenth of
@@ -259,23 +289,27 @@ def design(
     own            controllers from outside that are tuned too, by their declared settings
     as_set         controllers that take part as they are
     ours           whether the registered schemes take part
-    held_out_steps  whether steps are measured on validation plants too, and validation runs are repeated with a finer step
+    validated      whether extreme plants take part in the tuning, the specification must hold on validation plants too, and
+                   validation runs are repeated with a finer step
     Further arguments as in ``contest``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)
     asked = specification or whole.specification
     if asked is None:
-        raise InputError("the case has no [specification], which states the requirements on a design, such as settling and u_max")
+        raise InputError(
+            "the case has no [specification]: add this table with requirements, such as settling = 1.0 and u_max = 10.0"
+        )
     validate.instance("specification", asked, Specification)
-    problem, simulation = posed(whole.problem), whole.simulation
-    simulation.require_steps("a design")
+    problem = posed(whole.problem)
+    steps = fixed_steps(problem, whole.controllers, whole.simulation)
+    simulation, whole = steps.simulation, replace(whole, simulation=steps.simulation)
     held = _sample_time(whole, problem) if sample_time is None else sample_time
     rule = Rule(
         delay_margin=asked.delay or 2 * simulation.dt, gain_margin=asked.gain or LEAST_GAIN, plants=plants, trials=trials,
         seed=seed,
         also=() if asked.u_max is None else (f"max_abs_u <= {asked.u_max!r}",),
     )  # fmt: skip
-    rule.require_steps(simulation)
+    rule.require_steps(simulation, "specification.delay" if asked.delay else "simulation.dt: the delay that is always required")
     noisy = with_noise(problem, noise, simulation, held, seed)
     test = StepTest.of(noisy, simulation, whole.judge, asked)
     entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=held, ours=ours)
@@ -285,24 +319,60 @@ def design(
         entrants += alone
     if not entrants:
         raise NobodyTakesPart(left_out)
-    found = compete(
-        noisy, simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out,
-        finer=held_out_steps, threads=threads, progress=part_of(progress, 0, SEARCH_SHARE),
-    )  # fmt: skip
     assert noisy.uncertainty is not None
-    tuning = plants_of(noisy, noisy.uncertainty, plants, seed)
-    unseen = found.draws.problems[: min(STEP_MEMBERS, len(found.draws))] if held_out_steps else []
-    candidates = []
-    for i, one in enumerate(found.entrants):
-        candidates.append(_candidate(one, tuning, unseen, test, whole, asked))
-        if progress is not None:
-            progress(SEARCH_SHARE + (1 - SEARCH_SHARE) * (i + 1) / len(found.entrants))
+    tuning, unseen = _plants(noisy, noisy.uncertainty, plants, seed, validated)
+    require_delays(unseen, simulation)
+    for round_ in range(ROUNDS):
+        begun = FIRST_ROUND_SHARE if round_ else 0.0
+        part = part_of(progress, begun, 1 - FIRST_ROUND_SHARE if round_ else FIRST_ROUND_SHARE)
+        found = compete(
+            noisy, simulation, entrants, replace(rule, plants=len(tuning)), judge=whole.judge, members=members,
+            left_out=[*filter(None, [steps.sentence]), *left_out],
+            finer=validated, family=tuning, threads=threads, progress=part_of(part, 0, SEARCH_SHARE),
+        )  # fmt: skip
+        borne = {}
+        if validated:  # the case's own command, whose demands the specification limits
+            streams, same = len(tuning) + np.arange(len(unseen)), np.ones((len(unseen), 2))
+            drawn = Draws(problems=unseen, streams=streams, commands=same)
+            borne = measure(found.entrants, drawn, found.rule, simulation, judge=whole.judge, threads=threads)
+        candidates, missed = [], []
+        for i, one in enumerate(found.entrants):
+            made, on = _candidate(one, tuning, unseen, borne.get(one.name), test, whole, asked)
+            candidates.append(made)
+            missed.append(on)
+            if part is not None:
+                part(SEARCH_SHARE + (1 - SEARCH_SHARE) * (i + 1) / len(found.entrants))
+        fails = _failed_by_better(candidates, missed)
+        if not fails.any() or round_ + 1 == ROUNDS:
+            break
+        joining = [int(i) for i in np.argsort(-fails, kind="stable")[:plants] if fails[i]]
+        tuning = [*tuning, *(unseen[i] for i in joining)]
+        left = [one for i, one in enumerate(unseen) if i not in joining]
+        unseen = [*left, *plants_of(noisy, noisy.uncertainty, len(joining) + 1, seed + VALIDATION_SEED + 1)[1:]]
     order = sorted(range(len(candidates)), key=lambda i: _rank(candidates[i], i))
     return Design(
         case=replace(whole, problem=problem), specification=asked, test=test, sample_time=held,
         model_settling=model_settling(noisy, test), candidates=tuple(candidates[i] for i in order), contest=found,
-        added_noise=added_noise(problem, noisy, noise),
+        added_noise=added_noise(problem, noisy, noise), tried=(len(tuning), len(unseen)),
     )  # fmt: skip
+
+
+def _failed_by_better(candidates: Sequence[Candidate], missed: Sequence[Array]) -> Array:
+    """How many candidates fail on each validation plant, of those with a smaller error in the tuning than all that meet
+    everything."""
+    least = min((one.tuned.error for one in candidates if one.meets), default=np.inf)
+    better = np.array([one.tuned.error < least for one in candidates])
+    return np.asarray(np.array(missed)[better].sum(axis=0))
+
+
+def _plants(problem: Problem, known_set: KnownSet, count: int, seed: int, validated: bool) -> tuple[list[Problem], list[Problem]]:
+    """The plants for tuning and for validation; the case's own and its extremes come first."""
+    if not validated:
+        return plants_of(problem, known_set, count, seed), []
+    extremes = extreme_plants(problem, known_set, count - 1 + EXTREME_MEMBERS, seed)
+    tuning = [problem, *extremes[: count - 1]]
+    tuning += plants_of(problem, known_set, count - len(tuning) + 1, seed)[1:]
+    return tuning, [*extremes[count - 1 :], *plants_of(problem, known_set, STEP_MEMBERS + 1, seed + VALIDATION_SEED)[1:]]
 
 
 def _unsampled(controller: Controller) -> Controller:
@@ -317,36 +387,54 @@ def _sample_time(case: Case, problem: Problem) -> float:
     return max(round(fastest / case.simulation.dt), 1) * case.simulation.dt
 
 
-def _rank(one: Candidate, place: int) -> tuple[bool, float, int]:
-    """Those that meet everything come first, in the contest's order; then by the largest miss, which is infinite without a
-    tuning."""
-    return not one.meets, 0.0 if one.meets else max(one.factor.values()), place
+def _rank(one: Candidate, place: int) -> tuple[bool, int, float, int]:
+    """The key for sorting: candidates that meet everything come first, in the contest's order. The others follow by the number
+    of requirements that no factor expresses, and then by their distance from the remaining ones."""
+    beyond = sum(math.isinf(value) for value in one.misses.values())
+    return not one.meets, 0 if one.meets else beyond, 0.0 if one.meets else one.distance, place
 
 
 def _candidate(
-    one: Qualified, tuning: Sequence[Problem], unseen: Sequence[Problem], test: StepTest, case: Case, asked: Specification
-) -> Candidate:
+    one: Qualified,
+    tuning: Sequence[Problem],
+    unseen: Sequence[Problem],
+    borne: Validation | None,
+    test: StepTest,
+    case: Case,
+    asked: Specification,
+) -> tuple[Candidate, Array]:
+    """The candidate; and on which of the unseen plants it misses something, if it meets the specification on the tuning's."""
     reads = one.entrant.reads
-    known, steps = measured([reads(problem) for problem in tuning], one.controller, test, case.judge)
-    held, _ = measured([reads(problem) for problem in unseen], one.controller, test, case.judge)
+    figures, steps = measured([reads(problem) for problem in (*tuning, *unseen)], one.controller, test, case.judge)
     worst, factor, shares, which = {}, {}, {}, {}
+    missed, met = np.zeros(len(unseen), dtype=bool), one.meets
     for name in FIGURES:
         limit = getattr(asked, name)
         if limit is None:
             continue
-        worst[name] = float(known[name].max())
+        worst[name] = float(figures[name].max())
         factor[name] = _used(worst[name], limit)
+        met = met and _used(float(figures[name][: len(tuning)].max()), limit) <= 1
         if name in steps and len(test.stages) > 1:
-            which[name] = steps[name][int(known[name].argmax())]
+            which[name] = steps[name][int(figures[name].argmax())]
         if unseen:
-            shares[name] = Share.of(np.array([_used(float(value), limit) > 1 for value in held[name]]))
+            fails = np.array([_used(float(value), limit) > 1 for value in figures[name][len(tuning) :]])
+            shares[name], missed = Share.of(fails), missed | fails
     if asked.delay is not None:
         worst["delay"] = one.delay_margin_measured
         factor["delay"] = np.inf if worst["delay"] <= 0 else asked.delay / worst["delay"]
     if asked.gain is not None:
         worst["gain"] = one.gain_margin_measured
         factor["gain"] = np.inf if worst["gain"] <= 1 else (asked.gain - 1) / (worst["gain"] - 1)
-    return Candidate(tuned=one, worst=worst, factor=factor, held_out=shares, step=which)
+    if borne is not None:
+        asked_of = {"delay": borne.delay, "gain": borne.gain_up | borne.gain_down}
+        for name in [one for one in asked_of if one in factor]:
+            shares[name], missed = Share.of(asked_of[name]), missed | asked_of[name]
+            if shares[name].count:  # the size that they do tolerate is not searched
+                factor[name] = max(factor[name], 1 + shares[name].share)
+        shares[LOST], missed = Share.of(borne.unsound), missed | borne.unsound
+        worst[LOST], factor[LOST] = shares[LOST].share, np.inf if shares[LOST].count else 0.0
+    return Candidate(tuned=one, worst=worst, factor=factor, held_out=shares, step=which), missed & met
 
 
 def _used(value: float, limit: float) -> float:

@@ -19,12 +19,16 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import SCANNED_DELAYS, gains_scanned, longest_delay, scanned
-from barbalat.study.finer_step import FINER_BY, PlainRun
+from barbalat.study.finer_step import PlainRun, finer
 from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
 
 DEFAULT_PLANTS = 4
 """Number of plants: the case's own and three more, as in a trade-off."""
+
+
+HELD_OUT_PLANTS = 32
+"""Number of validation plants: if one in ten fails, the probability that none of these fails is 3 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +114,12 @@ class Aim:
             return [problem]
         return list(plants_of(problem, problem.uncertainty, self.plants, self.seed))
 
+    def unseen(self, problem: TrackingProblem) -> list[Problem]:
+        """The problem with plants drawn by another seed, which no tuning uses; none without a known set."""
+        if not isinstance(problem, Problem) or problem.uncertainty is None:
+            return []
+        return plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, self.seed + 1)[1:]
+
 
 @dataclass(eq=False)
 class Trial:
@@ -177,16 +187,15 @@ def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Id
 
 @dataclass(frozen=True, kw_only=True)
 class StepCheck:
-    """One tuning at a step FINER_BY times smaller.
+    """One tuning with the ``refined`` simulation.
 
-    dt       the finer step [s]
     value    the aim's figure there; None if no run gives it
     broken   sentences on constraints that it does not meet there
     changed  sentences on figures that differ there
     plain    the tuning's run without a modelling error at the step of the case
     """
 
-    dt: float
+    simulation: Simulation
     value: float | None
     broken: tuple[str, ...]
     changed: tuple[str, ...]
@@ -202,12 +211,12 @@ class StepCheck:
         """Sentences on the limits of the result; if nothing has changed, that comes first."""
         said = [*self.broken, *self.changed]
         if not said and self.plain.settles:
-            said = [f"a step {FINER_BY} times smaller confirms it"]
+            said = [f"{finer(self.simulation)} confirms it"]
         return [*said, *self.plain.sentences]
 
     def as_json(self) -> dict[str, Any]:
         return {
-            "dt": self.dt,
+            **self.simulation.step_as_json(),
             "value": self.value if self.value is not None and np.isfinite(self.value) else None,
             "holds": self.holds,
             "sentences": self.sentences,

@@ -106,7 +106,7 @@ class Probing:
     def bears(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
         """(M,) the tolerated size of the probe's errors, up to ``limit``; further arguments as in ``Question.bears``.
 
-        undelayed  the members' runs without an error
+        undelayed  the members' runs without an added delay or gain error
         """
         found, among = np.full(len(group), np.inf), np.ones(len(group), dtype=bool)
         for error in probe.errors:

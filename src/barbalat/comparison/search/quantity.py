@@ -51,7 +51,7 @@ OF_A_LINEAR_LOOP = frozenset(
     [*EACH_INPUT, *EACH_INPUT.values(), "delay_margin_adapting", "complementary_sensitivity_peak", "margins_over_known_set"]
 )
 LINEAR_DELAYS = ("delay_margin", "delay_margin_each", "delay_margin_adapting")
-"""The delay margins among them."""
+"""The delay margins among these margins."""
 LINEAR_SENTENCE = (
     "{key} "
     "is that of a linear loop without input limits, rate limits, quantisation and a changing command; with these a loop may "
@@ -89,7 +89,7 @@ class TunedQuantity:
 
     @property
     def key(self) -> str:
-        """The key of a certificate under which it stands, by itself or as a part."""
+        """The key of a certificate that contains it, alone or as a part."""
         return self.name.partition(".")[0]
 
     @property
@@ -181,7 +181,8 @@ class Constraint:
             if quantity.larger_is_worse or requirement.limit <= least:
                 what, example = ("delay", "0.01") if least == 0 else ("factor", "2")
                 raise InputError(
-                    f"{quantity.name} needs a least {what} above {least:g}, such as {quantity.name} >= {example}, got {text!r}"
+                    f"{quantity.name} needs a lower limit of the {what} above {least:g}, such as {quantity.name} >= "
+                    f"{example}, got {text!r}"
                 )
         return cls(requirement, quantity)
 

@@ -20,11 +20,12 @@ REFINED_SHARES = (0.1, 0.02)
 """Share of a range, to either side of the best tuning so far, in which the search continues: active constraints leave no
 more room."""
 STAR_GENERATIONS = 3
-"""At the end, if enough trials remain: steps from the best tuning along each number to either side, each half as long as the
-previous one. An active constraint leaves only one side of the best; evolution comes within a hundredth of it, and each star
+"""Generations at the end, if enough trials remain: they step from the best tuning along each number to either side, each half
+as far as the previous one. An active constraint leaves only one side of the best; evolution comes within a hundredth of it, and
+each star
 halves the remaining distance."""
 SETTLED_SPREAD = 5e-3
-"""Relative spread at which a generation stops evolving: its best is even closer to the optimum."""
+"""Relative spread at which the generations stop evolving; the best tuning is even closer to the optimum."""
 BROKEN_CONSTRAINT_SCORE = 1e100
 """Scores from here on belong to tunings that violate a constraint, and grow with the violation and with how early it
 appeared."""
@@ -34,7 +35,7 @@ Judged = Callable[[Array, float], Array]
 
 
 def least_trials(dimensions: int) -> int:
-    """The fewest trials: the spread, one generation over the whole cube, and one around each best with its initial one."""
+    """The smallest number of trials: the initial spread, one generation over the whole cube, and two around each best point."""
     return (SPREAD_GENERATIONS + 1 + 2 * len(REFINED_SHARES)) * _size(dimensions)
 
 

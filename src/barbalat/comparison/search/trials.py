@@ -128,7 +128,7 @@ class Trials:
         return np.asarray(found)
 
     def at_finer_step(self, trial: Trial) -> StepCheck:
-        """The results of a fully evaluated tuning with a step FINER_BY times smaller: its figures and requirements.
+        """The results of a fully evaluated tuning with the ``refined`` simulation: its figures and requirements.
 
         Certificates involve no simulation and stay the same.
         """
@@ -148,12 +148,12 @@ class Trials:
         self.runs += others.runs
         plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation, given.judge)
         return StepCheck(
-            dt=case.simulation.dt, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed), plain=plain
+            simulation=case.simulation, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed), plain=plain
         )
 
     def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
         """The runs of ``finer``, a tuning at a finer step, and their consequences for ``trial``."""
-        found, at = _Again(None, [], []), f"at h = {_case(finer).simulation.dt:g} s"
+        found, at = _Again(None, [], []), f"at {_case(finer).simulation.step}"
         self._run([finer])
         if self.aim.quantity.origin is Origin.RUN:
             found.value = self._over_plants(self.aim.quantity, finer, None)

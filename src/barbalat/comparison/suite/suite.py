@@ -56,8 +56,8 @@ class Suite:
     """Cases without controllers, each with a specification, and the rule by which all entries are tuned and measured.
 
     tables  the case tables as the file has them, by name; sha256: of the file's text
-    rule    plants, trials, members, noise, seed, as of ``design``
-    quick   names of the cases that ``--quick`` takes
+    rule    plants, trials, members, noise, seed, as in ``design``
+    quick   names of the cases of ``--quick``
     """
 
     name: str
@@ -127,7 +127,7 @@ class Submission:
     """A submission: controllers with fixed settings on one case, or laws that the rule tunes on every case.
 
     case   the name of the suite's case on which ``as_set`` take part
-    tuned  laws that say what is tuned of them
+    tuned  laws that declare what is tuned
     """
 
     case: str = ""
@@ -205,7 +205,7 @@ class Standings:
     """The table: newly measured rows, in the order of each case's contest, and the stored ones of the public suite.
 
     left_out  sentences by cases on who does not take part
-    stored    the stored table; without rows where the suite is another one
+    stored    the stored table; without rows if the suite is not the public one
     """
 
     suite: Suite
@@ -282,10 +282,10 @@ def standings(
 ) -> Standings:
     """Measure the registered schemes, or submissions, on the cases of a suite by its rule.
 
-    schemes    of the registered ones; by default all, and none beside submissions: their stored rows stand beside these
-    quick      the suite's quick cases alone
-    processes  so many cases are measured at once, each in a process of its own, where there are no submissions; the program must
-               then be one that a new process may import: started by ``if __name__ == "__main__"``
+    schemes    names of registered schemes; all by default, or none if there are submissions, which are compared with stored rows
+    quick      whether to measure only the suite's quick cases
+    processes  number of cases measured at once, each in its own process, if there are no submissions; a new process must be
+               able to import the program, which is then started below ``if __name__ == "__main__"``
     Raises InputError.
     """
     suite, given = suite or Suite.read(), list(submissions)
@@ -295,7 +295,7 @@ def standings(
     if not ours and not any(one.tuned for one in given):
         names = [name for name in names if name in {one.case for one in given}]
     if not names:
-        raise InputError("no submission is for one of the cases that --quick takes: " + ", ".join(suite.quick))
+        raise InputError("no submission is for one of the cases of --quick: " + ", ".join(suite.quick))
     if min(processes, len(names)) > 1 and not given:
         parts = _side_by_side(suite, names, schemes, min(processes, len(names)), progress)
     else:
@@ -328,7 +328,7 @@ def _on_case(
     try:
         found = design(
             case, own=[one for each in given for one in each.tuned], as_set=as_set, ours=ours, schemes=schemes, baseline=False,
-            held_out_steps=False, threads=threads, progress=progress, **suite.rule,
+            validated=False, threads=threads, progress=progress, **suite.rule,
         )  # fmt: skip
     except NobodyTakesPart as nobody:
         return [], nobody.left_out

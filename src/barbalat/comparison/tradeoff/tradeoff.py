@@ -20,11 +20,13 @@ from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
+from barbalat.run.kernel.costs import steps_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble, longest_delay
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS, Judging
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
+from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Lost
 from barbalat.targets import TRADE_OFF
 from barbalat.validate import Array, InputError
@@ -92,7 +94,7 @@ class TradeOff(Plotted):
     @property
     def shortest(self) -> float:
         """The shortest delay that was tried [s]."""
-        return SHORTEST_DELAY_STEPS * self.simulation.dt
+        return SHORTEST_DELAY_STEPS * self.simulation.resolution
 
     def __repr__(self) -> str:
         schemes = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in self.clouds)
@@ -137,17 +139,17 @@ def trade_off(
     """Run every tuning of every scheme on the case's plant and on ``plants`` - 1 others, drawn from the known set.
 
     knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of your ``own``
-    longest   largest delay tried [s]; by default as of ``delay_margins``
+    longest   largest delay tried [s]; by default that of ``delay_margins``
     judge     the criteria for being lost and for a limit cycle; by default derived from the model's motion
     lost      the criterion for the loss of the motion
     estimate  called once with the expected total seconds, measured on a part of the work
     progress  its fractions are shares of the time, by a forecast that is refined in every round
     Raises InputError for a problem without a known set.
     """
-    simulation.require_steps("the trade-off")
-    longest = longest_delay(simulation) if longest is None else longest
     started = time.perf_counter()
     TRADE_OFF.require(problem)
+    simulation = resolved(problem, own, simulation)
+    longest = longest_delay(simulation) if longest is None else longest
     assert problem.uncertainty is not None
     _require_budget(simulation, density, knobs, plants)
     chosen, left_out = default_knobs(problem, simulation, density=density, own=own) if knobs is None else (knobs, ())
@@ -184,16 +186,15 @@ FRONT_CHECKED = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FrontCheck:
-    """Some tunings on one scheme's fronts on the case's own plant, repeated with a finer step.
+    """Some tunings on one scheme's fronts on the case's own plant, repeated with the ``refined`` simulation.
 
-    dt         the finer step [s]
     tunings    their indices in the cloud
     changed    those whose results differ with the finer step, with the differences
     unsettled  those that leave the solver's region of stability with the finer step too, which decides nothing
     """
 
     scheme: str
-    dt: float
+    simulation: Simulation
     tunings: tuple[int, ...]
     changed: dict[int, tuple[str, ...]]
     unsettled: tuple[int, ...]
@@ -202,22 +203,22 @@ class FrontCheck:
     def sentence(self) -> str:
         """The finding as a sentence."""
         count = validate.counted(len(self.tunings), "tuning")
-        again = f"{self.scheme}: of {count} on the fronts of the case's own plant, repeated at h = {self.dt:g} s,"
+        again = f"{self.scheme}: of {count} on the fronts of the case's own plant, repeated at {self.simulation.step},"
         if not self.tunings:
             return f"{self.scheme}: no tuning lies on a front of the case's own plant, and none was repeated at a finer step"
-        said = f"{again} none comes out otherwise"
+        said = f"{again} none changes its result"
         if self.changed:
             first = next(iter(self.changed.values()))
             differing = len(self.changed)
-            comes = f"{differing} {'comes' if differing == 1 else 'come'} out otherwise"
-            said = f"{again} {comes} (such as: {first[0]}); make simulation.dt smaller"
+            change = f"{differing} {'changes its result' if differing == 1 else 'change their results'}"
+            said = f"{again} {change} (such as: {first[0]}); make {self.simulation.refined_by} smaller"
         if self.unsettled:
-            said += f"; of {len(self.unsettled)} the finer run leaves the solver's region of stability too, which settles nothing"
+            said += f"; for {len(self.unsettled)} the finer run leaves the solver's region of stability too and settles nothing"
         return said
 
     def as_json(self) -> dict[str, Any]:
         return {
-            "dt": self.dt,
+            **self.simulation.step_as_json(),
             "tunings": list(self.tunings),
             "changed": {str(i): list(said) for i, said in self.changed.items()},
             "unsettled": list(self.unsettled),
@@ -250,7 +251,7 @@ def _at_finer_step(
         checks.append(
             FrontCheck(
                 scheme=cloud.scheme,
-                dt=refined(simulation).dt,
+                simulation=refined(simulation),
                 tunings=tuple(which),
                 changed=changed,
                 unsettled=tuple(i for i, run in zip(which, plain, strict=True) if not run.settles),
@@ -304,7 +305,7 @@ TUNING = Estimate(memory=2000.0, seconds=3e-4)
 
 def _require_budget(simulation: Simulation, density: int, knobs: tuple[TuningGrid, ...] | None, plants: int) -> None:
     """InputError if the tunings, or the plants on which they run, exceed the budget; before either is made."""
-    each = TUNING + Estimate(seconds=RUNS_EACH * simulation.steps * STEP_SECONDS)
+    each = TUNING + Estimate(seconds=RUNS_EACH * steps_of(simulation) * STEP_SECONDS)
     given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
 
     def cost(count: float, values: float) -> Estimate:
@@ -325,7 +326,7 @@ def _delay_margins(
     by: Judging,
     progress: Progress | None,
 ) -> DelayMargins:
-    """The margins of tunings on so many plants each; every tuning has the same noise on a plant."""
+    """The margins of tunings on several plants each; every tuning has the same noise on a plant."""
     numbers = np.tile(np.arange(plants), len(members) // plants)
     return delay_margins_ensemble(
         members, simulation, longest=longest, judge=by.judge, lost=by.lost, numbers=numbers, progress=progress

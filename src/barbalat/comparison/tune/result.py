@@ -12,7 +12,7 @@ from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
-from barbalat.comparison.plants import parameters_of, plants_of
+from barbalat.comparison.plants import parameters_of
 from barbalat.comparison.ranges import Space
 from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
 from barbalat.comparison.search.quantity import Constraint, Origin
@@ -21,7 +21,6 @@ from barbalat.comparison.tradeoff.tradeoff import pareto_front
 from barbalat.judge.verdict import Verdict
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
-from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.simulate import simulate
 from barbalat.validate import Array
 
@@ -172,8 +171,6 @@ def _finite(value: float | None) -> float | None:
 FRONT_TUNINGS = 16
 """Number of tunings, from the best to the worst by the aim, whose first constraint's quantity is fully computed for the
 front."""
-HELD_OUT_PLANTS = 32
-"""Number of validation plants: if one in ten fails, the probability that none of these fails is 3 %."""
 CANDIDATES_CHECKED = 8
 """Number of the best tunings that are fully evaluated until one meets every constraint: finer delays can show a loss below
 the required delay that the search's coarse delays missed."""
@@ -292,9 +289,9 @@ def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
     """On plants drawn by another seed; None if no run gives a quantity, or there is no set to draw from."""
     problem, aim = made.problem, trials.aim
     told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
-    if not told or not isinstance(problem, Problem) or problem.uncertainty is None:
+    others = aim.unseen(problem)
+    if not told or not others:
         return None
-    others = plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, aim.seed + 1)[1:]
     plants = Plants.of(made, aim, others)
     values = trials.on_other_plants(made, plants, told[0], None)
     broken = {

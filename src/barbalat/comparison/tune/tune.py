@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.comparison.grids import output_reach_of, reach_of
-from barbalat.comparison.plants import parameters_of
+from barbalat.comparison.plants import parameters_of, require_delays
 from barbalat.comparison.ranges import Range, Space, of_knobs
 from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim, Plants
 from barbalat.comparison.search.quantity import LINEAR_DELAYS, LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
@@ -27,16 +27,17 @@ from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import OutputTunable, Tunable, TuningGrid
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.path import FieldPath, by_index
-from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects
+from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects, tables_with
 from barbalat.problem.modelling_error import DelayError
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.kernel.costs import of_members
+from barbalat.run.kernel.costs import of_members, steps_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.finer_step import FINER_BY
+from barbalat.study.finer_step import finer
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS
+from barbalat.study.resolved import resolved
 from barbalat.study.simulated_margins import half_sentence, less_than_half
 from barbalat.validate import Array, InputError, Named
 
@@ -70,8 +71,8 @@ def tune(
     controller  the one to tune, by its name; by default all
     plants      number of plants: the case's own and others from its known set
     quantile    of the plants; 1: the worst of them
-    trials      number of tunings tried for each controller, by default 384, with more than three numbers 576, the least for so
-                many
+    trials      number of tunings tried for each controller, by default 384; with more than three numbers 576, the smallest
+                number allowed then
     seed        of the plants and of the search: the same seed gives the same result
     Raises InputError.
     """
@@ -98,7 +99,12 @@ class Tuner:
     threads: int | None = None
 
     def varied(self, paths: tuple[FieldPath, ...]) -> Varied:
-        return VariedObjects(self.case, paths) if self.text is None else VariedCase(self.text, paths)
+        if self.text is None:
+            return VariedObjects(self.case, paths)
+        tables, simulation = tables_with(self.text, paths), self.case.simulation
+        if simulation.tolerance is not None:
+            tables |= {"simulation": {**tables["simulation"], "record_points": simulation.record_points}}
+        return VariedCase(self.text, paths, tables)
 
     def space_of(self, controller: int) -> Space:
         """The ranges of the scheme's own knobs; InputError if it has none."""
@@ -117,7 +123,7 @@ class Tuner:
         return of_knobs(knobs, tables[controller], controller)
 
     def count(self, space: Space) -> int:
-        """Tunings that are tried of a controller; InputError for too few."""
+        """The number of tunings to try for a controller; InputError for too few."""
         least = least_trials(len(space))
         return max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
 
@@ -164,12 +170,17 @@ def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulati
 
 def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, progress: Progress | None) -> Tuning:
     """Tune all requested controllers, one after the other."""
-    tuner.case.simulation.require_steps("tuning")
     started = time.perf_counter()
+    own = tuner.case.simulation
+    if space is not None and own.tolerance is not None and any(path.keys[0] == "simulation" for path in space.paths):
+        raise InputError("numbers of the simulation cannot be tuned together with simulation.tolerance: give simulation.dt")
+    simulation = resolved(tuner.case.problem, tuner.case.controllers, own)
+    tuner = replace(tuner, case=replace(tuner.case, simulation=simulation))
     _require_steps(tuner.aim, tuner.case)
     spaces, left_out = _spaces(tuner, space, controller)
     _require_known(tuner, list(spaces))
     _require_budget(tuner, spaces)
+    require_delays([*tuner.aim.family(tuner.case), *tuner.aim.unseen(tuner.case.problem)], tuner.case.simulation)
     found: dict[str, Tuned] = {}
     for i, (which, one) in enumerate(spaces.items()):
         part = part_of(progress, i / len(spaces), 1 / len(spaces))
@@ -180,7 +191,7 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
     thetas = [parameters_of(problem) for problem in tuner.aim.family(tuner.case)]
     return Tuning(
         aim=tuner.aim,
-        case=case,
+        case=case if own.tolerance is None else replace(case, simulation=own),
         text=text,
         thetas=np.array([theta for theta in thetas if theta is not None]),
         controllers=Named.of("controller", found),
@@ -238,7 +249,7 @@ def _require_budget(tuner: Tuner, spaces: Mapping[int, Space]) -> None:
     certified = CERTIFYING_SECONDS * len(loops) if tuner.aim.asks(Origin.CERTIFICATE) else 0.0
 
     def cost(trials: float, count: float) -> Estimate:
-        runs = of_members(loops, case.simulation.steps, trials * count * RUNS_EACH_TRIAL)
+        runs = of_members(loops, steps_of(case.simulation), trials * count * RUNS_EACH_TRIAL)
         return PLANT.times(count) + Estimate(seconds=runs.seconds + certified * trials * count)
 
     counts = [tuner.count(space) for space in spaces.values()]
@@ -248,10 +259,11 @@ def _require_budget(tuner: Tuner, spaces: Mapping[int, Space]) -> None:
 
 
 def _require_steps(aim: Aim, case: Case) -> None:
-    shortest = SHORTEST_DELAY_STEPS * case.simulation.dt
+    shortest = SHORTEST_DELAY_STEPS * case.simulation.resolution
+    steps = "two steps, " * (case.simulation.tolerance is None)
     for one in aim.constraints:
         if DelayError() in one.quantity.errors and one.requirement.limit < shortest:
-            raise InputError(f"{one.requirement} requires less than can be simulated, two steps, {shortest:g} s")
+            raise InputError(f"{one.requirement} requires less than can be simulated, {steps}{shortest:g} s")
 
 
 def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
@@ -267,7 +279,7 @@ def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
 
 def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
     """Sentences on the limits of the result."""
-    said = []
+    said, own = [], "the step" if tuner.case.simulation.tolerance is None else "the tolerance"
     if len(tuner.aim.family(tuner.case)) < tuner.aim.plants:
         said.append("only the case's own plant was used: it has no known set from which other values of theta could be drawn")
     for name, one in found.items():
@@ -275,7 +287,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
             said.append(f"{name}: {_unmet(tuner, one)}; the case file keeps its original values")
         elif one.refused:
             said.append(
-                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint only at the step of the case: "
+                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint only at {own} of the case: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
@@ -294,7 +306,7 @@ def _unmet(tuner: Tuner, one: Tuned) -> str:
     """Why no tuning was chosen: a constraint, or a plant that no tuning controls."""
     tunings, plants = validate.counted(one.trials, "tuning"), len(tuner.aim.family(tuner.case))
     if one.nearest.value is not None and np.isfinite(one.nearest.value):
-        return f"none of {tunings} meets every constraint{f' at a step {FINER_BY} times smaller as well' if one.refused else ''}"
+        return f"none of {tunings} meets every constraint{f' at {finer(tuner.case.simulation)} as well' if one.refused else ''}"
     if plants == 1:
         return f"the run diverges with each of {tunings}"
     return (

@@ -96,7 +96,7 @@ class L1OutputPiecewiseConstant(Scheme):
     Predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from sample to sample; at each sample
     sigma_hat = -B^-1 Phi^-1 e^(A_m T) g (c'x_hat - y), Phi = A_m^-1 (e^(A_m T) - I), g = P^-1 c/(c'P^-1 c), A_m'P + P A_m = -I.
 
-    sample_time  T [s]; at fixed steps a whole number of them
+    sample_time  T [s]; a whole number of solver steps if these are fixed
     filter       C(s): stable, C(0) = 1, with a relative degree that is not below the model's; by the trapezoidal rule, from rest
     saturated_predictor  against windup: the predictor receives sat(u); off by default
 

@@ -24,12 +24,12 @@ def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None)
     if filter_poles is None:
         filter_poles = np.full(free, -np.abs(W_m.poles).max())
     if len(filter_poles) != free:
-        wanted = f"{validate.counted(free, 'entry')} (order - 1 less the model's zeros)"
+        wanted = f"{validate.counted(free, 'entry')} (order - 1 minus the number of the model's zeros)"
         raise InputError(f"filter_poles must have {wanted}, got {len(filter_poles)}")
     if not (np.asarray(filter_poles).real < -SLOWEST_POLE_SHARE * np.abs(W_m.poles).max()).all():
         raise InputError(
-            f"filter_poles must have negative real parts, and not below {SLOWEST_POLE_SHARE:g} of the model's fastest pole: "
-            f"Lambda must be Hurwitz, got {validate.show(filter_poles)}"
+            "filter_poles must have negative real parts (Lambda must be Hurwitz) with a magnitude of at least "
+            f"{SLOWEST_POLE_SHARE:g} times that of the model's fastest pole, got {validate.show(filter_poles)}"
         )
     return np.atleast_1d(np.real(np.poly(np.concatenate([zeros, filter_poles]))))
 

@@ -36,7 +36,7 @@ class MracOutput(Scheme):
     theta_hat0       (2 n,): theta_1, theta_2, theta_3, c_0; zero by default, c_0 at its bound
     tau              time constant of the auxiliary input [s]; none by default; only with a law of the family
     normalization    m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2 + y^2
-    filter_poles     the roots of Lambda_0, order - 1 less the number of the model's zeros; all at -max |pole of W_m| by default
+    filter_poles     the roots of Lambda_0, order - 1 minus the number of the model's zeros; all at -max |pole of W_m| by default
     lower, upper     (2 n,) each, the known set; none by default
     c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that implies
                      it

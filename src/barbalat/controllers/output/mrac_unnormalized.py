@@ -72,5 +72,5 @@ class Equations:
     def sampled(self, T: float) -> SampledEquations:
         raise InputError(
             "discretization = 'midpoint' is not known for the Lyapunov law of output feedback, whose predictor would need "
-            "the plant's gain (docs/sampled.md); take 'euler', or a law on the parametric model such as gradient"
+            "the plant's gain (docs/sampled.md); use 'euler', or a law on the parametric model such as gradient"
         )

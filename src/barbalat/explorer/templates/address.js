@@ -14,7 +14,7 @@ export function toHash(data, setting) {
   return said.toString();
 }
 
-// What can't be taken from a link is left as the beginning has it.
+// What a link does not give keeps its initial value.
 export function fromHash(data, text) {
   const said = new URLSearchParams(text);
   const setting = beginningOf(data, said.get("lesson"));

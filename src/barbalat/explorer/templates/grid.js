@@ -53,7 +53,7 @@ export class Table {
     this.kept = 0;
   }
 
-  // How many rows stand before a step: one for each step, and one more for each break inside of one.
+  // The number of rows before a step: one for each earlier step, and one more for each break inside one.
   rowsBefore(step) {
     return step + firstOf(this.cuts, (i) => this.grid.cuts[3 * i] >= step);
   }

@@ -297,7 +297,7 @@ function positional(found, power) {
   return `${all.slice(0, point)}.${all.slice(point)}`.replace(/\.?0+$/, "");
 }
 
-// A number with so many digits, as Python's %g writes it.
+// A number with this many digits, in the form of Python's %g.
 export function brief(value, digits = 3) {
   if (!Number.isFinite(value)) return Number.isNaN(value) ? "nan" : value < 0 ? "-inf" : "inf";
   if (value === 0) return "0";

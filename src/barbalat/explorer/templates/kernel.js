@@ -11,7 +11,7 @@ export class Kernel {
     this.free = this.exports.memory.buffer.byteLength; // up to there the memory is the module's own
   }
 
-  // Addresses of arrays of so many doubles each.
+  // Addresses of arrays with these numbers of doubles.
   laidOut(sizes) {
     const at = [];
     let end = this.free;

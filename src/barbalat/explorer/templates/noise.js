@@ -10,7 +10,7 @@ export class Noise {
     this.kept = 0;
   }
 
-  // Those that these steps need, the first of them in the first row.
+  // The rows of noise that these steps need, beginning with the first.
   rows(start, steps) {
     const first = Math.floor(start / this.hold);
     return this.from(first, Math.floor((start + steps - 1) / this.hold) - first + 1);

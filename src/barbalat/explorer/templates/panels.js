@@ -74,7 +74,7 @@ function largestError(data, run) {
   return found;
 }
 
-// A row of what was recorded, at every instant.
+// One recorded row at every instant.
 function rows(run, row) {
   const found = new Float64Array(run.t.length);
   for (let i = 0; i < found.length; i++) found[i] = run.recorded[i * run.size + row];

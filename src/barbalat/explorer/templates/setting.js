@@ -47,7 +47,7 @@ export function refusal(number, value) {
   const [low, high] = [values[0], values[values.length - 1]];
   if (!Number.isFinite(value)) return `${label}: write a number, such as ${number.value}.`;
   if (value < low || value > high) return `${label} must be from ${low} to ${high} here, got ${value}.`;
-  if (without.includes(value) || (value === 0 && !values.includes(0))) return `${label} can't be ${value}: that would be another system.`;
+  if (without.includes(value) || (value === 0 && !values.includes(0))) return `${label} can't be ${value}: that would be a different system.`;
   return "";
 }
 
@@ -56,7 +56,7 @@ export function exclusion(data, setting, i, value) {
   const number = data.numbers[i];
   const { t_end: tEnd, dt } = data.simulation;
   if (number.grids && value !== number.value && (setting.dt !== dt || setting.tEnd !== tEnd)) {
-    return `Where the command jumps for another ${number.label} is known for h = ${dt} s and a horizon of ${tEnd} s only: put those back first.`;
+    return `Where the command jumps for another ${number.label} is known only for h = ${dt} s and a horizon of ${tEnd} s: restore those first.`;
   }
   const other = data.numbers[number.excludes.find((k) => setting.values[k] !== data.numbers[k].value)];
   if (!other || value === number.value) return "";
@@ -104,7 +104,7 @@ function gridOf(data, { values, tEnd, dt }) {
 export function gridRefusal(data, tEnd, dt, { values, delay }) {
   if (![tEnd, dt, tEnd / dt].every((one) => one > 0 && one < Infinity)) return "Horizon and step must be positive numbers.";
   const steps = Math.round(tEnd / dt);
-  if (steps > data.simulation.most_steps) return `That is ${steps} steps, and a page takes at most ${data.simulation.most_steps}.`;
+  if (steps > data.simulation.most_steps) return `That is ${steps} steps, but a page computes at most ${data.simulation.most_steps}.`;
   if (steps < 8 || Math.abs(steps * dt - tEnd) > 1e-9 * tEnd) return `The step must divide the horizon; ${tEnd / Math.max(steps, 8)} would.`;
   for (const [name, time] of clocksOf(data)) {
     const every = Math.round(time / dt);
@@ -165,9 +165,9 @@ function drawnFaults(data, { values }) {
 function jumpRefusal(data, values) {
   const { t_end: tEnd, dt } = data.simulation;
   const moved = data.numbers.find((number, i) => number.grids && values[i] !== number.value);
-  if (moved) return `Where the command jumps or bends is known for the case's step and horizon only: put ${moved.label} back to ${moved.value} first.`;
+  if (moved) return `Where the command jumps or bends is known only for the case's step and horizon: set ${moved.label} back to ${moved.value} first.`;
   const of = (key, other) => data.signals.grids.filter((grid) => grid[other] === data.simulation[other]).map((grid) => grid[key]).sort((a, b) => a - b);
-  return `The command jumps or bends, and where is known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
+  return `The command jumps or bends; the places are known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
     + `${of("t_end", "dt").join(", ")} s with h = ${dt} s.`;
 }
 

@@ -31,7 +31,7 @@ export class Watch {
   }
 }
 
-// The least multiple of ``every`` of which ``count`` hold the steps.
+// The smallest multiple of ``every`` for which ``count`` windows contain all steps.
 export function windowOf(steps, count, every) {
   return every * Math.ceil(steps / (count * every));
 }

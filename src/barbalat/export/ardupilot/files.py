@@ -1,4 +1,5 @@
-"""A backend of AC_CustomControl: the exported C in 32 bits, and a class that reads attitude and gyro, calls it and logs it."""
+"""A backend of AC_CustomControl: the exported C in 32 bits, and a class that reads attitude and gyro, calls the C and logs its
+signals."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from barbalat.export.layout import distinct, prefix_of
 from barbalat.export.log import logged
 from barbalat.export.parameters import Parameter
 from barbalat.export.target import Request
-from barbalat.export.texts import Printed, filled, indented
+from barbalat.export.texts import Printed, filled, indented, readable
 from barbalat.validate import InputError
 
 DEGREES = math.degrees(1.0)
@@ -24,40 +25,51 @@ TIMED = (
 )
 """The time between two updates, if the case's shell checks it; the first update after a start counts as on time."""
 OWN = 4
-"""Parameters that every backend has."""
+"""Number of parameters that every backend has."""
 MOST_PARAMETERS = 63
-"""Of one group, whose indices have six bits."""
+"""Largest number of parameters of one group, whose indices have six bits."""
 LONGEST_NAME = 16 - len("CC3_")
-"""Of a parameter, behind the frontend's prefix."""
+"""Longest name of a parameter, after the frontend's prefix."""
 LONGEST_LABELS, LONGEST_FORMAT = 64, 16
-"""Characters of what a line of the log is described by: its entries' names with commas, and a letter for each."""
+"""Largest lengths of the description of a line of the log: its entries' names with commas, and a letter for each."""
 TOLD = """
-Parameters that the controller refuses leave it as it is and are told once. They are tried again with each update, so that two
-bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in the
-table, not by its name: after another export set all of them anew before you fly.
+Parameters that the controller refuses leave it unchanged and are reported once. They are tried again with each update, so that
+two bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in
+the table, not by its name: after another export, set all of them again before you fly.
 """
 LINES = "123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 def files(asked: Request) -> dict[str, str]:
-    """The files by their names; InputError for a controller that is not one axis's, and as of ``export_controller``."""
+    """The files by name; InputError as in ``export_controller``, and for a controller of more than one axis."""
     if asked.closed_loop:
         raise InputError("the target ardupilot exports only the controller: use the target c99 for the closed loop")
     name = asked.name or prefix_of(asked.controller.name)
     printed, texts = sources(
-        asked.problem, asked.controller, asked.simulation, float32=True, name=name, parameters=asked.parameters
+        asked.problem,
+        asked.controller,
+        asked.simulation,
+        float32=True,
+        name=name,
+        parameters=asked.parameters,
+        warning=asked.warning,
     )
     _require_axis(printed)
     names = parameters(printed)
     measured, state = printed.contents.sizes[0], printed.contents.measures_state
     timed = printed.contents.around is not None and printed.contents.around.band is not None
+    ends = printed.contents.around is not None and printed.contents.around.longest is not None
     given = {
         "origin": printed.origin,
+        "warning": f"\n**{readable(asked.warning())}**\n" if asked.warning() else "",
         "name": name,
         "macro": printed.macro,
         "kind": kind_of(name),
         "measured": printed.measured,
         "read": "_measure(x, r);",
+        "axis": _axis(printed),
+        "handed": filled("ardupilot_handed.txt", name=name, macro=printed.macro) if ends else "",
+        "outage": OUTAGE if ends else "",
         "start_given": "x, " if state else "",
         "timer": indented(TIMED if timed else ["in.sample_time = _period;"]),
         "timed": "The time between two updates is measured, as the shell requires."
@@ -90,12 +102,12 @@ def parameters(printed: Printed) -> list[str]:
         last = max(i for i, key in enumerate(one.path.keys) if isinstance(key, str))
         index = "_".join(str(int(key) + 1) for key in one.path.keys[last + 1 :])
         key = re.sub(r"[^A-Z0-9]+", "_", str(one.path.keys[last]).upper())
-        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # with room for the part that distinguishes two
+        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # leaves room for the part that distinguishes two names
     return distinct(["AXIS", "ANGLE", "FADE", "SCALE", *names])[OWN:]
 
 
 def _settable(printed: Printed, names: list[str]) -> dict[str, str]:
-    """The parts of the files for the parameters; empty texts without any."""
+    """The parts of the files for the parameters; they are empty if there are none."""
     if not names:
         return dict.fromkeys(("infos", "members", "built", "apply", "applied", "told", "rows"), "")
     given = {"name": printed.name, "macro": printed.macro, "count": len(names)}
@@ -124,7 +136,7 @@ def _info(i: int, name: str, one: Parameter, printed: Printed) -> str:
 
 
 def _lines(printed: Printed) -> list[str]:
-    """C++ that logs the internal signals, in as many lines as needed."""
+    """C++ that logs the internal signals, in as many lines as are needed."""
     members, calls = [one.name for one in logged(printed)], list[str]()
     while members and len(calls) < len(LINES):
         count = 1
@@ -141,12 +153,19 @@ def _long(names: list[str]) -> int:
     return len(",".join(["TimeUS", *names]))
 
 
+AXES = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "heading": 2}
+"""Words for an axis, and its number in ArduPilot."""
+OUTAGE = """
+If an outage exceeds the case's `longest_outage`, the main controller takes over, whichever `fallback` the case has: a working
+controller is available, which is better than a held or fading torque, or a baseline on an old measurement. A message says so
+once in each engagement. The next update starts again with the estimates kept, without a bump.
+"""
 ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "deg/s": DEGREES}
-"""Units of a case's labels, and their number in ArduPilot's rad and rad/s; a case without labels is in these."""
+"""Units of a case's labels and their factors relative to ArduPilot's rad and rad/s, which a case without labels uses."""
 
 
 def _units(printed: Printed) -> dict[str, str]:
-    """The factors of what is measured, from ArduPilot's units to the case's, and a phrase; InputError for another unit."""
+    """The factors of the measurements from ArduPilot's units to the case's, and a phrase; InputError for another unit."""
     labels, measured = printed.contents.problem.measured_labels, printed.contents.sizes[0]
     units = ("",) * measured if labels is None or not labels.units else labels.units
     admitted = (ANGLES, RATES) if measured == MOST_MEASURED else (ANGLES | RATES,)
@@ -159,6 +178,16 @@ def _units(printed: Printed) -> dict[str, str]:
     factors = [f"{known[unit]:.9g}f" if known[unit] != 1.0 else "1.0f" for unit, known in zip(units, admitted, strict=True)]
     said = f" ({' and '.join(dict.fromkeys(units))})" if any(units) else " (rad and rad/s)"
     return {"first_unit": factors[0], "last_unit": factors[-1], "units_said": said}
+
+
+def _axis(printed: Printed) -> int:
+    """The default axis: the one that the export's name contains, or else the case's labels; pitch if they name none or
+    several."""
+    labels = printed.contents.problem.measured_labels
+    for words in (printed.name.split("_"), [] if labels is None else " ".join(labels.names).replace("_", " ").split()):
+        if len(named := {AXES[word.lower()] for word in words if word.lower() in AXES}) == 1:
+            return named.pop()
+    return AXES["pitch"]
 
 
 def _require_axis(printed: Printed) -> None:

@@ -1,4 +1,4 @@
-"""``--target ardupilot``: one axis of a multicopter, in ArduPilot's own place for custom controllers."""
+"""``--target ardupilot``: one axis of a multicopter, through ArduPilot's interface for custom controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exports with their own names in one folder, as one component: a header, a README and a CMake target join them."""
+"""Named exports in one folder form one component: a header, a README and a CMake target join them."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
 
 
 def require_apart(folder: Path, made: Iterable[str]) -> None:
-    """InputError if, of the export in the folder and the new one, one has a name and the other has none.
+    """InputError if only one of the new export and the export in the folder has a name.
 
-    Both have a ``README.md``: that of the export, and that of the component.
+    Both would write ``README.md``: that of the unnamed export, and that of the component.
     """
     joint, where = any(file.endswith(HEADER) for file in made), validate.show(str(folder))
     if not joint and (found := sorted(present(folder))):

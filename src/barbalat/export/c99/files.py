@@ -1,8 +1,10 @@
-"""An export in C99: the controller, its self-test and its README, and with them the plant and a program that closes the loop."""
+"""An export in C99: the controller, its self-test and its README, and on request the plant and a program that closes the loop."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from textwrap import fill
 
 import numpy as np
 
@@ -16,9 +18,9 @@ from barbalat.export.plant_source import PrintedPlant, plant_header, plant_sourc
 from barbalat.export.selftest import selftest
 from barbalat.export.settable import parameters_readme
 from barbalat.export.shell import in_ranges, shell_readme
-from barbalat.export.source import header, shape, source
+from barbalat.export.source import channels, header, input_units, is_piecewise, shape, source
 from barbalat.export.target import require_case
-from barbalat.export.texts import Printed, comment, filled, indented
+from barbalat.export.texts import Printed, filled, indented, readable
 from barbalat.lowering import c99
 from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.problem.tracking import TrackingProblem
@@ -26,7 +28,7 @@ from barbalat.protocols import Controller
 from barbalat.run.kernel.grid import WHOLE_STEP, signal_table
 from barbalat.run.kernel.portable import standard_normal
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, counted
 
 
 def files(
@@ -39,10 +41,11 @@ def files(
     name: str = "",
     parameters: bool = False,
     place: int = 0,
+    warning: Callable[[], str] = lambda: "",
 ) -> dict[str, str]:
-    """The files of an export by their names, in C99; InputError as of ``export_controller``."""
+    """The files of an export in C99, by name; InputError as in ``export_controller``."""
     given = {"float32": float32, "closed_loop": closed_loop, "parameters": parameters}
-    return sources(problem, controller, simulation, name=name, place=place, **given)[1]
+    return sources(problem, controller, simulation, name=name, place=place, warning=warning, **given)[1]
 
 
 def sources(
@@ -55,8 +58,9 @@ def sources(
     name: str = "",
     parameters: bool = False,
     place: int = 0,
+    warning: Callable[[], str] = lambda: "",
 ) -> tuple[Printed, dict[str, str]]:
-    """The same files with the export from which they are printed, for wrappers around the C."""
+    """The same files, and the export from which they are printed, for wrappers around the C."""
     require_case(problem, simulation)
     contents = made_of(problem, controller, simulation, FLOAT if float32 else DOUBLE, parameters=parameters, place=place)
     printed = Printed(contents, name)
@@ -64,11 +68,13 @@ def sources(
         "controller.h": header(printed),
         "controller.c": source(printed),
         "selftest.c": selftest(printed),
-        "README.md": readme(printed, closed_loop=closed_loop),
+        "README.md": readme(printed, closed_loop=closed_loop, warning=warning()),
     }
     if closed_loop:
         if problem.handed_controls:
-            raise InputError("the plant as C has no existing loop in it: set baseline.external = false for a closed loop in C")
+            raise InputError(
+                "the exported plant does not contain the existing loop: set baseline.external = false for a closed loop in C"
+            )
         problem = problem.nominal
         opened = contents.opened if parameters else Opened.of(problem, controller, simulation, tunable=False)
         assert opened is not None
@@ -86,12 +92,12 @@ def made_of(
     opened = Opened.of(problem.nominal, controller, simulation, tunable=True, place=place)
     made = Contents.of(problem, controller, simulation, real, opened=opened)
     if not made.parameters:
-        raise InputError(f"{controller.name} has no number that enters its operations directly, so there is no parameter to set")
+        raise InputError(f"{controller.name} has no number that enters its operations unchanged, so there is no parameter to set")
     return made if real is FLOAT else made.replayed()
 
 
 FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\.md)\b")
-"""Files of an export, by their names in its texts; controller.cpp, for Arduino, is made by the user."""
+"""Files of an export, by their names in its texts; the user makes controller.cpp for Arduino."""
 
 
 def named(files: dict[str, str], name: str) -> dict[str, str]:
@@ -101,18 +107,20 @@ def named(files: dict[str, str], name: str) -> dict[str, str]:
     return {FILES.sub(rf"{name}_\1", file): FILES.sub(rf"{name}_\1", text) for file, text in files.items()}
 
 
-def readme(printed: Printed, *, closed_loop: bool = False) -> str:
+def readme(printed: Printed, *, closed_loop: bool = False, warning: str = "") -> str:
     """The text of README.md."""
     contents = printed.contents
     layout, macro = contents.layout, printed.macro
     _, q, m, _ = contents.sizes
     functions = sorted({op.name for op in contents.step.operations} & LIBRARY)
     members = "\n".join(f"| `{part.name}` | {part.size} | {shape(part.shape)}{part.meaning} |" for part in layout.parts)
+    ends = contents.around is not None and contents.around.longest is not None
     euler = is_explicit(contents) and any(part.path == "controller.swapping" for part in layout.parts)
     return filled(
         "README.md",
-        title=comment(contents.controller.name),
-        origin=printed.origin.replace("\n *", ""),
+        title=readable(contents.controller.name),
+        origin=printed.told_origin(readable).replace("\n *", ""),
+        warning=f"\n**{readable(warning)}**\n" if warning else "",
         operations=len(contents.step.operations),
         numbers=len(layout.rows),
         calls=", ".join(functions) or "none",
@@ -122,21 +130,24 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
         macro=macro,
         sample_time=f"{contents.sample_time!r}",
         measured=printed.measured,
-        measured_count=_counted(printed, contents.problem.measured),
+        measured_lines=_measured(printed),
+        units=_units(printed),
         u_baseline=_handed(printed),
         existing=EXISTING.format(macro=macro, measured=printed.measured) if contents.problem.handed_controls else "",
         commands=f"{q} commands" if q > 1 else "the command",
         further=f" to [{m - 1}]" if m > 1 else "",
+        input_units=input_units(printed),
         start=f"{printed.measured}, " if contents.measures_state else "",
         range=f"{contents.range:g}",
         set=", or an estimate outside the known set" if _is_checked(contents) else "",
         parameters=parameters_readme(printed),
-        freeze=EULER_SWAPPING if euler else "",
+        freeze=FROZEN_FEEDBACK if is_piecewise(contents) else EULER_SWAPPING if euler else "",
+        first_misses=" After LONGEST_OUTAGE misses the fallback acts." if ends else "",
         **(PREDICTS if contents.loop.observer is not None else HOLDS),
         gap=GAP if any(part.path == "controller.span" for part in layout.parts) else "",
         shell=shell_readme(printed),
         start_range=", lies outside its plausible range (see below) or" if in_ranges(printed, "x") else " or",
-        after_refusals=NO_RESTART.format(printed.name)
+        after_refusals=BEGINS_AGAIN
         if contents.around is None or contents.around.longest is None
         else "It is a miss, see the longest outage.",
         other_time=""
@@ -154,12 +165,15 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
     )
 
 
-NO_RESTART = "If it\n  does so at each sample, call `{}_start`."
+BEGINS_AGAIN = """At the
+  second good sample in a row of that kind the controller begins again, as by a start that keeps the estimates and u within its
+  limits; from the tenth on with the initial estimates and with u at zero, or at the limit nearest to it."""
 EXISTING = """
 - *The existing loop* stays in its own code. At each sample it gives its control, before the limits, in
-  `in.{measured}[{macro}_U_BASELINE]`: u is this control plus what adapts, and u_limited is the sum within the limits. An
-  integral of the existing loop should be told u_limited. The controller keeps a copy of the loop's states, which the law
-  needs. A control that is no number makes the sample one without a measurement. A start ignores that entry."""
+  `in.{measured}[{macro}_U_BASELINE]`: u is this control plus the adaptive part, and u_limited is the sum within the limits. If
+  the existing loop has an integrator, pass u_limited to its anti-windup. The controller keeps a copy of the loop's states,
+  which the law needs. If this control is not a number, the sample counts as one without a measurement. A start ignores that
+  entry."""
 
 
 def _handed(printed: Printed) -> str:
@@ -169,11 +183,26 @@ def _handed(printed: Printed) -> str:
     return "".join(f"    in.{printed.measured}[{place}] = ...;   /* u of the existing loop */\n" for place in places)
 
 
+def _measured(printed: Printed) -> str:
+    """The lines that pass the measurements, one for each channel that has a label in the case."""
+    each = channels(printed)
+    texts = [f"{_counted(printed, printed.contents.problem.measured)} measured"] if not all(each) else each
+    return indented(f"in.{printed.measured}[{i}] = ...;                       /* {text} */" for i, text in enumerate(texts))
+
+
+def _units(printed: Printed) -> str:
+    """The case's labels and units in one sentence."""
+    each = channels(printed)
+    said = [f"{printed.measured}[{i}] is {one}" for i, one in enumerate(each) if one]
+    said += [f"u is in {input_units(printed).strip(' []')}"] if input_units(printed) else []
+    return fill(f"Quantities are in the units of the case{': ' if said else ''}{', '.join(said)}.", 128)
+
+
 def _counted(printed: Printed, y: int) -> str:
     """What is measured, in a few words."""
     if printed.measured == "x":
-        return f"{y} state{'s' if y > 1 else ''}"
-    return "the output" if y == 1 else f"{y} outputs"
+        return counted(y, "state")
+    return "the output" if y == 1 else counted(y, "output")
 
 
 def _is_checked(contents: Contents) -> bool:
@@ -182,19 +211,22 @@ def _is_checked(contents: Contents) -> bool:
 
 
 def _patent(printed: Printed) -> str:
-    """Questions to settle before such a law flies."""
+    """The patents to check before such a law flies."""
     controller = printed.contents.controller
     return f"\n## Before you fly it\n\n{controller.patent}\n" if isinstance(controller, PatentNamed) else ""
 
 
+FROZEN_FEEDBACK = (
+    "\n  The estimate of this law is its only feedback: frozen, the loop is open, and an unstable vehicle is lost within seconds."
+)
 EULER_SWAPPING = (
     " The swapping term of (14) still moves as if the law were active, because Euler's steps compute it only from the law's rate."
 )
 
 OTHER_TIME = """\
 - *Another sample time* than {!r} s, by more than 0.1 %, is flagged, and the step is made as if the time were right: a wrong
-rate is better than no control. A crystal's inaccuracy, below 0.01 %, and a clock of 1 us at a sample of 1 ms pass; a jitter
-of more than 0.1 % in the measured time is flagged sample by sample, and is harmless.
+rate is better than no control. The error of a crystal, below 0.01 %, and the resolution of a clock of 1 us at a sample time of
+1 ms are accepted; a jitter of more than 0.1 % in the measured time is flagged at each sample, and is harmless.
 """
 
 DECIDE = """You decide how long an outage may last before something else must take over: without a longest outage in the
@@ -203,18 +235,19 @@ case's [shell] the controller does not count it."""
 HOLDS = {"with_what": "the last good measurement and this u", "settle": "settle\n  for the last good sample"}
 PREDICTS = {
     "with_what": "what the observer predicts from this u",
-    "settle": "go on with\n  the observer's prediction, which of an unstable plant grows without end",
+    "settle": "go on with\n  the observer's prediction, which for an unstable plant grows without bound",
 }
-"""Through a lost measurement, without and with an observer."""
-GAP = """ The prediction error accumulated over m samples counts as one sample's share; otherwise the law would respond to
-all of it as if it came from one sample."""
+"""What the models and filters use at a lost measurement, without and with an observer."""
+GAP = """ The prediction error accumulated over m samples is divided by m; otherwise the law would respond to all of it as if
+one sample had caused it."""
 
 LIBRARY = {"sqrt", "fabs", "floor", "ceil", "exp", "log", "sin", "cos", "tan", "tanh", "pow", "copysign"}
 """Operations that call math.h."""
 
 
 MOST_NUMBERS = 20_000
-"""Numbers of disturbances in the table, some 500 kB of C; with more disturbances per sample, fewer samples are replayed."""
+"""Largest number of values in the table of disturbances, some 500 kB of C; with more disturbances per sample, fewer samples are
+replayed."""
 
 
 def loop_program(made: PrintedPlant) -> str:

@@ -20,6 +20,7 @@ def _files(asked: Request) -> dict[str, str]:
         name=asked.name,
         parameters=asked.parameters,
         place=asked.place,
+        warning=asked.warning,
     )
 
 

@@ -31,22 +31,22 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 OPTIONS = ("-std=c99", "-ffp-contract=off")
-"""Options for the simulation's arithmetic: no fused multiply-adds except those of its list."""
+"""Options that keep the simulation's arithmetic: no fused multiply-adds except those of the list."""
 EARLIEST = (1980, 1, 1, 0, 0, 0)
 """The date of every file in an archive, so that its bytes do not depend on the time of writing."""
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
 CROSS_COMPILERS = {"x86_64": "x86_64-linux-gnu-gcc", "aarch64": "aarch64-linux-gnu-gcc"}
-"""The names of cross compilers in Linux distributions, by processor: a unit made on Linux has a binary from each that is
-installed."""
+"""The names of cross compilers in Linux distributions, by processor: a unit made on Linux has a binary from each compiler that
+is installed."""
 HIDDEN = "-fvisibility=hidden"
 
 STATE_NAMES = {
     2: {"component": "fmi2Component", "state": "FMUstate", "read": "DeSerialize"},
     3: {"component": "fmi3Instance", "state": "FMUState", "read": "Deserialize"},
 }
-"""The versions' names for an instance, its saved state, and the reading of one."""
+"""The names that each version uses for an instance, for its saved state and for reading a state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Archive:
     stop: float
 
     def bytes(self, *, compiled: bool) -> bytes:
-        """The archive; InputError if it can't be compiled although it must be."""
+        """The archive; InputError if it must be compiled but can't be."""
         token, texts = self._sources()
         names = [name for name in texts if name.endswith(".c")]
         whole: dict[str, bytes] = {f"sources/{name}": text.encode("ascii") for name, text in texts.items()}
@@ -137,7 +137,7 @@ class Archive:
         return filled("fmu.html", title=self.unit.title, step=repr(self.unit.step_size), origin=self.unit.printed.origin)
 
     def _binary(self, system: str, machine: str, ending: str) -> str:
-        """The folder of a binary, as named in this version."""
+        """The folder of a binary, under its name in this version."""
         if self.version == 3:
             place = f"{machine}-{'windows' if system == 'win' else system}"
         else:
@@ -371,8 +371,10 @@ def _described(one: Variable) -> dict[str, str]:
 
 def _value(one: Variable) -> dict[str, str]:
     found = {"unit": one.unit} if one.unit else {}
-    if one.bound.startswith(("<", ">")):
-        found["min" if one.bound.startswith(">") else "max"] = "0.0"
+    for bound in one.bounds:
+        relation, end = bound.split()
+        if relation[0] in "<>":
+            found["min" if relation[0] == ">" else "max"] = repr(float(end))
     if one.start is not None:
         found["start"] = ("true" if one.start else "false") if one.kind == "truth" else repr(float(one.start))
     return found
@@ -395,7 +397,7 @@ def units(
     place: int = 0,
     name: str = "",
 ) -> dict[str, bytes]:
-    """The units of an export by their names, in version 2 or 3 of FMI; InputError as of ``export_controller``."""
+    """The units of an export in version 2 or 3 of FMI, by name; InputError as in ``export_controller``."""
     require_case(problem, simulation)
     surrounded, problem = problem, problem.nominal
     opened = Opened.of(problem, controller, simulation, tunable=True, place=place)

@@ -7,11 +7,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from barbalat.export.acceptance import Entry, placed
 from barbalat.export.fmu.variables import Variable, Variables, array, entries, parameters, require_distinct
 from barbalat.export.layout import StatePart
+from barbalat.export.log import of_the_channels
 from barbalat.export.parameters import Parameter
 from barbalat.export.plant_source import PrintedPlant
 from barbalat.export.texts import Printed
+from barbalat.lowering.c99 import DOUBLE
+from barbalat.problem.labels import Labels
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
 
 FREEZE = Variable("freeze", "input", "discrete", "true: the estimates keep their values", 0.0, kind="truth")
 STATUS = Variable("status", "output", "discrete", "0: the last sample was accepted; otherwise as in controller.h", kind="whole")
@@ -49,7 +55,7 @@ class Unit:
 
     @cached_property
     def variables(self) -> Variables:
-        """In the order of their value references."""
+        """The variables, in the order of their value references."""
         found = self._inputs() + self._outputs()
         wanted: dict[Parameter, bool] = {}
         if self.controller:
@@ -59,17 +65,32 @@ class Unit:
             plant = self.made.plant
             starts = [plant.start(row) for row in plant.rows]
             wanted |= {one: one in starts or wanted.get(one, False) for one in plant.parameters}
-        found += parameters(wanted, [one for one, fixed in wanted.items() if fixed])
+        opened = self.printed.contents.opened
+        assert opened is not None
+        found += parameters(wanted, [one for one, fixed in wanted.items() if fixed], opened)
         if self.controller:
             found += self._states()
         if self.made is not None:
             found += array("plant.x", "local", "continuous", "state of the plant, without the sensor", [None] * self._order)
-        return require_distinct(Variables(tuple(self._labelled(found)), (FREEZE, STATUS) if self.controller else ()))
+        found = [self._state_of_plant(one) for one in self._labelled(found)]
+        return require_distinct(Variables(tuple(found), (FREEZE, STATUS) if self.controller else ()))
+
+    def _state_of_plant(self, one: Variable) -> Variable:
+        """A state of the plant or its initial value, with the case's label and unit if the labels name these states."""
+        problem = self.printed.contents.problem
+        which = re.fullmatch(r"plant\.(x0?)\[(\d+)\]", one.name)
+        if which is None:
+            return one
+        initial, i = which[1] == "x0", int(which[2]) - (which[1] == "x")
+        meaning = "initial state" if initial else one.meaning
+        same = initial or (self._order == problem.measured and not _has_other_states(problem))
+        own = self.printed.measured == "x" and same and i < problem.measured  # a baseline's integral has no label
+        return _with_label(replace(one, meaning=meaning), problem.measured_labels if own else None, i)
 
     def _labelled(self, found: list[Variable]) -> list[Variable]:
-        """The measurements under the case's labels, with underscores for characters that a name may not contain.
+        """The measurements under the case's labels, with underscores for characters that are not allowed in names.
 
-        A channel whose label gives no distinct name keeps ``x[1]``. The description contains the label and ``x[1]``.
+        A channel whose label yields no unique name keeps ``x[1]``. The description contains the label and ``x[1]``.
         """
         labels = self.printed.contents.problem.measured_labels
         names = () if labels is None else labels.names
@@ -135,10 +156,13 @@ class Unit:
         return array(name, causality, variability, text, starts, scalar=len(starts) == 1, units=units)
 
     def _states(self) -> list[Variable]:
-        """The controller's state, except parts that are outputs anyway."""
+        """The controller's state, except parts that are already outputs."""
         found = []
+        labels = self.printed.contents.problem.measured_labels
         for part in self._kept:
-            found += array(f"state.{part.name}", "local", "discrete", part.meaning, [None] * part.size)
+            made = array(f"state.{part.name}", "local", "discrete", part.meaning, [None] * part.size)
+            own = labels if of_the_channels(self.printed, part) else None
+            found += [_with_label(one, own, i) for i, one in enumerate(made)]
         return found
 
     @property
@@ -147,16 +171,20 @@ class Unit:
         return [part for part in layout.parts if part not in (layout.u, layout.theta_hat, layout.started)]
 
     def refusals(self) -> list[str]:
-        """C: bounds of parameters, their own and those between two of them."""
+        """C: checks of parameters against their own bounds and against each other."""
         opened, contents = self.printed.contents.opened, self.printed.contents
         assert opened is not None
         here = {one.name for one in self.variables.reals if one.causality == "parameter"}
-        own = [one for one in opened.parameters if one.name in here]
-        tests = [(f"{self._at(one.name)} {one.bound}", f"{one.name} must be {one.bound}") for one in own if one.bound]
-        for i, j, strict in opened.ordered:
-            low, high, relation = opened.parameters[i].name, opened.parameters[j].name, "<" if strict else "<="
-            if {low, high} <= here:
-                tests.append((f"{self._at(low)} {relation} {self._at(high)}", f"{low} must be {relation} {high}"))
+        every = opened.parameters
+
+        def text(entry: Entry) -> str:
+            return self._at(every[entry].name) if isinstance(entry, int) else repr(entry)
+
+        def name(entry: Entry) -> str:
+            return every[entry].name if isinstance(entry, int) else f"{entry:g}"
+
+        conditions = placed(opened.conditions, lambda k: k if every[k].name in here else every[k].value)
+        tests = [(one.as_c(text, DOUBLE), one.in_words(name)) for one in conditions]
         most = contents.parameter_range
         for one in contents.parameters if self.controller else ():
             tests.append((f"fabs({self._at(one.name)}) <= {most!r}", f"{one.name} must be at most {most:g} in size"))
@@ -231,7 +259,7 @@ class Unit:
         return lines if any("m->" in line for line in lines) else [*lines, "(void)m;"]
 
     def outputs(self) -> list[str]:
-        """C: the variables that follow from the state."""
+        """C: the variables that are computed from the state."""
         contents, lines = self.printed.contents, []
         if self.made is not None:
             macro, name = self.printed.macro, self.printed.name
@@ -260,3 +288,16 @@ class Unit:
     def _load_plant(self) -> list[str]:
         assert self.made is not None
         return [f"m->plant.parameter[{k}] = {self._at(one.name)};" for k, one in enumerate(self.made.plant.parameters)]
+
+
+def _has_other_states(problem: TrackingProblem) -> bool:
+    """Whether the simulated plant has states of its own, of which the labels name only some."""
+    return isinstance(problem, Problem) and problem.truth is not None and problem.truth.states is not None
+
+
+def _with_label(one: Variable, labels: Labels | None, i: int) -> Variable:
+    """The variable with the i-th unit, and the i-th name in its description."""
+    if labels is None:
+        return one
+    unit = labels.units[i] if labels.units else ""
+    return replace(one, unit=unit, meaning=f"{one.meaning}: {labels.name(i)}" if labels.name(i) else one.meaning)

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from barbalat.export.parameters import Parameter
+from barbalat.export.acceptance import numbers
+from barbalat.export.parameters import Opened, Parameter
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Variable:
     start        None for what is calculated
     kind         "real", "truth" or "whole"
     path         its place in the case's symbols, "x[1]", where the name is another one; else empty
-    bound        "> 0" or another one that a parameter has by itself; else empty
+    bounds       of the parameter that depend on no other one: "> 0", "< 1"
     """
 
     name: str
@@ -30,7 +31,7 @@ class Variable:
     unit: str = ""
     kind: str = "real"
     path: str = ""
-    bound: str = ""
+    bounds: tuple[str, ...] = ()
 
     @property
     def settable(self) -> str:
@@ -42,7 +43,7 @@ class Variable:
         if self.causality == "input":
             return "i"
         found = {"tunable": "t", "fixed": "s"}.get(self.variability, "n") if self.causality == "parameter" else "n"
-        return found.upper() if self.bound == "> 0" and found != "n" else found
+        return found.upper() if "> 0" in self.bounds and found != "n" else found
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Variables:
     wholes: tuple[Variable, ...]
 
     def place(self, name: str) -> int:
-        """Its index among the real variables."""
+        """The variable's index among the real variables."""
         return next(i for i, one in enumerate(self.reals) if name in (one.name, one.path))
 
     @property
@@ -74,7 +75,7 @@ class Variables:
 
 
 def entries(name: str, count: int, *, scalar: bool = False) -> list[str]:
-    """The names of an array's entries; of a scalar its own."""
+    """The names of an array's entries; for a scalar its own name."""
     return [name] if scalar else [f"{name}[{i + 1}]" for i in range(count)]
 
 
@@ -101,17 +102,20 @@ def _same(count: int, *values: str) -> list[list[str]]:
     return [[value] * count for value in values]
 
 
-def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[Variable]:
+def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter], opened: Opened) -> list[Variable]:
     """Parameters; initial values of states do not change after the start."""
-    begun = set(fixed)
-    return [
-        Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value, bound=one.bound)
-        for one in found
-    ]
+    begun, made = set(fixed), []
+    for one in found:
+        i = opened.parameters.index(one)
+        alone = (condition for condition in opened.conditions if numbers(condition) == {i})
+        bounds = tuple(condition.of_number(i, lambda entry: f"{entry!r}" if entry else "0") for condition in alone)
+        variability = "fixed" if one in begun else "tunable"
+        made.append(Variable(one.name, "parameter", variability, one.meaning, one.value, bounds=bounds))
+    return made
 
 
 def require_distinct(variables: Variables) -> Variables:
-    """A user's scheme may have states of any name; of two variables with the same name the second would be lost."""
+    """InputError for two variables with the same name, since a user's scheme may have states of any name."""
     names = sorted(one.name for _, one in variables.by_reference)
     same = [a for a, b in pairwise(names) if a == b]
     assert not same, same

@@ -16,11 +16,17 @@ TESTED = 100
 
 
 def files(asked: Request) -> dict[str, str]:
-    """The files by their names; InputError as of ``export_controller``."""
+    """The files by name; InputError as in ``export_controller``."""
     if asked.closed_loop:
         raise InputError("the target rust exports only the controller: use the target c99 for the closed loop")
     printed, texts = sources(
-        asked.problem, asked.controller, asked.simulation, float32=asked.float32, name=asked.name, parameters=asked.parameters
+        asked.problem,
+        asked.controller,
+        asked.simulation,
+        float32=asked.float32,
+        name=asked.name,
+        parameters=asked.parameters,
+        warning=asked.warning,
     )
     own = next(iter(named({"controller.h": ""}, asked.name))), next(iter(named({"controller.c": ""}, asked.name)))
     y, q, m, p = printed.contents.sizes
@@ -53,7 +59,7 @@ def files(asked: Request) -> dict[str, str]:
 
 
 def _settable(printed: Printed, number: str) -> dict[str, str]:
-    """The parts of lib.rs for the parameters; empty texts without any."""
+    """The parts of lib.rs for the parameters; they are empty if there are none."""
     macros = parameter_names(printed)
     if not macros:
         return dict.fromkeys(("set_declared", "parameters", "set", "set_tested"), "")

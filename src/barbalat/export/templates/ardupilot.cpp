@@ -17,7 +17,7 @@ const AP_Param::GroupInfo AC_CustomControl_${kind}::var_info[] = {
     // @Description: The axis of the controller
     // @Values: 0:Roll, 1:Pitch, 2:Yaw
     // @User: Advanced
-    AP_GROUPINFO("AXIS", 1, AC_CustomControl_${kind}, _axis, 1),
+    AP_GROUPINFO("AXIS", 1, AC_CustomControl_${kind}, _axis, ${axis}),
 
     // @Param: ANGLE
     // @DisplayName: Angle is measured
@@ -28,7 +28,7 @@ const AP_Param::GroupInfo AC_CustomControl_${kind}::var_info[] = {
 
     // @Param: FADE
     // @DisplayName: Samples of a start
-    // @Description: Samples over which the difference to the main controller's output fades out after a start
+    // @Description: Samples over which the difference from the main controller's output fades out after a start
     // @Range: 0 2000
     // @User: Advanced
     AP_GROUPINFO("FADE", 3, AC_CustomControl_${kind}, _fade, 200),
@@ -46,7 +46,11 @@ AC_CustomControl_${kind}::AC_CustomControl_${kind}(AC_CustomControl& frontend, A
                                                    AC_AttitudeControl*& att_control, AP_MotorsMulticopter*& motors, float dt) :
     AC_CustomControl_Backend(frontend, ahrs, att_control, motors, dt),
     _starting(true),
+    _keeping(false),
     _logged(0),
+    _at(0.0f),
+    _command(0.0f),
+    _u(0.0f),
     _period(dt),
     _last(0)
 {
@@ -63,8 +67,9 @@ ${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
     return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
 }
 
-// Angle and rate in the case's units${units_said}.
-void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
+// Angle and rate in the case's units${units_said}. Where a heading passes south, angle and command turn on without a jump, and
+// both are in the same turn. An angle that passes half a turn from the command jumps into another turn: the other way is shorter.
+bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
 {
     Quaternion body, target = _att_control->get_attitude_target_quat();
     _ahrs->get_quat_body_to_ned(body);
@@ -73,19 +78,28 @@ void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
     target.to_euler(wanted.x, wanted.y, wanted.z);
     Vector3f rate = _ahrs->get_gyro_latest();
     Vector3f wanted_rate = (body.inverse() * target) * _att_control->get_attitude_target_ang_vel();
-    const float command = *_axis_of(wanted);
     const bool both = ${both} != 0;
-    if (both || _angle.get() != 0) {
-        measured[0] = (command - wrap_PI(command - *_axis_of(angle))) * ${first_unit}; // no jump when yaw passes south
-        measured[${macro}_MEASURED - 1] = both ? *_axis_of(rate) * ${last_unit} : measured[0];
-        r[0] = command * ${first_unit};
-    } else {
+    if (!both && _angle.get() == 0) {
         measured[0] = *_axis_of(rate) * ${first_unit};
         r[0] = *_axis_of(wanted_rate) * ${first_unit};
+        return false;
     }
+    float command = *_axis_of(wanted), at = *_axis_of(angle);
+    command = _starting ? command : _command + wrap_PI(command - _command);
+    at = command - wrap_PI(command - at);
+    const bool turned = !_starting && fabsf(at - _at) > 3.1415927f;
+    if (_starting || turned || fabsf(at - _at) <= 3.1415927f) { // a number
+        _command = command;
+        _at = at;
+    }
+    measured[0] = at * ${first_unit};
+    measured[${macro}_MEASURED - 1] = both ? *_axis_of(rate) * ${last_unit} : measured[0];
+    r[0] = command * ${first_unit};
+    return turned;
 }
 
-// The main controller's output remains on the ground, on the other axes, and if the state or the result is refused.
+// The main controller's output remains on the ground and on the other axes. It returns until the first sample after a start is
+// accepted, if the state or the result is refused, and instead of any fallback of the case.
 Vector3f AC_CustomControl_${kind}::update(void)
 {
     Vector3f out{_motors->get_roll(), _motors->get_pitch(), _motors->get_yaw()};
@@ -98,13 +112,15 @@ Vector3f AC_CustomControl_${kind}::update(void)
     float x[${macro}_MEASURED], r[${macro}_COMMANDS];
     ${name}_input in;
     ${name}_output result;
-    ${read}
-${applied}    if (_starting) {
-        const float u_now[${macro}_INPUTS] = {*_axis_of(out) * scale};
-        _starting = ${name}_start(&_controller, ${start_given}u_now, _fade.get(), 0) != ${macro}_OK;
-    }
-    if (_starting) {
-        return out;
+    const bool turned = ${read}
+${applied}    const bool first = _starting || turned;
+    if (first) {
+        const float u_now[${macro}_INPUTS] = {turned ? _u : *_axis_of(out) * scale};
+        if (${name}_start(&_controller, ${start_given}u_now, _fade.get(), _keeping || turned ? 1 : 0) != ${macro}_OK) {
+            _starting = true;
+            return out;
+        }
+        _starting = false;
     }
 ${timer}    for (int i = 0; i < ${macro}_MEASURED; ++i) {
         in.${measured}[i] = x[i];
@@ -123,7 +139,12 @@ ${lines}    }
         reset();
         return out;
     }
-    *_axis_of(out) = result.u_limited[0] / scale;
+    if (first && (status & (${macro}_MEASUREMENT_LOST | ${macro}_COMMAND_LOST)) != 0u) {
+        _starting = true; // a lost first sample or command: nothing has begun
+        return out;
+    }
+${handed}    _u = result.u_limited[0];
+    *_axis_of(out) = _u / scale;
     return out;
 }
 
@@ -131,6 +152,7 @@ ${lines}    }
 void AC_CustomControl_${kind}::reset(void)
 {
     _starting = true;
+    _keeping = false;
     _last = 0;
 }
 

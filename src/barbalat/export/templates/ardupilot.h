@@ -21,12 +21,16 @@ public:
     static const struct AP_Param::GroupInfo var_info[];
 
 protected:
-    void _measure(float *measured, float *r) const; // of the axis [rad, rad/s]
+    bool _measure(float *measured, float *r); // of the axis [rad, rad/s]; whether the angle is now in another turn
     float *_axis_of(Vector3f &rpy) const;
 
     ${name}_controller _controller;
     bool _starting; // whether the next update starts the controller
+    bool _keeping; // whether this start keeps the estimates, as after an outage
     uint8_t _logged; // updates since the last line of the log
+    float _at; // [rad] the last angle, in the command's turn
+    float _command; // [rad] the last command, which turns on beyond half a turn
+    float _u; // the last control
     float _period; // [s] of the main loop
     uint64_t _last; // [us] time of the last update, if it is measured; 0 after a start
     AP_Int8 _axis;

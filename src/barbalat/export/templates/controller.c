@@ -23,7 +23,7 @@ static int result_is_usable(const ${name}_controller *c)
     return ${usable_result};
 }
 
-/* Whether the whole state is in range; no sample leads out of range. */
+/* Whether the whole state is in range. No sample leads out of range. */
 static int state_is_usable(const ${name}_controller *c)
 {
     return ${usable}
@@ -34,6 +34,11 @@ static int state_is_usable(const ${name}_controller *c)
 static void advance(${name}_controller *c, const ${name}_input *in)
 {
 ${advance}}
+
+/* What a sample changes, number by number, so that a compiler copies only what is still needed. */
+static void copy(${name}_controller *to, const ${name}_controller *from)
+{
+${copied}}
 
 /* A start without a bump: u begins where the actuator is, and the difference fades out. */
 static void fade(${name}_controller *c)
@@ -53,7 +58,7 @@ static void fade(${name}_controller *c)
     }
 }
 
-/* Without a measurement the control is held, and a fade waits, so that u does not jump at the next good sample. */
+/* Without a measurement the control is held, and a fade pauses, so that u does not jump at the next good sample. */
 static void hold(${name}_controller *c)
 {
     int i;
@@ -67,39 +72,49 @@ static void begin(${name}_controller *c, ${begin_argument}int keep_estimates)
 {
 ${start}}
 
-${fall_back}${begin_again}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
+${limit}${fall_back}${refuse}${parameter_change}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
 {
     int i;
     ${name}_controller before;
-    before = *c;
-    advance(c, in);
-    if (measured ${good}) {
-${returns}${repeated}        fade(c);
+    copy(&before, c);
+    if (measured ${good} || c->${started}[0] > 0) {
+${advances}    } else { /* nothing has begun */
+        for (i = 0; i < ${macro}_MEASURED; ++i) {
+            c->${last_measured}[i] = in->${measured}[i];
+        }
+        for (i = 0; i < ${macro}_COMMANDS; ++i) {
+            c->${last_r}[i] = in->r[i];
+        }
+    }
+${seen}    if (measured ${good}) {
+${returns}        fade(c);
     } else {
 ${counted}        hold(c);
 ${falls_back}    }
     if (!result_is_usable(c)) {
-        *c = before;
-${refused}        return 0;
+${unchanged}        copy(c, &before);
+        refuse(${refuse_before}c, in, measured);
+        return 0;
     }
-    for (i = 0; i < ${macro}_INPUTS; ++i) {
+${accepted}    for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->last_u[i] = c->${u}[i];
     }
     return 1;
 }
 
 ${shell_functions}${shell_timer}/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen${predicts}. */
-static void take(const ${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
+static void take(${kept_const}${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
 {
     int i;
-    if (${uncalled}!in_range(in->r, ${macro}_COMMANDS)) {
+    if (${uncalled}${command_lost}) {
 ${untold}        for (i = 0; i < ${macro}_COMMANDS; ++i) {
             in->r[i] = c->${last_r}[i];
         }
-    }
-    if (${late}${implausible}) {
-${lost}        in->freeze = ${lost_freeze};
+    }${command_good}
+    if (${uncalled}${implausible}) {
+${lost}        *measured = 0;
+        in->freeze = ${lost_freeze};
         for (i = 0; i < ${macro}_MEASURED; ++i) {
             in->${measured}[i] = c->${last_measured}[i];
         }
@@ -111,18 +126,27 @@ static void give(const ${name}_controller *c, ${name}_output *out, unsigned stat
 ${give}    out->status = status;
 }
 
+/* Makes the control that is held zero if it is no control. */
+static void keep_control(${name}_controller *c)
+{
+    int i;
+    const int held = in_range(c->last_u, ${macro}_INPUTS);
+    for (i = 0; i < ${macro}_INPUTS && held == 0; ++i) {
+        c->last_u[i] = ${zero};
+    }
+}
+
 void ${name}_reset(${name}_controller *c)
 {
     int i;
-    const int held = in_range(c->last_u, ${macro}_INPUTS); /* otherwise there is no valid control to hold */
+    keep_control(c);
     for (i = 0; i < ${macro}_INPUTS; ++i) {
-        c->last_u[i] = held != 0 ? c->last_u[i] : ${zero};
         c->bump[i] = ${zero};
     }
 ${reset}    c->fade = 0L;
     c->fade_left = 0L;
     c->matching = 0;
-${no_outage}}
+${no_change}${no_outage}}
 
 void ${name}_init(${name}_controller *c)
 {
@@ -141,23 +165,21 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
         return ${macro}_START_REFUSED;
     }
     begin(c, ${begin_given}keep_estimates);
-    for (i = 0; i < ${macro}_INPUTS; ++i) {
-        c->bump[i] = u_now[i];
-        c->last_u[i] = u_now[i];
-    }
-    c->fade = samples > 0L ? samples : 0L;
+${start_control}    c->fade = samples > 0L ? samples : 0L;
     c->fade_left = c->fade;
     c->matching = 1;
-${no_outage}    return ${macro}_OK;
+${no_change}${no_outage_at_start}    return ${macro}_OK;
 }
 
-unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
+${wait}unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
 {
     unsigned status = ${macro}_OK;
     int measured${one};
     ${name}_input taken;
 ${clock_test}    if (!state_is_usable(c)) {
-        give(c, out, status | ${macro}_STATE_REFUSED);
+${outage_before}        keep_control(c);
+        ${begins}${name}_start(c, ${measured_given}c->last_u, ${restart_fade}, 0)${begun}
+${told_fallback}        give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
 ${sample}${fallback_status}    give(c, out, status);

@@ -10,12 +10,13 @@
 #define ${macro}_EXPORT ${mark}
 #define ${macro}_SAMPLE_TIME ${sample_time} /* [s] of the controller */
 #define ${macro}_RANGE ${range} /* largest size of a measurement, a command or a state; larger ones are refused */
-${sizes}${limits}${shell_macros}${log_macros}${parameter_macros}
+${sizes}#define ${macro}_REFUSALS ${refusals} /* refused results in a row after which it begins again with nothing learnt */
+${limits}${shell_macros}${log_macros}${parameter_macros}
 /* Status bits of a step, possibly several, and of a start. */
 #define ${macro}_OK 0u
 #define ${macro}_WRONG_SAMPLE_TIME 1u /* called at a wrong time, off by more than ${tolerated}: ${wrong_time} */
 #define ${macro}_MEASUREMENT_LOST 2u /* an entry of the measurement is NaN or out of range: see ${name}_step */
-#define ${macro}_STATE_REFUSED 4u /* the state is NaN or out of range: the last u is held until reset or start */
+#define ${macro}_STATE_REFUSED 4u /* the state was NaN or out of range: u is held, and the controller starts again */
 #define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: ${result_refused} */
 #define ${macro}_COMMAND_LOST 16u /* an entry of the command is NaN or out of range: see ${name}_step */
 #define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is NaN or out of range${start_range} */
@@ -31,6 +32,7 @@ ${members}    ${real} last_u[${macro}_INPUTS]; /* the last control, which is hel
     long fade; /* samples over which it fades out */
     long fade_left; /* remaining samples of the fade */
     int matching; /* 1 until the first sample after a start */
+    int refused; /* good samples in a row whose result was out of range */
 ${shell_members}} ${name}_controller;
 
 typedef struct {
@@ -58,7 +60,7 @@ void ${name}_reset(${name}_controller *c);
 
 /*
  * ${start_comment}
- * u_now is the present control of the actuator: the first control equals it, and the difference to the controller's own control
+ * u_now is the present control of the actuator: the first control equals it, and the difference from the controller's own control
  * fades out over this number of samples. keep_estimates: not 0 to keep the estimates.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
@@ -70,7 +72,7 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
  * until the next call. Returns the status.
  * A lost measurement: u is held, and all else continues with ${with_what}, with the estimates frozen.
  * A lost command: the last good command replaces it, and the controller continues normally.
- * Until the first sample after init, reset or start that has both, the state does not advance and u is held.
+ * Until the first good measurement after init, reset or start the state does not advance and u is held${first_misses}.
 ${shell_comment} */
 /*@ requires \valid(c) && \valid_read(in) && \valid(out);
     requires \separated(c, in, out);

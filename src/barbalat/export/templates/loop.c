@@ -59,7 +59,7 @@ ${moved}            ${name}_plant_step(&p, &given);
         }
     }
     if (EXACT == 0) {
-        printf("${name}, closed loop: %d samples; beside the simulation ${measured} is off by %g at the most, u by %g\n", SAMPLES,
+        printf("${name}, closed loop: %d samples; ${measured} differs from the simulation by at most %g, u by %g\n", SAMPLES,
             largest_y, largest_u);
         return 0;
     }

@@ -197,13 +197,13 @@ static void test_refused(${real} bad, int in_command)
 ${mirror_outage}        }
         require(${name}_step(&c, &in, &out) == (k == last ? ${macro}_OK : in_command != 0 ? ${macro}_COMMAND_LOST : ${macro}_MEASUREMENT_LOST),
             "a bad input is not told");
-        require(same(out.u, expected.u, ${macro}_INPUTS), "a wrong control after a bad input");
+${mirror_command}        require(same(out.u, expected.u, ${macro}_INPUTS), "a wrong control after a bad input");
         require(is_limited(&out), "a bad input leads beyond the actuator's limits, or changes the control within");
         require(same_state(&c, &other), "the state does not advance through a bad input as it should");
     }
 }
 
-/* A sample that would lead out of range, here because of the fade: nothing moves. */
+/* A first sample that would lead out of range, here because of the fade: nothing moves. */
 static void test_result(void)
 {
     ${name}_controller c, before;
@@ -220,8 +220,9 @@ static void test_result(void)
         return; /* this control vanishes in the rounding of such a large number */
     }
     before = c;
-    require(${name}_step(&c, &in, &out) == ${refused_status}, "a result out of range is not refused");
-${refused_misses}    require(${begins_again}(same(out.u, before.last_u, ${macro}_INPUTS) && is_limited(&out) && same_state(&c, &before)),
+    in.sample_time = ${off};
+    require(${name}_step(&c, &in, &out) == (${refused_status} | ${reported}), "a result out of range is not refused");
+${counted}${refused_misses}    require(${begins_again}(same(out.u, before.last_u, ${macro}_INPUTS) && is_limited(&out) && same_state(&c, &before)),
         "a refused result moves something");
 }
 ${standstill}
@@ -231,6 +232,7 @@ static void test_limits(void)
     ${name}_input in = sample(0);
     ${name}_output out;
     ${name}_log log;
+    ${real} last;
     int i, k;
     ${name}_init(&c);
     in.sample_time = ${macro}_SAMPLE_TIME * (1 + 9 * ${small});
@@ -241,11 +243,12 @@ ${timer_tests}    ${name}_init(&c);
     (void)replay(&c, 1);
     in = sample(1);
     for (i = 0; i < ${macro}_INPUTS; ++i) {
-        c.last_u[i] = 1;
+        c.last_u[i] = limits[i][1] < 1 ? limits[i][1] : limits[i][0] > 1 ? limits[i][0] : 1;
     }
+    last = c.last_u[0];
     c.${u}[0] = 2 * ${macro}_RANGE;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a state out of range is not refused");
-    require(out.u[0] == 1 && is_limited(&out), "the last good control is not held");
+    require(out.u[0] == last && is_limited(&out), "the last good control is not held");
 ${limit_tests}    ${name}_reset(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "the controller does not return from a bad state");
     c.last_u[0] = 2 * ${macro}_RANGE;
@@ -255,6 +258,9 @@ ${limit_tests}    ${name}_reset(&c);
         "a control out of range is held");
     ${name}_reset(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "the controller does not return from a bad control");
+    c.last_u[0] = 2 * ${macro}_RANGE;
+    ${name}_reset(&c);
+    require(c.last_u[0] == 0, "a reset keeps a control out of range");
     c.bump[0] = 2 * ${macro}_RANGE;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a bump out of range is not refused");
     ${name}_reset(&c);
@@ -269,7 +275,7 @@ ${limit_tests}    ${name}_reset(&c);
             const int without = limits[i][1] > ${macro}_RANGE;
             c.last_u[i] = without != 0 ? (${real})(k - 8) : limits[i][0] * ((${real})(16 - k) / 16) + limits[i][1] * ((${real})k / 16);
         }
-        require(${name}_step(&c, &in, &out) == ${macro}_MEASUREMENT_LOST && same(out.u, c.last_u, ${macro}_INPUTS),
+        require((${name}_step(&c, &in, &out)${told}) == ${macro}_MEASUREMENT_LOST && same(out.u, c.last_u, ${macro}_INPUTS),
             "before the first good sample the control is not held");
         require(is_limited(&out), "a control beyond the actuator's limits, or a changed one within");
         ${name}_read_log(&c, &log);
@@ -374,6 +380,7 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
         "a start with a negative number of samples is not one without a fade");
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         u_now[i] = own.u[i] + 1;
+        u_now[i] = u_now[i] > limits[i][1] ? limits[i][1] : u_now[i] < limits[i][0] ? limits[i][0] : u_now[i];
     }
     c = before;
     (void)${name}_start(&c, ${start_argument}u_now, ${fade}L, 1);
@@ -388,14 +395,24 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
     (void)${name}_start(&c, ${start_argument}u_now, 0L, 1);
     require(${name}_step(&c, &in, &out) == ${macro}_OK && same(out.u, own.u, ${macro}_INPUTS),
         "a start without a fade is not the controller's own control");
+    for (i = 0; i < 2; ++i) { /* a start beyond the limits begins at them */
+        ${real} ends[${macro}_INPUTS], beyond[${macro}_INPUTS];
+        int j;
+        for (j = 0; j < ${macro}_INPUTS; ++j) {
+            const int without = limits[j][1] > ${macro}_RANGE;
+            ends[j] = without != 0 ? own.u[j] : limits[j][i];
+            beyond[j] = without != 0 ? own.u[j] : i == 1 ? limits[j][1] + 1 : limits[j][0] - 1;
+        }
+        c = before;
+        require(${name}_start(&c, ${start_argument}beyond, ${fade}L, 1) == ${macro}_OK && same(c.last_u, ends, ${macro}_INPUTS)
+                && same(c.bump, ends, ${macro}_INPUTS),
+            "a start beyond the limits does not begin at them");
+    }
     c = before;
     in.${measured}[0] = 2 * ${macro}_RANGE;
 ${refused_starts}${elsewhere}    (void)${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
 ${start_tests}    before = c;
-    require(${name}_step(&c, &in, &out) == ${macro}_MEASUREMENT_LOST && same(out.u, u_now, ${macro}_INPUTS)
-            && is_limited(&out) && same_state(&c, &before),
-        "a refused first sample does not hold the actuator where it is");
-${fresh_tests}}
+${first_miss}${fresh_tests}}
 
 int main(void)
 {

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 FloatMatrix = NDArray[np.float64]
 
-# Bits at which the sign of a real part is first sought, and the precision beyond which it is given up: an
-# eigenvalue of a float64 matrix this close to the axis (2^-4096 relative) is on it for every purpose.
+# Bits at which the sign of a real part is first determined, and the precision beyond which the attempt ends: an eigenvalue of a
+# float64 matrix this close to the axis (2^-4096 relative) counts as on it.
 _SPECTRUM_BITS = 64
 _SPECTRUM_BITS_LIMIT = 4096
-# Bits of the largest entry in units of the smallest one's last bit: 160 where entries lie 1e30 apart. The roots of a cubic
-# whose coefficients have 800 take eight seconds.
+# Bits of the largest entry in units of the smallest one's last bit: 160 if the entries are 1e30 apart. The roots of a cubic
+# whose coefficients have 800 bits take eight seconds.
 _WIDEST_ENTRIES = 400
 
 
@@ -50,7 +50,7 @@ def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     from scipy.linalg.lapack import dgebal
 
     n, m, p = A.shape[0], B.shape[1], C.shape[0]
-    # gebal scales by powers of two; anything else is reduced to one, so that exactness does not depend on it.
+    # gebal scales by powers of two; any other scale is reduced to a power of two, so that exactness does not depend on gebal.
     _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
     exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
     rows = A.tolist()
@@ -75,16 +75,16 @@ def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
     return list(_eigenvalues(tuple(A.ravel().tolist()), ctx.prec))
 
 
-@lru_cache(maxsize=64)  # the norms of a system with several inputs and outputs share it; widely separated entries take seconds
+@lru_cache(maxsize=64)  # the norms of one system share it, and it may take seconds
 def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb, int], ...]:
     """Return enclosures, at a precision in bits, of the eigenvalues of a matrix given row by row."""
     n = math.isqrt(len(entries))
     fractions = [value.as_integer_ratio() for value in entries]
-    denominator = max(bottom for _, bottom in fractions)  # a power of two, and so a multiple of the others
+    denominator = max(bottom for _, bottom in fractions)  # a power of two that divides all others
     bits = max(abs(top) * (denominator // bottom) for top, bottom in fractions).bit_length()
     if n > 2 and bits > _WIDEST_ENTRIES:
         raise ArithmeticError(
-            f"the eigenvalues of a matrix ({n}, {n}) need entries of at most {_WIDEST_ENTRIES} bits side by side, got {bits}: "
+            f"the eigenvalues of a matrix ({n}, {n}) need entries that fit into {_WIDEST_ENTRIES} bits together, got {bits}: "
             "they are too far apart"
         )
     integers = fmpz_mat(n, n, [top * (denominator // bottom) for top, bottom in fractions])
@@ -107,9 +107,7 @@ def require_hurwitz(A: FloatMatrix) -> None:
             unstable = any(part >= 0 for part in real_parts)
             quoted = float(largest.mid())
         if unstable or bits >= _SPECTRUM_BITS_LIMIT:
-            raise ValueError(
-                f"the L1 norm needs a matrix A certainly Hurwitz, but its largest eigenvalue real part is {quoted:.6g}"
-            )
+            raise ValueError(f"the L1 norm requires a certainly Hurwitz matrix A, but the largest real part is {quoted:.6g}")
         bits *= 2
 
 
@@ -138,13 +136,13 @@ class DecayCertificate:
 def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float) -> DecayCertificate | None:
     """Return a verified certificate for A (n, n), C (p, n) at the rate (1/s), None if this precision fails.
 
-    `spectrum` holds approximate eigenvalues of A, only used to steer the iteration. P is found by Smith's
+    `spectrum` holds approximate eigenvalues of A, which only steer the iteration. P is found by Smith's
     doubling of the Cayley transform (R. A. Smith, SIAM J. Appl. Math. 16, 1968), then verified.
     """
     n = A.nrows()
     shifted = A + identity(n) * arb(rate)
     # C'C alone may be singular; the added multiple of I makes P definite and absorbs the rounding of P.
-    # A third of the digits keeps it far below C'C and far above the rounding.
+    # With a third of the digits it is far below C'C and far above the rounding.
     gram = C.transpose() * C
     largest = max((abs(gram[i, i]) for i in range(n)), key=float).upper()
     slack = (largest if largest > 0 else arb(1)) * arb(2) ** (-(ctx.prec // 3))
@@ -162,7 +160,7 @@ def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate:
 
 def euclidean_norm(x: arb_mat) -> arb:
     """Return an upper bound of the Euclidean norm of the column x (n, 1)."""
-    # The square of a ball around 0 reaches below 0, where the root is not defined: only its upper end counts.
+    # The square of a ball around 0 extends below 0, where the root is undefined; only its upper end counts.
     return (x.transpose() * x)[0, 0].upper().sqrt().upper()
 
 
@@ -179,7 +177,7 @@ def _approximate_lyapunov(M: arb_mat, weight: arb_mat, spectrum: Sequence[comple
     unit = identity(M.nrows()) * arb(shift)
     try:
         inverse = (unit - M).inv().mid()
-    except ZeroDivisionError:  # not invertible at this precision: the caller raises it
+    except ZeroDivisionError:  # not invertible at this precision, which the caller then increases
         return None
     transition = (inverse * (unit + M)).mid()
     P = (inverse.transpose() * weight * inverse * arb(2 * shift)).mid()

@@ -1,4 +1,4 @@
-"""L1 norms in floating point, to a few percent: they choose what is then enclosed, and are never reported."""
+"""L1 norms in floating point, accurate to a few percent. They decide what is then enclosed, and are never reported."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import numpy as np
 from barbalat.validate import Array
 
 POINTS, MOST_BLOCKS = 128, 40
-"""Instants of a block, a power of two, and the largest number of blocks; the steps of each block are twice those of the last."""
+"""Instants of a block, a power of two, and the largest number of blocks; each block has steps twice as long as the one before."""
 FIRST_STEP, LAST_TIME = 0.05, 6.0
-"""The first step times the largest magnitude of an eigenvalue, and the least end times the slowest decay."""
+"""The first step, in units of the inverse of the largest eigenvalue's magnitude, and the earliest end, in units of the slowest
+time constant."""
 NEGLIGIBLE = 1e-4
-"""A block that contributes less than this share of each sum is the last one."""
+"""The first block that contributes less than this share of each sum is the last one."""
 
 
 def estimated_rows(A: Array, B: Array, C: Array) -> Array | None:

@@ -18,9 +18,9 @@ from barbalat.linear.l1_norms.decay import (
 )
 from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, remainder_constant
 
-# Marching time takes about one segment a sign change; the closed form costs about as much as this many.
+# Stepping through time takes about one segment per sign change; the closed form costs about as much as this many.
 _WORTHWHILE_SIGN_CHANGES = 12.0
-# Time constants until an oscillation falls below the tolerance 1e-9 or so: ln(1e10).
+# Time constants until an oscillation has fallen below a tolerance of about 1e-9: ln(1e10).
 _TIME_CONSTANTS = 23.0
 
 
@@ -51,10 +51,10 @@ class SlowOscillation:
 
 
 def slow_oscillation(A: arb_mat, C: arb_mat, spectrum: list[tuple[acb, int]]) -> SlowOscillation | None:
-    """Return the slowest pair of A (n, n) with its projector, None where it would not shorten the work.
+    """Return the slowest pair of A (n, n) with its projector; None if it would not shorten the work.
 
-    `spectrum` are the exact eigenvalue enclosures with multiplicities. None is also returned where the
-    projector or the decay of the rest cannot be verified at the working precision.
+    `spectrum` are the exact eigenvalue enclosures with multiplicities. None is also returned if the projector or the decay of
+    the rest cannot be verified at the working precision.
     """
     ordered = sorted(spectrum, key=lambda item: float(item[0].real.mid()), reverse=True)
     index = next((k for k, (root, _) in enumerate(ordered) if root.imag > 0), None)
@@ -63,7 +63,7 @@ def slow_oscillation(A: arb_mat, C: arb_mat, spectrum: list[tuple[acb, int]]) ->
     slowest = ordered[index][0]
     others = ordered[:index] + ordered[index + 1 :]
     rest = [item for item in others if not item[0].overlaps(slowest.conjugate())]
-    if len(rest) != len(others) - 1:  # an eigenvalue too close to the pair to tell at this precision
+    if len(rest) != len(others) - 1:  # an eigenvalue cannot be separated from the pair at this precision
         return None
     decay = -float(slowest.real.mid())
     rest_decay = min((-float(root.real.mid()) for root, _ in rest), default=math.inf)
@@ -76,8 +76,8 @@ def slow_oscillation(A: arb_mat, C: arb_mat, spectrum: list[tuple[acb, int]]) ->
     pair = arb_mat(A.nrows(), A.ncols(), [2 * entry.real for entry in projector.entries()])
     remainder = None
     if rest:
-        # Shifting the pair to the decay of the rest leaves e^(As) unchanged on the rest, since the projector
-        # commutes with A; the certificate then sees only the faster decay.
+        # Shifting the pair to the decay of the rest leaves e^(As) unchanged on the rest, since the projector commutes with A;
+        # the certificate then depends only on the faster decay.
         shifted = A - pair * arb(rest_decay - decay)
         roots = [complex(root.mid()) for root, multiplicity in rest for _ in range(multiplicity)]
         moved = complex(-rest_decay, float(slowest.imag.mid()))
@@ -117,7 +117,7 @@ def _oscillation_integral(amplitude: acb, eigenvalue: acb) -> arb:
         return arb(0).union((deviation / decay).upper())
     first_zero = _first_zero(centre, frequency)
     if first_zero is None:
-        # A zero at the very start cannot be told from one just before it: turn the phase by a hair.
+        # A zero exactly at the start cannot be distinguished from one just before it, so the phase is turned slightly.
         turned = acb((centre * acb(0, -(arb(2) ** (-(ctx.prec // 2)))).exp()).mid())
         deviation += abs(turned - centre).upper()
         centre = turned
@@ -146,11 +146,11 @@ def _first_zero(amplitude: acb, frequency: arb) -> arb | None:
 
 # Bits kept below the requested width for rounding, summed over all segments.
 _GUARD_BITS = 40
-# Longest segment, in units of 1/(slowest eigenvalue): a handful of them reaches the tail, and the noise of
-# fast modes that the Taylor coefficients magnify grows with the power POLYNOMIAL_DEGREE + 1 of it.
+# Longest segment, in units of 1/(slowest eigenvalue). A handful of such segments reaches the tail; the rounding noise of fast
+# modes, which the Taylor coefficients magnify, grows with the power POLYNOMIAL_DEGREE + 1 of the length.
 LONGEST_STEP = 4.0
-# Shares of the width given to Taylor remainders, the tail, and unresolved signs: 1/8 each, so that the sum
-# and the final rounding to floats stay below one half even though the scale is only known from below.
+# Share of the width for each of Taylor remainders, the tail, and unresolved signs: with 1/8 each, the sum and the final
+# rounding to floats stay below one half although only a lower bound of the scale is known.
 _TRUNCATION_SHARE = 0.125
 
 
@@ -196,7 +196,7 @@ class NormModel:
 
 
 def build_model(system: System) -> NormModel | None:
-    """Return the model of the system at the current precision, None if the decay is not certified at it."""
+    """Return the model of the system at the current precision; None if the decay is not certified there."""
     plant = scaled(system.A, system.B, system.C)
     A, C = plant.A, plant.C
     unit = arb(2) ** -plant.time_exponent
@@ -245,7 +245,7 @@ def norm_lower_bound(model: NormModel) -> arb:
     last = math.ceil(-math.log2(model.decay)) + 2
     try:
         gain = model.A.transpose().solve(model.C.transpose()).transpose()
-    except ZeroDivisionError:  # singular at this precision only, A being Hurwitz
+    except ZeroDivisionError:  # singular only at this precision, since A is Hurwitz
         return arb(0)
     transition = (model.A * arb(2) ** first).exp()
     previous = (gain * model.B).entries()
@@ -264,16 +264,16 @@ def norm_lower_bound(model: NormModel) -> arb:
 
 
 def needed_bits(model: NormModel, budget: arb) -> int:
-    """Return the precision at which rounding stays below the budget and fast modes below notice."""
-    # Rounding of the state is relative to its entries, whose contributions may cancel in the norm: a box of
-    # their size has the norm without the cancellation.
+    """Return the precision at which rounding stays within the budget and fast modes stay negligible."""
+    # Rounding of the state is relative to its entries, whose contributions may cancel in the norm; the norm of a box of their
+    # size does not include this cancellation.
     boxes = [
         arb_mat(model.B.nrows(), 1, [arb(0, abs(entry).upper()) for entry in column(model.B, j).entries()])
         for j in range(model.B.ncols())
     ]
     rounding = max(log2_above(model.certificate.tail(model.certificate.norm(box))) for box in boxes)
-    # Rounding also re-excites fast modes that have died out, which then hold the segments short through the
-    # Taylor remainder: over the longest segment it must not notice them.
+    # Rounding also excites fast modes again that have died out, and through the Taylor remainder these would keep the segments
+    # short. They must be negligible over the longest segment.
     longest = arb(LONGEST_STEP / model.slowest)
     constant = longest * remainder_constant(longest)
     stiffness = max(log2_above(constant * euclidean_norm(model.remainder * box)) for box in boxes)
@@ -284,7 +284,7 @@ def needed_bits(model: NormModel, budget: arb) -> int:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Steering values: bounds aimed at for one input, never part of a proof."""
+    """Target values for one input; they steer the work and are never part of a proof."""
 
     remainder_rate: arb  # Taylor remainder per unit of time
     tail: arb
@@ -298,13 +298,13 @@ def tolerances(model: NormModel, start: arb_mat, budget: arb) -> Tolerances:
     rate = 0.5 * model.decay
     initial = log2_above(model.certificate.tail(model.certificate.norm(start)))
     horizon = max(1.0, (initial - log2_above(share)) * math.log(2.0)) / rate
-    # Sign changes expected until the horizon, with as many again for pieces split for other reasons.
+    # Twice the number of sign changes expected until the horizon, since pieces are also split for other reasons.
     pieces = 64.0 + 2.0 * horizon * model.frequency / math.pi
     return Tolerances(share / horizon, share, share / pieces, horizon)
 
 
 def log2_above(value: arb) -> float:
-    """Return about log2 of the upper end of a ball, -inf if that is not positive; to steer with only."""
+    """Return approximately log2 of the upper end of a ball, -inf if that is not positive; only for steering."""
     return float(value.upper().log()) / math.log(2.0) if value.upper() > 0 else -math.inf
 
 

@@ -1,7 +1,7 @@
 """Guaranteed enclosure of the L1 norm (induced L-infinity norm) of a stable continuous-time system.
 
-The impulse response is marched in Taylor segments whose sign is proved with Bernstein coefficients; see
-docs/l1-norms.md for the proof that every source of error is bounded.
+The impulse response is followed in Taylor segments, whose signs are proved with Bernstein coefficients. docs/l1-norms.md proves
+that every source of error is bounded.
 """
 
 from __future__ import annotations
@@ -140,8 +140,8 @@ class _March:
         self.gaps = [arb(0)] * rows
         self.signs = [0] * rows
         certificate = self.model.certificate
-        # The state is an exact vector plus an error known only by its norm, which the flow contracts; a box
-        # around the vector would grow with every turn of the state instead (the wrapping effect).
+        # The state is an exact vector plus an error of which only the norm is known; the flow contracts this norm. A box around
+        # the vector would instead grow with every turn of the state (the wrapping effect).
         state = start.mid()
         error = certificate.norm(start - state).upper()
         exponent = self._first_exponent(state)
@@ -178,7 +178,7 @@ class _March:
         return euclidean_norm(self.model.remainder * state)
 
     def _first_exponent(self, state: arb_mat) -> int:
-        """Return the exponent of the longest first segment that the remainder allows, less the usual rise."""
+        """Return the exponent of the longest first segment that the remainder allows, minus the usual increase."""
         # remainder rate: K(1) s^(d + 1/2) norm <= tolerance
         excess = log2_above(remainder_constant(arb(1)) * self._remainder_norm(state))
         if excess == -math.inf:
@@ -214,14 +214,14 @@ class _March:
             self.signs[row] = sign or self.signs[row]
 
 
-# Working precision of the first attempt: two limbs, enough for the default width of a benign system.
+# Working precision of the first attempt: two limbs (128 bits) are sufficient for the default width of a benign system.
 _FIRST_BITS = 128
-# Precision limit: time scales 2^150 = 1e45 apart and as much cancellation fit; beyond, work grows to minutes.
+# Precision limit: it covers time scales 2^150 = 1e45 apart and as much cancellation; beyond it the work takes minutes.
 _PRECISION_LIMIT = 4096
 # Each repeated attempt tightens every tolerance by this factor.
 _TIGHTENING = 2.0**-6
 _ATTEMPTS = 4
-# The ends differ by at least two units in the last place (2^-52 each): no narrower width can be promised.
+# The ends differ by at least two units in the last place (2^-52 each), so that no narrower width can be promised.
 _NARROWEST_WIDTH = 1e-15
 
 
@@ -266,8 +266,9 @@ def l1_norm(
             require_hurwitz(system.A)
         return _static(system.D, relative_width)
     budget.require(
-        "the system of an L1 norm", system.order, of_norm, given=f"has {system.order} states and",
-        fits=lambda most: f"at most {most} states", what=f"an L1 norm of {system.order} states",
+        "the system of an L1 norm", system.order, of_norm, given=f"has {validate.counted(system.order, 'state')} and",
+        fits=lambda most: f"at most {validate.counted(most, 'state')}", what=f"an L1 norm of "
+        f"{validate.counted(system.order, 'state')}",
     )  # fmt: skip
     return enclosed(tuple((matrix.shape, matrix.tobytes()) for matrix in system.matrices), relative_width, work_limit)
 
@@ -284,9 +285,8 @@ def _rows(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, wor
 def row_norms(
     A: Array, B: Array, C: Array, D: Array, *, relative_width: float = 1e-9, work_limit: int = 20_000
 ) -> tuple[tuple[float, ...], int]:
-    """An upper bound of each output's norm, from one integration, and its segments; the width is relative to the largest.
-
-    Errors as ``l1_norm``.
+    """An upper bound of each output's norm, from one integration, and the number of its segments; the width is relative to the
+    largest norm. Raises the errors of ``l1_norm``.
     """
     system = _checked(A, B, C, D)
     return _rows(tuple((matrix.shape, matrix.tobytes()) for matrix in system.matrices), relative_width, work_limit)
@@ -294,7 +294,7 @@ def row_norms(
 
 @lru_cache(maxsize=4096)
 def enclosed(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> Enclosure:
-    """The norm of a system by the shapes and bytes of A, B, C and D.
+    """The norm of a system given by the shapes and bytes of A, B, C and D, so that it can be cached.
 
     Most norms of a certificate are requested again, by its other entries and by other controllers of the same plant.
     """
@@ -349,7 +349,7 @@ class _NormSearch:
     rows: tuple[float, ...] = ()
 
     def run(self) -> Enclosure:
-        """Return the first enclosure narrow enough, or the intersection of all when the work limit is hit."""
+        """Return the first enclosure that is narrow enough, or the intersection of all if the work limit is reached."""
         bits = _FIRST_BITS
         tightening = 1.0
         attempts = 0
@@ -369,7 +369,7 @@ class _NormSearch:
         return self.best
 
     def _attempt(self, bits: int, tightening: float) -> int:
-        """Integrate all channels and record the enclosure; return the bits needed if these are too few."""
+        """Integrate all channels and record the enclosure; return the required bits if the present ones are too few."""
         model = build_model(self.system)
         if model is None:
             return 2 * bits
@@ -415,10 +415,9 @@ def _identically_zero(system: System) -> bool:
 
 
 def matrices(system: Any) -> tuple[Array, Array, Array, Array]:
-    """A (n, n), B (n, m), C (p, n), D (p, m) from one of our systems, or from a continuous-time system of python-control.
-
-    A state space is taken as it is, with any number of inputs and outputs; a transfer function has one of each and is realised:
-    its coefficients over the leading one of the denominator, rounded to floats.
+    """A (n, n), B (n, m), C (p, n), D (p, m) of one of our systems, or of a continuous-time system of python-control. A state
+    space is used unchanged, with any number of inputs and outputs. A transfer function has one of each; it is realised with its
+    coefficients divided by the leading one of the denominator and rounded to floats.
     """
     if all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt")):  # a state space of python-control
         if system.dt not in (0, None):

@@ -1,4 +1,5 @@
-"""Polynomials on a segment of time: the sign of each proved with Bernstein coefficients, or charged."""
+"""Polynomials on a segment of time. The sign of each is proved with Bernstein coefficients; an unresolved sign widens the
+enclosure."""
 
 from __future__ import annotations
 
@@ -10,11 +11,11 @@ from flint import arb, arb_mat, arb_poly, ctx
 # Taylor degree of a segment. At degree d the remainder reaches 1e-12 for frequency * step = (1e-12 d!)^(1/d),
 # 3 rad at d = 24: about one sign change a segment, which one set of Bernstein coefficients still resolves.
 POLYNOMIAL_DEGREE = 24
-# A piece halved this often is shorter than rounding of its ends; its unresolved sign is then simply charged.
+# A piece that has been halved this often is shorter than the rounding of its ends; its unresolved sign then widens the enclosure.
 _HALVINGS_LIMIT = 64
 # Newton doubles the digits each time: from one digit to beyond float64 in four or five steps.
 _NEWTON_STEPS = 8
-# A root this close to an end (relative) is left to halving, to keep the pieces from degenerating.
+# A root relatively this close to an end is not split off; the piece is halved instead, so that no piece degenerates.
 _NEAREST_SPLIT = 2.0**-40
 
 
@@ -63,18 +64,18 @@ class BernsteinPiece:
             self.gap = 2 * min(below, above) / len(coefficients)
 
     def blurred(self) -> bool:
-        """Say whether the gap comes from the radii of the coefficients, which halving cannot shrink."""
+        """Say whether the gap is due to the radii of the coefficients, which halving cannot reduce."""
         noise = sum((value.rad() for value in self.coefficients), arb(0)) / len(self.coefficients)
-        # A coefficient known only as noise adds at most twice its radius, and the gap counts it twice.
+        # A coefficient that is only noise contributes at most twice its radius, and the gap counts it twice.
         return not self.gap > 4 * noise
 
     def sign_variations(self) -> tuple[int, float]:
-        """Return the number of sign variations and where the first lies on the control polygon, in [0, 1]."""
+        """Return the number of sign variations, and the position in [0, 1] of the first one on the control polygon."""
         values = [float(value) for value in self.coefficients]
         scale = max(abs(value) for value in values)
         variations, place, last = 0, 0.5, 0
         for i, value in enumerate(values):
-            if abs(value) <= 2.0**-52 * scale:  # noise of the float image
+            if abs(value) <= 2.0**-52 * scale:  # rounding noise in floating point
                 continue
             if values[last] * value < 0.0:
                 variations += 1
@@ -86,11 +87,11 @@ class BernsteinPiece:
 
 
 def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: int) -> list[BernsteinPiece]:
-    """Return pieces, in order of time, whose gaps are within the tolerance, about `room` pieces at most.
+    """Return pieces in order of time, about `room` at most, whose gaps are within the tolerance.
 
     Pieces that cannot be resolved at this precision or within the room keep their larger gap.
 
-    A child on [u, v] is p(u + (v - u) s) (v - u), so that integrals over [0, 1] of the children add up.
+    The child for [u, v] is p(u + (v - u) s) (v - u), so that the children's integrals over [0, 1] add up.
     """
     pending = [(polynomial, piece, 0)]
     done: list[BernsteinPiece] = []
@@ -112,8 +113,8 @@ def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: 
 
 
 def split_point(polynomial: arb_poly, piece: BernsteinPiece, nearest: float = _NEAREST_SPLIT) -> arb:
-    """Return an exact point of (0, 1), ``nearest`` from either end at least: close to the only root if there is one, else the
-    middle. Its error is of the order of the square of ``nearest``."""
+    """Return an exact point of (0, 1), at least ``nearest`` from either end: close to the root if there is exactly one, with an
+    error of the order of the square of ``nearest``, else the middle."""
     variations, place = piece.sign_variations()
     middle = arb(0.5)
     if variations != 1:

@@ -24,11 +24,11 @@ FIRST_BITS, MOST_BITS = 256, 4096
 RATES = (0.5, 0.25, 0.05)
 """Shares of the slowest decay that are tried."""
 MOST_STEPS = 40_000
-"""For one input: half a minute; a response that takes more steps has no witness."""
+"""Largest number of steps for one input, half a minute of work; a response that takes more has no witness."""
 NEAREST_ROOT = 2.0**-60
-"""A root is known to twice as many bits."""
+"""Working precision of a step in bits; a root is computed to twice as many."""
 SHORTEST_PIECE = 2.0**-90
-"""Relative to the step: a sign that is still undecided then is charged."""
+"""Relative to the step: a sign that is undecided on a shorter interval widens the enclosure."""
 
 
 def dyadic(value: arb) -> str:
@@ -129,7 +129,7 @@ class _March:
         return found
 
     def _transition(self, name: str, step: arb) -> arb_mat:
-        """e^(A step), by squaring that of a short part: its balls stay small where fast modes have died out."""
+        """e^(A step), by repeatedly squaring that of a short part: its balls stay small where fast modes have died out."""
         if name not in self.transitions:
             size = float(np.abs(as_floats(self.A)).sum(axis=1).max()) * float(step)
             halvings = max(0, math.frexp(size)[1])
@@ -174,6 +174,6 @@ def _to_the_first_sign_change(coefficients: list[arb], step: arb, tolerance: arb
 
 
 def _cut(point: arb) -> arb:
-    """The point with 128 bits: no witness needs more."""
+    """The point rounded to 128 bits; no witness needs more."""
     with ctx.workprec(128):
         return (point + 0).mid()

@@ -23,7 +23,7 @@ LN_2 = {DOUBLE: _LN_2, SINGLE: SINGLE.parted(whole(*_LN_2), 15)}
 """ln 2; for 32 bits as a float of 15 bits, whose product with an exponent is exact, and the remainder."""
 ONE_OVER_LN_2 = float.fromhex("0x1.71547652b82fep+0")
 BEYOND_EXP = {DOUBLE: 800.0, SINGLE: 120.0}
-"""exp of it overflows, and exp of its negative rounds to zero; 2^k stays within the range of two factors."""
+"""exp of it overflows, and exp of its negative rounds to zero; up to it 2^k is the product of two factors within range."""
 TANH_IS_ONE = {DOUBLE: 22.0, SINGLE: 10.0}
 
 
@@ -93,7 +93,7 @@ def tanh(x: TracedNumber) -> tuple[TracedNumber]:
 
 
 def _quotient(upper: Double, lower: Double) -> TracedNumber:
-    """upper/lower: Newton's correction of the first quotient, whose residual Dekker's product gives."""
+    """upper/lower: the first quotient with Newton's correction, whose residual is computed by Dekker's product."""
     first = upper.high / lower.high
     product = first * lower.high
     (a, b), (c, d) = split(first), split(lower.high)

@@ -19,7 +19,7 @@ class Format:
 
     @property
     def rounder(self) -> float:
-        """Adding and then subtracting it rounds a number below a third of it to a whole one, ties to even."""
+        """Adding and then subtracting it rounds a number below a third of it to a whole number, ties to even."""
         return 1.5 * 2.0 ** (self.bits - 1)
 
     @property
@@ -52,7 +52,7 @@ class Format:
         return float(int(value / unit) * unit)
 
     def parted(self, value: Fraction, *bits: int) -> tuple[float, ...]:
-        """A value as a sum: parts with these numbers of bits, then the remainder, to the last bit."""
+        """A value as an exact sum: parts with these numbers of bits, and the remainder."""
         parts: list[float] = []
         for count in bits:
             parts.append(self.leading(value, count))

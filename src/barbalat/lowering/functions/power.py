@@ -28,7 +28,7 @@ LN_2_HIGH, LN_2_LOW = 6.93147182464599609375e-01, -1.90465429995776804525e-09
 class PowerConstants:
     """Each as one number, or as a first part with half of the bits and the remainder.
 
-    largest_power  2 to it overflows, 2 to its negative rounds to zero, and half of it is an exponent
+    largest_power  2 to this power overflows, 2 to its negative rounds to zero, and half of it is a valid exponent
     """
 
     two_over_3_ln_2: tuple[float, ...]
@@ -54,7 +54,7 @@ CONSTANTS: dict[Format, PowerConstants] = {
 def power(x: TracedNumber, y: TracedNumber) -> tuple[TracedNumber]:
     """x^y; NaN if it is not real."""
     a = abs(x)
-    largest = 2.0 ** (x.format.bits + 11)  # with a larger one every x except 1 over- or underflows: |log2 x| is at least 2^-bits
+    largest = 2.0 ** (x.format.bits + 11)  # a larger y takes every x but 1 out of range: |log2 x| is at least 2^-bits
     exponent = (y > largest).then(largest, y)
     exponent = (exponent < -largest).then(-largest, exponent)
     value = _two_to(_times(_log2(a), exponent))

@@ -144,7 +144,7 @@ class TracedNumber:
 
 
 def traced(formula: Callable[..., tuple[TracedNumber, ...]], arguments: int, of: Format) -> Program:
-    """The list of a formula: each of its results is one output, each argument an input with one component."""
+    """The operation list of a formula: each result is one output, each argument an input with one component."""
     trace = Trace(of)
     results = formula(*(trace.argument(i) for i in range(arguments)))
     return drop_dead(Program(tuple(trace.operations), tuple((result.place,) for result in results)))
@@ -158,7 +158,8 @@ class Double(NamedTuple):
 
 
 def rounded(x: TracedNumber) -> TracedNumber:
-    """The nearest whole number, for |x| < 2^51 in doubles, 2^22 in floats: numbers of the rounder's size are 1 apart."""
+    """The nearest whole number, for |x| < 2^51 in doubles and 2^22 in floats: neighbouring numbers of the rounder's size differ
+    by 1."""
     rounder = x.format.rounder
     return (x + rounder) - rounder
 

@@ -35,7 +35,7 @@ TWO_OVER_PI_DIGITS = tuple(float(digit) for digit in (
     0x27CB09, 0xB74F46, 0x3F669E, 0x5FEA2D, 0x7527BA, 0xC7EBE5, 0xF17B3D, 0x0739F7, 0x8A5292,
     0xEA6BFB, 0x5FB11F, 0x8D5D08, 0x560330,
 ))  # fmt: skip
-"""2/pi as digits of 24 bits after the point, as many as the largest double needs."""
+"""2/pi as digits of 24 bits after the point; the largest double needs all of these."""
 PI_2 = whole(*PI_2_PARTS, PI_2_REST)
 
 

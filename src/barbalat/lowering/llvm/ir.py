@@ -1,4 +1,4 @@
-"""Operation list -> LLVM IR text: the time loop around one step, for a vector of W members at once.
+"""Operation list -> LLVM IR text: one step with the time loop around it, for a vector of W members at once.
 
 The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every
 block of steps and written out at its end, so that figures over all steps cost no memory. The kernel knows nothing else.
@@ -13,7 +13,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from barbalat.lowering.llvm.loads import count, due, lag_loads, noise_loads, past_loads, remember, row_number, signal_loads
+from barbalat.lowering.llvm.loads import (
+    count,
+    due,
+    keep_record,
+    lag_loads,
+    noise_loads,
+    past_loads,
+    record_loads,
+    remember,
+    row_number,
+    signal_loads,
+)
 from barbalat.lowering.llvm.printer import Printer, definitions
 from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, WATCH_EVERY, LoopShape
@@ -54,13 +65,14 @@ LAST_BLOCK = "kept"
 """The last basic block of a step that has a watch."""
 
 LONGEST_INSIDE = 4000
-"""Largest number of operations of a quantity that is compiled with the step. LLVM takes minutes for some 30,000 in one block."""
+"""Largest number of operations of a quantity that is compiled with the step. LLVM takes minutes for a block of some 30,000
+operations."""
 
 
 def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str], list[str], list[str]]:
-    """A long quantity as a separate function, which LLVM translates unchanged; its memory on the stack; its call.
-
-    ``used`` are the values of the loop that its ``lines`` read. The operations and their order, and so every bit, are the same.
+    """A long quantity as a separate function, which LLVM translates without optimisation; its memory on the stack; its call.
+    ``used`` are the values of the loop that its ``lines`` read. The operations and their order stay the same, and so does every
+    bit.
     """
     reads, passes = [], []
     for i, name in enumerate(used):
@@ -78,7 +90,7 @@ def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str],
 def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
     """``lines`` compute the quantity; ``due`` computes %watch.due from %watch.phase.
 
-    A new largest value is rare, so a branch is used instead of a selection for every entry of the state.
+    New largest values are rare, so that a branch is cheaper than a selection for every entry of the state.
     """
     stores = []
     for i in range(states):
@@ -137,7 +149,8 @@ HEAD = (
     "ptr noalias %noise, ptr noalias %watched, i64 %watch.first, i64 %watch.window, "
     "i64 %sample.every, i64 %noise.hold) alignstack(64) {"
 )
-"""The stack is aligned for whole vectors: otherwise every value that does not fit into registers costs unaligned accesses."""
+"""The stack is aligned for whole vectors; otherwise every value that does not fit into registers would cost unaligned
+accesses."""
 
 
 def loop(
@@ -153,20 +166,22 @@ def loop(
 
     state       [states][W], in and out
     parameters  [parameters][W]
-    signals     [blocks * steps][signals], the same for all W members; a row for each piece if steps come in pieces
+    signals     [blocks * steps][signals], the same for all W members; a row for each piece if steps come in pieces. With
+                ``signal_row`` [rows][signals], or [rows][W][signals] with ``rows_per_member``
     out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
     start       number of the first step since t = 0
     lags        [W]: the newest value returned is that of ``lag`` steps ago, at least 1
     ring        [mask + TAPS_PER_CHANNEL][delayed][W]: stored values, for a power of two of steps followed by a copy of the first
-                ones; its initial content is the past
+                ones; its initial content is the past. With ``recalled`` [W][mask][width]: each member's records, and
+                room for ``mask`` of them
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0; the first row is that of ``start``
 
     watched     rows of ``watch``, see ``keep_largest``; then the first step of the first window and the number of steps of each
-    at last     ``sample_every`` and ``noise_hold``, read if the shape leaves them open
+    at last     ``sample_every`` and ``noise_hold``, which are read if the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
-    largest value in every window of steps is kept, for a single member with the state there. ``outside`` computes some of the
-    sampled part, for a single member as well.
+    largest value in every window of steps is kept, for a single member with the state there. ``outside`` computes a part of the
+    sampled part, also for a single member only.
     """
     _require_fitting(shape, lanes, sample, watch, outside)
     inputs = _inputs(shape)
@@ -175,7 +190,7 @@ def loop(
     body = _Body(shape, printer.vector, [printer.splat(value) for value in resets], new)
     sampling = _sampling(sample, shape, lanes, inputs, outside)
     watching = _watching(watch, shape, lanes, inputs)
-    last = watching.last or sampling.last or "step"  # without either the step is a single block
+    last = watching.last or sampling.last or "step"  # without both, the step is a single block
     functions, declared = definitions(printer.functions | sampling.functions | watching.functions, lanes)
     lines = [
         HEAD,
@@ -184,11 +199,13 @@ def loop(
         *body.step(last, ".held" if sample is not None else ""),
         *signal_loads(shape, lanes, printer.vector),
         *noise_loads(shape, printer.vector),
+        *record_loads(shape, lanes, printer.vector),
         *sampling.lines,
         *watching.lines,
         *past_loads(shape, lanes, printer.vector),
         *printer.lines,
         *remember(shape, printer.vector, new[shape.states + shape.accumulators :]),
+        *keep_record(shape, new[shape.states + shape.accumulators :], lanes, printer.vector),
         *body.end(),
         *watching.apart,
         *functions,
@@ -201,13 +218,15 @@ def _require_fitting(
     shape: LoopShape, lanes: int, sample: Program | None, watch: Program | None, outside: ExternalFunction | None
 ) -> None:
     if (sample is None) != (shape.sample_every == 0):
-        raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
+        raise ValueError("a loop with a sampled part needs a shape with sample_every, and one without it a shape without")
     if shape.in_pieces and shape.delayed:
         raise ValueError("a step that remembers its past is not made in pieces")
+    if shape.recalled is not None and shape.delayed:
+        raise ValueError(f"records of steps are for members without a lag, got {shape.delayed} channels")
     if watch is not None and lanes > 1 and len(watch.operations) > LONGEST_INSIDE:
-        raise ValueError(f"a quantity of {len(watch.operations)} operations is watched of one member, got {lanes} lanes")
+        raise ValueError(f"a quantity of {len(watch.operations)} operations needs exactly one member, got {lanes} lanes")
     if outside is not None and (sample is None or lanes > 1):
-        raise ValueError(f"a function from outside takes a sampled part and one member, got {sample} and {lanes} lanes")
+        raise ValueError(f"a function from outside needs a sampled part and exactly one member, got {sample} and {lanes} lanes")
 
 
 def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
@@ -217,7 +236,7 @@ def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
         "a": shape.accumulators,
         "p": shape.parameters,
         "s": shape.signals,
-        "d": shape.delayed * TAPS_PER_CHANNEL,
+        "d": shape.delayed * TAPS_PER_CHANNEL if shape.recalled is None else shape.recalled.records * shape.recalled.width,
         "n": shape.noise,
     }
     return {(k, i): f"%{name}{i}" for k, (name, size) in enumerate(counts.items()) for i in range(size)}
@@ -227,8 +246,8 @@ def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
 class _Part:
     """The part of a step before its own operations.
 
-    last        its last block; empty if there is no such part
-    apart       a function outside the loop, and memory for it on the loop's stack
+    last        its last block; empty if the step has no such part
+    apart       a function outside the loop, and its memory on the loop's stack
     intrinsics  declarations that it needs
     functions   elementary functions that it calls
     """
@@ -311,7 +330,7 @@ class _Body:
     new: list[str]
 
     def entry(self, room: tuple[str, ...], lanes: int) -> list[str]:
-        """The loads that are made once."""
+        """The loads before the loop, which are executed once."""
         return [
             "entry:",
             *room,
@@ -339,7 +358,7 @@ class _Body:
         ]
 
     def step(self, last: str, held: str) -> list[str]:
-        """The start of a step, which ends in the block ``last``; its state is ``held`` before a sampled part."""
+        """The start of a step, whose end is the block ``last``; ``held`` is the suffix of its state before a sampled part."""
         n, m, vector = self.shape.states, self.shape.accumulators, self.vector
         carried = [f"[ {self.new[i]}, %{last} ]" for i in range(n + m)]
         return [

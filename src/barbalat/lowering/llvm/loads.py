@@ -1,4 +1,4 @@
-"""IR that loads a step's inputs: the table of signals, the same for all members, each member's noise, and its past.
+"""IR that loads a step's inputs: the table of signals, which is the same for all members, and each member's noise and past.
 
 The past is a ring buffer outside the loop, one for each delayed channel. The ring's first TAPS_PER_CHANNEL - 1 rows are repeated
 after its last, so that the taps of a step are adjacent: one address for each member, for any number of taps and channels.
@@ -33,10 +33,9 @@ def noise_loads(shape: LoopShape, vector: str) -> list[str]:
 
 
 def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%s{i}: the signals of this step, for every lane; for a step in pieces also the description of the piece in its row."""
+    """%s{i}: the signals of this step, for every lane; for a step in pieces the row also describes the piece."""
     if shape.signal_row is not None:
-        assert lanes == 1, "rows of signals by the state are for one member"
-        return _signals_of_row(shape)
+        return _signals_of_row(shape, lanes, vector)
     signals = shape.signals
     lines = [f"  %s.row = mul i64 {'%r' if shape.in_pieces else '%k'}, {signals}"]
     for i in range(signals):
@@ -62,21 +61,94 @@ def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
     return lines
 
 
-def _signals_of_row(shape: LoopShape) -> list[str]:
-    """%s{i}: the signals of the row whose number is in the only member's state."""
-    held = f"%x{shape.signal_row}" + (".held" if shape.sample_row is not None else "")
-    lines = [f"  %s.row = fptosi double {held} to i64", f"  %s.first = mul i64 %s.row, {shape.signals}"]
-    for i in range(shape.signals):
+def _signals_of_row(shape: LoopShape, lanes: int, vector: str) -> list[str]:
+    """%s{i}: the signals of the row whose number is in a member's state."""
+    assert shape.signal_row is not None
+    lines = _whole_numbers(shape, "s.row", shape.signal_row, lanes, vector)
+    for j in range(lanes):
+        own = shape.rows_per_member and lanes > 1
         lines += [
-            f"  %s{i}.index = add i64 %s.first, {i}",
-            f"  %s{i}.at = getelementptr double, ptr %signals, i64 %s{i}.index",
-            f"  %s{i} = load double, ptr %s{i}.at, align 8",
+            f"  %s.slot{j} = mul i64 %s.row{j}, {lanes if own else 1}",
+            f"  %s.place{j} = add i64 %s.slot{j}, {j if own else 0}",
+            f"  %s.first{j}.index = mul i64 %s.place{j}, {shape.signals}",
+            f"  %s.first{j} = getelementptr double, ptr %signals, i64 %s.first{j}.index",
+        ]
+    return [*lines, *(line for i in range(shape.signals) for line in _gathered(f"s{i}", "s.first", i, lanes, vector))]
+
+
+def _held(shape: LoopShape, row: int) -> str:
+    """An entry of the state before a sampled part, if there is one."""
+    return f"%x{row}" + (".held" if shape.sample_row is not None else "")
+
+
+def _whole_numbers(shape: LoopShape, name: str, row: int, lanes: int, vector: str) -> list[str]:
+    """%{name}{j}: the whole number that is each member's entry in this row of the state."""
+    if lanes == 1:
+        return [f"  %{name}0 = fptosi double {_held(shape, row)} to i64"]
+    lines = [f"  %{name} = fptosi {vector} {_held(shape, row)} to <{lanes} x i64>"]
+    return lines + [f"  %{name}{j} = extractelement <{lanes} x i64> %{name}, i64 {j}" for j in range(lanes)]
+
+
+def _gathered(name: str, base: str, offset: int, lanes: int, vector: str) -> list[str]:
+    """%{name}: the number at this offset from each member's own address %{base}{j}."""
+    lines, previous = [], "poison"
+    for j in range(lanes):
+        one = f"%{name}" if lanes == 1 else f"%{name}.{j}"
+        lines += [
+            f"  %{name}.at{j} = getelementptr double, ptr %{base}{j}, i64 {offset}",
+            f"  {one} = load double, ptr %{name}.at{j}, align 8",
+        ]
+        if lanes > 1:
+            last = f"%{name}" if j == lanes - 1 else f"%{name}.in{j}"
+            lines.append(f"  {last} = insertelement {vector} {previous}, double {one}, i64 {j}")
+            previous = last
+    return lines
+
+
+def record_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
+    """%d{i}: the records of a member's earlier steps, from the one whose number is in its state."""
+    if shape.recalled is None:
+        return []
+    lines = _records(shape, "d.first", shape.recalled.first, lanes, vector)
+    count = shape.recalled.records * shape.recalled.width
+    return [*lines, *(line for i in range(count) for line in _gathered(f"d{i}", "d.first", i, lanes, vector))]
+
+
+def keep_record(shape: LoopShape, values: list[str], lanes: int, vector: str) -> list[str]:
+    """Store each step's own record."""
+    if shape.recalled is None:
+        return []
+    lines = _records(shape, "d.own", shape.recalled.last, lanes, vector)
+    for i, value in enumerate(values):
+        for j in range(lanes):
+            one = value
+            if lanes > 1:
+                one = f"%own{i}.{j}"
+                lines.append(f"  {one} = extractelement {vector} {value}, i64 {j}")
+            lines += [
+                f"  %own{i}.to{j} = getelementptr double, ptr %d.own{j}, i64 {i}",
+                f"  store double {one}, ptr %own{i}.to{j}, align 8",
+            ]
+    return lines
+
+
+def _records(shape: LoopShape, name: str, row: int, lanes: int, vector: str) -> list[str]:
+    """%{name}{j}: the address of the record whose number is in this row of a member's state; %mask is the number of records for
+    which each member has room."""
+    assert shape.recalled is not None
+    lines = _whole_numbers(shape, f"{name}.number", row, lanes, vector)
+    for j in range(lanes):
+        lines += [
+            f"  %{name}.room{j} = mul i64 %mask, {j}",
+            f"  %{name}.place{j} = add i64 %{name}.number{j}, %{name}.room{j}",
+            f"  %{name}.index{j} = mul i64 %{name}.place{j}, {shape.recalled.width}",
+            f"  %{name}{j} = getelementptr double, ptr %ring, i64 %{name}.index{j}",
         ]
     return lines
 
 
 def row_number(shape: LoopShape, name: str, sources: str) -> list[str]:
-    """The number of the row of signals, if it is not that of the step."""
+    """The number of the row of signals, if it differs from the step's number."""
     return [f"  %{name} = phi i64 {sources}"] if shape.in_pieces else []
 
 
@@ -88,7 +160,7 @@ def due(shape: LoopShape, what: str, phase: str) -> list[str]:
 
 
 def lag_loads(shape: LoopShape, lanes: int) -> list[str]:
-    """Once, at the start: how far back each member looks."""
+    """The lag of each member, loaded once at the start."""
     if not shape.delayed:
         return []
     count = lanes if shape.lag_per_member else 1

@@ -1,4 +1,4 @@
-"""LLVM IR -> machine code of this computer, callable from Python without the interpreter's lock."""
+"""LLVM IR -> machine code for this computer, which Python calls without the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -47,11 +47,10 @@ _SCHEDULER = threading.Lock()
 
 @contextmanager
 def _unscheduled() -> Iterator[None]:
-    """Makes LLVM keep our order of operations. The switch applies to the whole process, so it is set back to its default
-    afterwards.
+    """Makes LLVM keep the list's order of operations. The switch applies to the whole process, so it is set back afterwards.
 
-    LLVM's scheduler moves long chains forward, which is right for one member. Two vectors of members in 16 registers lose a sixth
-    of their speed by it, because values are spilled (docs/laboratory/kernel.md).
+    LLVM's scheduler moves long chains forward, which is right for one member. It costs two vectors of members in 16 registers a
+    sixth of their speed, because values are spilled (docs/laboratory/kernel.md).
     """
     with _SCHEDULER:
         llvm.set_option("", "-enable-misched=false")
@@ -62,7 +61,7 @@ def _unscheduled() -> Iterator[None]:
 
 
 def remembered(lag: int) -> int:
-    """Number of steps in a ring for this lag: a power of two, plus the repeated first ones."""
+    """Number of steps in a ring for this lag: a power of two, plus the repeated first rows."""
     return (1 << (lag + TAPS_PER_CHANNEL - 1).bit_length()) - 1 + TAPS_PER_CHANNEL
 
 
@@ -100,7 +99,7 @@ class Watch:
 
 def _at_once(bound: Callable[Given, Callable[[], None]]) -> Callable[Given, None]:
     def call(*given: Given.args, **named: Given.kwargs) -> None:
-        """Call once the function that ``bound`` returns."""
+        """Call the function that ``bound`` returns, once."""
         bound(*given, **named)()
 
     return call
@@ -115,10 +114,10 @@ def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
     module = llvm.parse_assembly(source)
     module.triple = target.triple
     module.data_layout = str(machine.target_data)
-    # The operations are already optimised: further passes find nothing, and take longer than making the machine code.
+    # The operations are already optimised: further passes would find nothing, and take longer than code generation.
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
     pipeline = llvm.create_new_module_pass_manager()
-    pipeline.add_instruction_combine_pass()  # addresses: without it, quickly made code takes a third longer for a step
+    pipeline.add_instruction_combine_pass()  # addresses: without this, a step of quickly compiled code takes a third longer
     pipeline.run(module, passes)
     NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; in llvmlite 0.50 the base class would free nothing
     pipeline.detach()
@@ -143,7 +142,8 @@ class Kernel:
         outside: ExternalFunction | None = None,
         quickly: bool = False,
     ) -> None:
-        """``quickly``: machine code is made in a fifth of the time; it is two to three times slower, with the same bits."""
+        """``quickly``: compilation takes a fifth of the time; the code is two to three times slower, and its results are the
+        same bit for bit."""
         if lanes < 1 or lanes & (lanes - 1):
             raise ValueError(f"lanes must be a power of two, got {lanes}")
         self.shape = shape
@@ -172,6 +172,7 @@ class Kernel:
         noise: np.ndarray | None = None,
         watch: Watch | None = None,
         *,
+        records: np.ndarray | None = None,
         start: int = 0,
         sample_every: int | None = None,
         noise_hold: int | None = None,
@@ -183,6 +184,8 @@ class Kernel:
         past   required for a step with delays
         noise  required for a step with noise
         watch  required for a kernel that monitors; its windows must cover all steps
+        records  (W R, width), R for each member: required for a step that reads records of earlier ones, with room for those of
+                 this call
         start  number of the first step since t = 0
         sample_every, noise_hold  if the shape leaves them open
         """
@@ -197,13 +200,22 @@ class Kernel:
         if noise is not None:
             rows = (start + blocks * steps - 1) // hold - start // hold + 1
             expected["noise"] = (noise, rows * s.noise * w)
+        if s.recalled is not None and records is not None:
+            latest = int(np.reshape(state, (-1, w))[s.recalled.last].max())
+            rows = max(latest + blocks * steps + s.recalled.records, len(records) // w)
+            expected["records"] = (records, w * rows * s.recalled.width)
         _require_sizes(expected)
-        self._require_parts(start, start + blocks * steps, signals, past, noise, watch)
+        self._require_parts(start, start + blocks * steps, signals, past, noise, watch, records)
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
-        memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, past.mask)
+        lags, ring, mask = (
+            (None, records, 0 if records is None else len(records) // w)
+            if past is None
+            else (past.lags.ctypes.data, past.ring, past.mask)
+        )
+        memory = lags, None if ring is None else ring.ctypes.data, mask
         windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
         arguments = (blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows, every, hold)
-        call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch)
+        call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch, records)
 
         def again() -> None:
             assert alive  # kept alive by this closure, because the call's arguments are plain addresses
@@ -212,13 +224,21 @@ class Kernel:
         return again
 
     def _require_parts(
-        self, start: int, stop: int, signals: np.ndarray, past: Rings | None, noise: np.ndarray | None, watch: Watch | None
+        self,
+        start: int,
+        stop: int,
+        signals: np.ndarray,
+        past: Rings | None,
+        noise: np.ndarray | None,
+        watch: Watch | None,
+        records: np.ndarray | None,
     ) -> None:
         """ValueError if a call lacks an argument that this kernel needs, or has one that it does not use."""
         s = self.shape
         if s.in_pieces and (signals[:, -1].sum() != stop - start or signals[-1, -1] != 1):
-            raise ValueError(f"the pieces of {stop - start} steps must end so many steps, got {signals[:, -1].sum():g}")
-        for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise)):
+            raise ValueError(f"the pieces of {stop - start} steps must end that many steps, got {signals[:, -1].sum():g}")
+        recalled = 0 if s.recalled is None else s.recalled.width
+        for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise), ("records", records, recalled)):
             if (given is None) != (count == 0):
                 raise ValueError(
                     f"a kernel with {count} channels that need {what} was called {'without' if given is None else 'with'} it"
@@ -228,13 +248,13 @@ class Kernel:
         if watch is not None and watch.lanes != self.lanes:
             raise ValueError(f"a kernel of {self.lanes} lanes was called with a watch of {watch.lanes}")
         if watch is not None and not watch.first <= start <= stop <= watch.stop:
-            raise ValueError(f"steps {start} to {stop} are not in windows from {watch.first} to {watch.stop}")
+            raise ValueError(f"steps {start} to {stop} are outside the windows from {watch.first} to {watch.stop}")
 
     __call__ = _at_once(bound)
 
 
 def _require_sizes(expected: Mapping[str, tuple[np.ndarray, int]]) -> None:
-    """ValueError for an array that the machine code would access beyond its end, by name with its required size."""
+    """ValueError, with the array's name and required size, if the machine code would access it beyond its end."""
     for name, (array, size) in expected.items():
         if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
             raise ValueError(f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}")

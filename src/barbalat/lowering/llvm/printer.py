@@ -1,4 +1,4 @@
-"""Operations -> LLVM IR text, for numbers or for vectors of W members at once; elementary functions are separate functions."""
+"""Operations -> LLVM IR text, for numbers or for vectors of W members at once. Elementary functions become separate functions."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Printer:
             return self.as_number(self.assign(f"or {self.bits} {fraction}, {self.whole(EXPONENT_BIAS << FRACTION_BITS)}"))
         shifted = self.assign(f"lshr {self.bits} {bits}, {self.whole(FRACTION_BITS)}")
         exponent = self.assign(f"and {self.bits} {shifted}, {self.whole(2 * EXPONENT_BIAS + 1)}")
-        # moves the number beyond 2^52, where a whole number is in the last bits: processors convert 64-bit integers one at a time
+        # adds 2^52, which leaves the whole number in the last bits: processors convert 64-bit integers only one at a time
         behind = self.as_number(
             self.assign(f"or {self.bits} {exponent}, {self.whole((EXPONENT_BIAS + FRACTION_BITS) << FRACTION_BITS)}")
         )
@@ -146,7 +146,7 @@ class Printer:
         return str(value) if self.lanes == 1 else "<" + ", ".join([f"i64 {value}"] * self.lanes) + ">"
 
     def lookup(self, table: tuple[float, ...], place: str) -> str:
-        """One entry for each lane; the table is written at its first use, among the module's constants."""
+        """The table's entry for each lane; the table joins the module's constants at its first use."""
         kind = f"[{len(table)} x double]"
         name = f"@table.{len(table)}.{abs(hash(table))}"
         self.tables[name] = (

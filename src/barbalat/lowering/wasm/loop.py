@@ -1,4 +1,4 @@
-"""Operation list -> a WebAssembly module with the kernel's time loop: the kernel's IR for one member, for another target."""
+"""Operation list -> a WebAssembly module with the kernel's time loop, made from the kernel's IR for one member."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape
 from barbalat.lowering.wasm.module import module
 
 ALIGNMENTS = 256
-"""Bytes that the places of two functions on the stack may lose to alignment to 64."""
+"""Bytes that the stack frames of two functions may lose by alignment to 64."""
 
 
 def loop(

@@ -1,7 +1,7 @@
 """LLVM IR -> a WebAssembly module: LLVM's wasm32 target writes an object file, and the linker's work is done here.
 
-That work is small. There is only one object, without anything before or after it, so that its indices and the addresses of its
-data, which begin at 0, are final. It lacks a memory, a stack pointer if it has a stack, and exports.
+There is little to do: with only one object, its indices and the addresses of its data, which begin at 0, are final. What is
+added is a memory, a stack pointer if there is a stack, and exports.
 
 Formats: WebAssembly core specification, version 1, chapter 5; "WebAssembly object file linking" of its tool conventions.
 """
@@ -17,8 +17,8 @@ TRIPLE = "wasm32-unknown-unknown"
 CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 """The instructions of version 1, and conversions that don't trap: browsers have had both since 2021."""
 EFFORT = 0
-"""LLVM's level of optimisation. Browsers optimise once more: level 3 makes modules of two thirds of the size, whose steps take
-0 to 15 % less time, but takes three to ten times as long, and this grows with the square of a function's length
+"""LLVM's level of optimisation. Browsers optimise again. Level 3 makes modules of two thirds of the size, whose steps take 0 to
+15 % less time, but compilation takes three to ten times as long, with a time that grows as the square of a function's length
 (docs/laboratory/kernel.md)."""
 PAGE_BYTES = 65_536
 
@@ -36,13 +36,13 @@ class _Kind(IntEnum):
 def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
     """A module that exports the first function of ``source`` as ``entry``, and its ``memory``.
 
-    Its initial memory is the module's own: its tables, and a stack of ``stack_bytes`` if its functions need one. Data from a host
-    go into pages that the host adds. ValueError for IR that needs an external function.
+    Its initial memory contains the module's tables, and a stack of ``stack_bytes`` if its functions need one. The host adds
+    pages for its own data. ValueError for IR that needs an external function.
     """
     sections = _sections(_object_file(source))
     imported = _imported(sections.pop(_Section.IMPORTS))
     if lacking := sorted(imported.keys() - {"__linear_memory", "__stack_pointer"}):
-        raise ValueError(f"WebAssembly has no {', '.join(lacking)}, and a module gets no functions from outside")
+        raise ValueError(f"WebAssembly has no {', '.join(lacking)}, and a module has no functions from outside")
     pages = imported["__linear_memory"]
     if "__stack_pointer" in imported:
         if not stack_bytes:
@@ -108,7 +108,7 @@ def _sections(text: bytes) -> dict[int, bytes]:
 
 
 def _imported(text: bytes) -> dict[str, int]:
-    """The names of an object's imports, each with the least size of a memory or table."""
+    """The names of an object's imports, each with the minimum size if it is a memory or a table."""
     reader, found = _Reader(text), dict[str, int]()
     for _ in range(reader.whole()):
         reader.part()  # the name of the module it comes from

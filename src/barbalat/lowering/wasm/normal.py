@@ -1,7 +1,7 @@
 """A module of standard Gaussian numbers from Philox counters: the same stream as from ``np.random.Philox`` and the list ndtri.
 
-Philox4x64-10: Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11. A row of numbers begins on a
-count of its own; counts begin with 1, as NumPy's do, and their upper 192 bits are zero.
+Philox4x64-10: Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11. Each row of numbers begins
+with a new count; counts begin with 1, as NumPy's do, and their upper 192 bits are zero.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MULTIPLIERS = 0xD2E7470EE14C6C93, 0xCA5A826395121157
 WEYL = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
 """The increments of the two halves of the key from round to round: the golden ratio and sqrt(3) - 1, in 64 bits."""
 UNUSED_BITS = 11
-"""Unused bits of 64: the others are a double's whole number, to which half a unit is added, so that it is never 0."""
+"""Unused bits of 64: the other bits are a whole number in a double, to which half a unit is added, so that it is never 0."""
 
 _HIGH_HALF = """
 ; the upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)

@@ -6,7 +6,7 @@ from barbalat.papers.finding import Change, Sentence, Source, Unmeasured
 
 SOURCE = Source("cao_2006", "Cao, Patel, Reddy, Hovakimyan, Lavretsky, Wise (AIAA 2006-6347)", "L1's authors")
 
-EQUATION = "(5), (6), (7), (8) of jafari_2013 with phi = 1 in place of x; for the MRAC with C = 1"
+EQUATION = "(5), (6), (7), (8) of jafari_2013 with phi = 1 in place of x; for MRAC with C = 1"
 """The loop that every row measures: the abstract has no equation."""
 
 
@@ -32,9 +32,9 @@ COVERAGE = (
     _row(
         "high-gain-phase",
         "a high gain in the feedback loop leads to increased control effort and reduced phase margin",
-        "Under a constant disturbance, a high gain in the MRAC's loop increases the control effort and reduces the phase margin",
-        "the peak gain from the disturbance to the control in the MRAC's loop is more than a tenth larger at the highest gain tried than at the lowest",
-        "the phase margin of the MRAC's loop is more than a tenth smaller there than at the lowest gain",
+        "Under a constant disturbance, a high gain in the MRAC loop increases the control effort and reduces the phase margin",
+        "the peak gain from the disturbance to the control in the MRAC loop is more than a tenth larger at the highest gain tried than at the lowest",
+        "the phase margin of the MRAC loop is more than a tenth smaller there than at the lowest gain",
         changed=(
             Change(date="2026-11-27", before="holds", after="holds", what="the sentence is quoted in full, and the control effort is measured too; the quotation had three words"),
         ),
@@ -42,8 +42,8 @@ COVERAGE = (
     _row(
         "high-gain-delay",
         "a high adaptive gain, implying fast adaptation, often leads to undesirable high-frequency oscillations in the control signal and sensitivity to time-delays",
-        "A high adaptive gain makes the MRAC's loop fast, badly damped and sensitive to delays",
-        "at the highest gain the MRAC's loop has a mode with less than a hundredth of critical damping, and a higher frequency than at the lowest gain",
+        "A high adaptive gain makes the MRAC loop fast, badly damped and sensitive to delays",
+        "at the highest gain the MRAC loop has a mode with less than a hundredth of critical damping, and a higher frequency than at the lowest gain",
         "its delay margin is more than a tenth smaller there than at the lowest gain",
         changed=(
             Change(date="2026-11-26", before="holds", after="holds", what="a high gain is compared with the lowest; the literal reading had required a fall with every increase"),

@@ -20,7 +20,7 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         _change(REFEREE, "holds", "holds", "the headline says that nu is read off the runs and that (14) has its sign corrected"),
     ),
     "same-lyapunov": (
-        _change("2026-11-25", "holds", "mixed", "the filter beyond the limit has kappa = 1 s instead of 0.5 s, with which the growth in 20 s was too slow to be distinguished from the response to the command"),
+        _change("2026-11-25", "holds", "mixed", "the filter beyond the limit has kappa = 1 s: with the former 0.5 s the growth in 20 s was too slow to be distinguished from the response to the command"),
         _change(AUDIT, "mixed", "holds", "the literal reading had also required a filter beyond the limit, which the sentence does not mention; that reading is supplementary now"),
     ),
     "robust-mrac-better": (
@@ -42,7 +42,7 @@ CHANGED: dict[str, tuple[Change, ...]] = {
     ),
     "no-numerical-problems": (
         _change(AUDIT, None, "holds if", "its literal reading was written together with its measurement"),
-        _change(AUDIT, "holds if", "holds", "the literal reading had required it at every tau; the sentence speaks of Section V's settings"),
+        _change(AUDIT, "holds if", "holds", "the literal reading had required it at every tau; the sentence concerns Section V's settings"),
     ),
     "exponential-convergence": (
         _change(AUDIT, "holds if", "fails", "the condition replaced the paper's own law (15), which a weaker reading must include; that reading is supplementary now"),
@@ -59,24 +59,24 @@ CHANGED: dict[str, tuple[Change, ...]] = {
     ),
     "own-oscillation": (
         _change(AUDIT, "mixed", "mixed", "ringing is now measured as in stiff-solvers"),
-        _change(REFEREE, "mixed", "holds if", "the literal reading compares the equations' ringing with Figure 3's in every second of the run; it had judged the last quarter, and the motion without projection, of which the sentence does not speak"),
+        _change(REFEREE, "mixed", "holds if", "the literal reading compares the equations' ringing with Figure 3's in every second of the run; it had judged the last quarter, and the motion without projection, which the sentence does not mention"),
     ),
     "gain-reduces-margins": (
         _change(AUDIT, "mixed", "mixed", "a high gain is compared with a moderate one; the literal reading had required a fall with every increase"),
         _change(REFEREE, "mixed", "holds", "the comparison is between the highest and the lowest gain of the sweep, the rule for a sentence without an example; Gamma = 10 had been the moderate gain"),
         _change(REFEREE, "holds", "mixed", "the quoted sentence spoke of the literature; Section III.B's is quoted instead and read at Section V's settings, Gamma = 10 and 1e4; the ends of the sweep are supplementary"),
-        _change(REFEREE, "mixed", "holds", "that sentence speaks of the MRAC schemes of Section III alone, which its beginning says; the quotation has it now, and L1-AC's reading is supplementary"),
+        _change(REFEREE, "mixed", "holds", "that sentence concerns only the MRAC schemes of Section III, as its beginning says; the quotation now includes that beginning, and L1-AC's reading is supplementary"),
     ),
     "filtered-mrac": (
         _change(AUDIT, "holds if", "fails", "the condition C = 1, which no MRAC could fail, was replaced by two that an MRAC can fail, faster filters"),
-        _change(REFEREE, "fails", "holds if", "the weaker reading with the predictor (8) in the MRAC was missing"),
+        _change(REFEREE, "fails", "holds if", "the weaker reading with the predictor (8) in MRAC was missing"),
         _change(REFEREE, "holds if", "fails", "that reading restricts no setting, and no MRAC could fail it: (3), (7), (8) with C are (5)-(8); it is supplementary now"),
     ),
     "kappa-0.05": (
-        _change(AUDIT, "holds if", "erratum", "the rule on rounding was added: a limit that is rounded to its unsafe side fails, and the mend is the missing digit"),
+        _change(AUDIT, "holds if", "erratum", "the rule on rounding was added: a limit that is rounded to its unsafe side fails, and the correction adds the missing digit"),
     ),
     "part-iii": (
-        _change(REFEREE, "fails", "mixed", "the sentence speaks of both schemes, so each now has its own literal reading; the row had tested only L1-AC"),
+        _change(REFEREE, "fails", "mixed", "the sentence concerns both schemes, so each now has its own literal reading; the row had tested only L1-AC"),
     ),
     "figures-2-5": (
         _change(REFEREE, "holds", "holds", "three checks of statements that the paper does not make were removed, and statements that another row decides are no longer counted here"),
@@ -95,7 +95,7 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         _change(REFEREE, "holds", "holds", "the headline now says that there is no modelling error and what delay that MRAC tolerates"),
     ),
     "l1-margins": (
-        _change(REFEREE, "mixed", "mixed", "it is now a statement of ours about Section V's plant; it had quoted an abstract that speaks of another class of plants, which reproduce cao_2006 measures"),
+        _change(REFEREE, "mixed", "mixed", "it is now a statement of ours about Section V's plant; it had quoted an abstract about another class of plants, which reproduce cao_2006 measures"),
     ),
     "c-of-20": (
         _change(AUDIT, None, "holds if", "its literal reading was written together with its measurement"),
@@ -109,4 +109,4 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         _change(AUDIT, None, "mixed", "it replaced a row that had substituted our vehicles for Ref. 24's; it was written when the numbers were known"),
     ),
 }  # fmt: skip
-"""By the row's name, oldest first."""
+"""The changes of each row, by name, oldest first."""

@@ -52,7 +52,7 @@ STATEMENTS = (
     ),
     _ours(
         "c-of-20",
-        "after Section IV, which asks how to find a C of (20) for an unknown plant",
+        "after Section IV, which raises the question how to find a C of (20) for an unknown plant",
         "A single C satisfies (20) for every plant in a set with large parametric uncertainty, that of Section V",
         "with x_1 of Section V's plant as the output y, L = 0.5 and m = 1, some C tried satisfies (20) for every plant on a grid of theta over the known set; three forms of C are tried, each with one bandwidth, from 1 to 1e4 rad/s",
         equation="(20)",
@@ -75,7 +75,7 @@ STATEMENTS = (
         "boundary",
         "from the stability region of RK4",
         "The oscillations begin when h omega_a exceeds the solver's stability limit on the imaginary axis",
-        "for both schemes at three steps, the least gain with oscillation is 0.9 to 1.5 times the predicted one, and it varies as h^-2 to within 0.1 in the exponent",
+        "for both schemes at three steps, the smallest gain with oscillation is 0.9 to 1.5 times the predicted one, and it varies as h^-2 to within 0.1 in the exponent",
         equation="(4), (7), (8)",
     ),
     _ours(
@@ -89,7 +89,7 @@ STATEMENTS = (
         "sampled-delay",
         "related to the usual argument for the filter",
         "Without the filter, a fast-adapting sampled controller tolerates only a shorter delay",
-        "at Gamma = 1e6 the MRAC's estimates stay quiet only up to a shorter delay than those of L1-AC",
+        "at Gamma = 1e6 MRAC's estimates stay quiet only up to a shorter delay than those of L1-AC",
         equation="(3) to (8)",
     ),
     _ours(
@@ -133,8 +133,8 @@ STATEMENTS = (
     _ours(
         "l1-mrac-in-flight",
         "on Section IV, which cites simulation studies of L1-AC and MRAC on a flight platform that are not available",
-        "In flight, L1-AC follows better than the MRAC if both are tuned by one rule",
-        "on the quadrotor, L1-AC has less error than the MRAC, beyond chance, for more failures than the reverse",
+        "In flight, L1-AC follows better than MRAC if both are tuned by one rule",
+        "on the quadrotor, L1-AC has less error than MRAC, beyond chance, for more failures than the reverse",
         "the same holds on the F-16, with pitch and roll counted together",
         equation="(3) to (8)",
     ),

@@ -113,7 +113,7 @@ function goneFrom(panel) {
   return `lost, beyond the edge: ${[...new Set(lost.map(({ label, name }) => name ?? label))].join(", ")}`;
 }
 
-// Panels over time, or over frequency on a logarithmic axis; what they show of it is then told in decades.
+// Panels over time, or over frequency on a logarithmic axis; the shown range is then given in decades.
 export class Charts {
   constructor(root, onZoom = () => {}, overFrequency = false) {
     this.root = root;
@@ -157,7 +157,7 @@ export class Charts {
     box.className = "panel";
     box.tabIndex = 0;
     box.setAttribute("role", "group");
-    box.setAttribute("aria-label", `${panel.title}; its figures stand in the table. Plus and minus zoom, arrows move, 0 shows the whole run`);
+    box.setAttribute("aria-label", `${panel.title}; its figures are in the table. Plus and minus zoom, arrows move, 0 shows the whole run`);
     gestures(box, this);
     if (panel.note) title.append(Object.assign(document.createElement("small"), { textContent: ` (${panel.note})` }));
     if (panel.whole) figure.className = "whole";

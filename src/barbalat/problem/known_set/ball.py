@@ -44,7 +44,7 @@ class ParameterBall(Settings):
     """The known convex set Omega = {|theta - center|_2 <= radius}.
 
     center  (p,); with m inputs also (p, m), as theta
-    radius  of the ball in the Euclidean norm, > 0
+    radius  radius in the Euclidean norm, > 0
     """
 
     center: Array
@@ -83,7 +83,7 @@ class ParameterBall(Settings):
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """The least and the largest value of each component in the set."""
+        """The smallest and the largest value of each component in the set."""
         return self.center - self.radius, self.center + self.radius
 
     @property
@@ -176,8 +176,8 @@ class ParameterBall(Settings):
         return SCALAR_ONLY if gain.dimensions else None
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBall:
-        """The set that an implicit step respects; with a leakage, the concentric ball that also contains zero, to which the
-        leakage draws."""
+        """The set that an implicit step respects; with a leakage, the concentric ball that also contains zero, towards which the
+        leakage pulls."""
         return ParameterBall(center=self.center, radius=max(self.radius, math.hypot(*self.center) if leaking else 0.0))
 
     def implicit_step(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
@@ -243,7 +243,7 @@ class ParameterProduct:
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """The least and the largest value of each bounded component."""
+        """The smallest and the largest value of each bounded component."""
         if self.theta is None:
             return self.gains.extent
         lower, upper = (np.concatenate(ends) for ends in zip(self.theta.extent, self.gains.extent, strict=True))

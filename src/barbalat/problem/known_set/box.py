@@ -87,7 +87,7 @@ class ParameterBox(Settings):
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """The least and the largest value of each component in the set."""
+        """The smallest and the largest value of each component in the set."""
         return self.lower, self.upper
 
     @property
@@ -180,8 +180,8 @@ class ParameterBox(Settings):
         return None
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
-        """The set that an implicit step respects; with a leakage, the smallest box that also contains zero, to which the
-        leakage draws."""
+        """The set that an implicit step respects; with a leakage, the smallest box that also contains zero, towards which the
+        leakage pulls."""
         if not leaking:
             return ParameterBox(lower=self.lower, upper=self.upper)
         return ParameterBox(lower=np.minimum(self.lower, 0.0), upper=np.maximum(self.upper, 0.0))

@@ -34,7 +34,7 @@ class Gain:
         """InputError if a diagonal or a matrix does not have the size of the problem."""
         if self.dimensions and self.value.shape not in ((n,), (n, n)):
             got = f"{' x '.join(map(str, self.value.shape))}: {validate.show(self.value)}"
-            raise InputError.of(field, f"must fit the {n} parameters, got {got}")
+            raise InputError.of(field, f"must fit the {validate.counted(n, 'parameter')}, got {got}")
 
     @property
     def largest(self) -> float:

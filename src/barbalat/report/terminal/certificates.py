@@ -16,22 +16,23 @@ from barbalat.report.terminal.layout import Screen
 
 GROUPS = {
     "guaranteed": ("Guaranteed for this case", "green"),
-    "guaranteed of the design": ("Guaranteed of the design, but not of the truth, which is simulated", "yellow"),
+    "guaranteed for the design": ("Guaranteed for the design, not for the simulated truth or with faults", "yellow"),
     "exact": ("Exact for the named linear loop only", "green"),
     "estimate": ("Estimates, without a guarantee", ""),
-    "searched": ("Least margins found over the known set, without a guarantee", ""),
-    "advice": ("For orientation", ""),
+    "searched": ("Smallest margins found over the known set or the parameters' ranges, without a guarantee", ""),
+    "advice": ("For guidance", ""),
     "does not apply": ("Does not apply to this case", "red"),
 }
 """The heading of each kind of values, in the order of display; searched values are grouped."""
-STYLES = {"guaranteed": "green", "guaranteed of the design": "yellow", "exact": "green", "does not apply": "red"}
+STYLES = {"guaranteed": "green", "guaranteed for the design": "yellow", "exact": "green", "does not apply": "red"}
 LABEL_COLUMNS = 10
 """Columns of the five lines' labels, the length of the longest."""
 LEGEND = (
-    "condition: the one for bounded signals. bound of e: on every component. margin: the largest added delay of linear loops, at "
-    "the case's theta, the least found in the known set, and with the law linearised at the largest command (adapting). "
-    "gain, step: values that the solver tolerates {}, with all signals at their largest, up to near the onset of oscillations; "
-    "estimates. dt: the case's step."
+    "condition: what keeps all signals bounded. bound of e: for every component. margin: the added delay that linear loops "
+    "tolerate: at the case's theta, at the worst plant found in the known set or the parameters' ranges, where frozen estimates "
+    "equal that plant's theta, and with the law linearised at the largest command (adapting). "
+    "gain, step: estimated limits; the solver tolerates {} the first even if all signals are at their largest, and oscillations "
+    "begin near the second. dt: the case's step."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
@@ -50,7 +51,7 @@ def _how_sure(certificates: Mapping[str, Certificate]) -> str:
     found = [counts_on_damping(one, key) for one in certificates.values() for key in ON_DAMPING if key in one.values]
     if all(found):
         return "about" if found else "at least"
-    return "at least, or about if its own damping counts" if any(found) else "at least"
+    return "at least (or about, if it relies on the loop's own damping)" if any(found) else "at least"
 
 
 def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
@@ -82,9 +83,17 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
 
 
 def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None) -> None:
-    screen.title(f"{held(column.name)}: {column.scheme}")
+    screen.title(_named(column))
     for line in lines(column, certificate, dt):
         screen.fact(line.label, line.text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
+
+
+def _named(column: Column) -> str:
+    """Name and scheme; the scheme alone, in the name's letters, if it begins with the name."""
+    rest = column.scheme[len(column.name) :]
+    if column.scheme.lower().startswith(column.name.lower()) and not rest[:1].isalnum():
+        return f"{held(column.name)}{rest}"
+    return f"{held(column.name)}: {column.scheme}"
 
 
 def _values(screen: Screen, certificate: Certificate) -> None:

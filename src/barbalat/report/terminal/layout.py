@@ -98,18 +98,18 @@ class Screen:
         """A line that is to be copied, such as a path: never folded."""
         self._print(self._shown(text))
 
-    def fact(self, label: str, text: str, room: int, style: str = "", indent: str = "  ") -> None:
+    def fact(self, label: str, text: str, room: int, style: str = "") -> None:
         """A label in ``room`` columns, followed by a paragraph; the paragraph is below it if the label is too wide or the
         screen narrow."""
-        label, text, hanging = self._shown(label), self._shown(text), indent + " " * (room + 2)
+        label, text, hanging = self._shown(label), self._shown(text), " " * (room + 4)
         enclosed = ENCLOSED.sub("-...-", text)  # one word as wide as it is
         widest = max((cell_len(word) for word in enclosed.replace(HELD_BLANK, " ").split()), default=0)
         if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
-            for line in fold(label, self.width, f"{indent}  ", indent):
+            for line in fold(label, self.width, "    ", "  "):
                 self._print(line, style)
-            hanging, start = indent + "    ", ""
+            hanging, start = "      ", ""
         else:
-            start = indent + label.replace(HELD_BLANK, " ") + " " * (room - cell_len(label) + 2)
+            start = "  " + label.replace(HELD_BLANK, " ") + " " * (room - cell_len(label) + 2)
         lines = fold(text, self.width - len(hanging))
         for i, line in enumerate(lines):
             before = start if i == 0 and start else hanging

@@ -43,7 +43,7 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
     reproduced = sum(figure.reproduced for figure in paper)
     screen.line(f"Figures: {reproduced} of {len(paper)} as described, {said}", "red" if missed else "green")
     for check in missed:
-        screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ", "  ")
+        screen.line(f"does not hold: {check.statement} ({check.measured})", "red", "    ", "  ")
 
 
 def streamed(screen: Screen, claim: Claim) -> None:
@@ -91,7 +91,7 @@ def _listing(screen: Screen, listing: Listing) -> None:
 
 def names(screen: Screen, papers: Sequence[Paper]) -> None:
     """Print every row's name, its subject, and how long it takes to measure."""
-    screen.line("The ledger's rows. No finding is stored: barbalat claims NAME measures one.", "bold")
+    screen.line("The rows of the ledger. Findings are not stored: barbalat claims NAME measures one.", "bold")
     for paper in papers:
         if len(papers) > 1:
             screen.title(f"{paper.name}: {paper.title}")

@@ -23,9 +23,9 @@ LABEL_COLUMNS = 24
 MOST_LINES = 30
 """Lines of the short screen at 80 columns for up to three controllers; findings without space are counted."""
 LINES_BEHIND = 3
-"""Those lines that give the location of the files."""
+"""Number of lines that give the location of the files."""
 FEWEST_FINDING_LINES = 4
-"""Lines for the findings, for any number of controllers."""
+"""Least number of lines for the findings, for any number of controllers."""
 
 
 def show(screen: Screen, case: str, results: Sequence[Result], room: int = MOST_LINES - LINES_BEHIND) -> None:
@@ -52,7 +52,7 @@ def show_full(screen: Screen, case: str, results: Sequence[Result]) -> None:
 def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
     """Print what was simulated, and one sentence for each controller, first."""
     simulation = results[0].simulation
-    count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
+    count = counted(len(results), "controller")
     screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.how}", "bold")
     for result in results:
         if (verdict := result.verdict) is not None:
@@ -89,6 +89,7 @@ def _worst(screen: Screen, results: Sequence[Result]) -> None:
         rows.append([screen.name(result.name), *whose, *errors, band, controls, *y])
     screen.line("")
     screen.table(headings, rows, leads=1 if len(names) == 1 else 2)
+    screen.line("tail: the last quarter; band: the largest error in the tail of a run that follows", "dim")
     if (said := about_u(results[0].problem)) is not None:
         screen.line(said, "dim")
 
@@ -193,7 +194,7 @@ def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None
             rows.append([screen.name(result.name), one.name, end, true, *moved])
     headings = ("controller", "", "end", "true", "path", "1/s in\nthe tail", "time on\na bound")
     screen.table(headings, grouped(rows), leads=2)
-    screen.line("path: the sum of every step's change; 1/s: the same for each second of the tail", "dim")
+    screen.line("path: the total variation; 1/s: the same for each second of the tail", "dim")
 
 
 def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None:
@@ -205,9 +206,10 @@ def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> Non
         [screen.name(result.name), f"{level:.3g}", f"{tail:.3g}", f"{conditioning:.2g}", f"{window:.3g} s"]
         for result, (level, tail, conditioning, _, window, _) in excited
     ]
-    screen.table(("controller", "least", "in the tail", "scaled", "window"), rows)
+    screen.table(("controller", "smallest", "in the tail", "scaled", "window"), rows)
     screen.line(
-        "the least eigenvalue of the regressor's mean square over a window; scaled: 1 where all directions are alike", "dim"
+        "the smallest eigenvalue of the regressor's mean square over a window; scaled: 1 if all directions are excited equally",
+        "dim",
     )
 
 

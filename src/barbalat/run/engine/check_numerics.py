@@ -141,11 +141,11 @@ def _unsettled(result: Result, afforded: int, finest: Seen | None) -> FinerStep:
         return FinerStep(
             "unsettled",
             f"not checked: a tenth of the step takes {needed:.2g} steps, and {afforded:.2g} steps, the limit, do not reach "
-            f"the time of the label",
+            f"the time from which it is unstable",
         )
     dt = result.simulation.dt / tried[-1]
     reason = (
-        "a finer one is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} steps at a finer one do not reach the label"
+        "a finer one is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} steps at a finer one do not reach that time"
     )
     too = f"h = {dt:g} s leaves the region of stability too"
     if finest.diverged_at is not None:

@@ -19,6 +19,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Rings, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
+from barbalat.run.engine.continued import Continuation, Continued, Continuing
 from barbalat.run.kernel.delay import CHANNELS_PER_INPUT
 from barbalat.run.kernel.grid import WHOLE_STEP, Segment, final_row, segments_of, signal_table
 from barbalat.run.kernel.members import Members
@@ -38,7 +39,7 @@ def best_lanes(members: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """The record of B blocks for M members, as far as any member came.
+    """The record of B blocks for M members, up to the last block that any member reached.
 
     starts, lengths  (B,) in steps
     states           (B, size, M) at each block's start; NaN once all members of a kernel's call have diverged
@@ -98,13 +99,13 @@ class Batch:
         adjustable: bool = False,
         watched: Watched | None = None,
     ) -> Batch:
-        """All these members in one batch: see ``Members``."""
+        """All of these members in one batch, see ``Members``."""
         read = Members.read(members, simulation, windows=windows, adjustable=adjustable, watched=watched)
         return cls.part(read, slice(0, len(read)), record=record, lanes=lanes)
 
     @classmethod
     def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
-        """Some of the members; their results don't depend, to any bit, on the other members. InputError for members with a
+        """Some of the members; their results don't depend on the others, bit for bit. InputError for members with a
         tolerance."""
         members.simulation.require_steps("what is asked for here")
         some = members.some(which)
@@ -142,7 +143,7 @@ class Batch:
             self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self._watching(width)))
 
     def _watching(self, width: int) -> Watch | None:
-        """A group's own watch; that of a single member is the batch's."""
+        """A watch for one group; a single member uses the batch's."""
         given = self.watch if self.program.watches(width) else None
         if given is None or self.states.shape[1] == 1:
             return given
@@ -185,6 +186,10 @@ class Batch:
         return Blocks(
             starts[:count], lengths[:count], together[:, :own], together[:, states:], self.totals.at, together[:, own:states]
         )
+
+    def together(self, groups: Sequence[Group]) -> Sequence[Continuing]:
+        """These groups, arranged so that their continuations take little time."""
+        return groups
 
     def resumed(self, state: Array) -> Group:
         """The only member in this state (size,), with an empty delay: at t = 0, or at any time without a delay."""
@@ -254,6 +259,10 @@ class Group:
     def beside(self) -> Group:
         """A copy of the group at the same step that continues independently, with the same watch."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past))
+
+    def continued(self, simulation: Simulation, held: Array) -> Continuation:
+        """See ``Continuing``."""
+        return Continued.of(self, simulation, held)
 
     def held_rows(self, simulation: Simulation, step: int, steps: int, values: Array) -> Array:
         """Rows of signals as from ``grid.signal_table``, held at ``values``; NaN stands for the time, which continues."""
@@ -352,7 +361,7 @@ def _advance(groups: Sequence[Group], segment: Segment, table: Array) -> None:
 
 
 def _finish(pending: list[Future[None]]) -> None:
-    """Wait for all of them; an error or Ctrl-C does not wait for those that have not started."""
+    """Wait for all tasks; an error or Ctrl-C does not wait for those that have not started."""
     try:
         for one in pending:
             one.result()

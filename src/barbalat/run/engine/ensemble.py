@@ -15,9 +15,9 @@ from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.by_tolerance import expected_attempts, run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
+from barbalat.run.engine.side_by_side import expected_attempts, run_members
 from barbalat.run.kernel import costs, delay
 from barbalat.run.kernel.breaks import LostOrder, lost_along, lost_order
 from barbalat.run.kernel.grid import CHUNK_STEPS
@@ -91,6 +91,7 @@ def simulate_ensemble(
     threads: int | None = None,
     lanes: int | None = None,
     progress: Progress | None = None,
+    estimated: bool = False,
 ) -> EnsembleResult:
     """Run every (problem, controller) and return the figures over all steps; no trajectory is kept.
 
@@ -102,11 +103,12 @@ def simulate_ensemble(
                     Members with the same number and seed have the same noise
     quarters        also keep the largest |e| of each quarter of the run; needs at least eight steps
     judge           gives a verdict on every member; none by default. Model, signals and labels are the first member's
-    frequencies     of limit cycles are measured, which takes as long again as the run if members cycle
+    frequencies     whether to measure those of limit cycles, which doubles the time if members are in limit cycles
     With a tolerance each member has its own steps, and its own error is not measured, since there is no second run.
 
-    threads, lanes  they affect only speed, not a single bit of the results
+    threads, lanes  affect only the speed; the results are the same bit for bit
     progress        reading members counts as part of the work if their number is known beforehand
+    estimated       whether the budget is known to allow all steps: with a tolerance a run of the first member is then saved
     """
     count = _require(members, simulation, quarters, lanes)
     reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
@@ -128,7 +130,7 @@ def simulate_ensemble(
 
     steps: float = simulation.steps
     if simulation.tolerance is not None:
-        steps = costs.steps_like(expected_attempts(read))
+        steps = 0.0 if estimated else costs.steps_like(expected_attempts(read))
     budget.require("members", len(read), cost, what="an ensemble")
     by_tolerance, grid = simulation.tolerance is not None, simulation if simulation.tolerance is None else simulation.grid
     if not by_tolerance:
@@ -143,7 +145,7 @@ def simulate_ensemble(
         done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
         told = part_of(progress, done, width)
         if by_tolerance:
-            batch: Batch = run_members(read, which, threads=threads, progress=told)
+            batch: Batch = run_members(read, which, threads=threads, lanes=lanes, progress=told)
         else:
             batch = Batch.part(read, which, record=quarters, lanes=lanes)
             run([batch], read.signals, blocks, threads=threads, progress=told)

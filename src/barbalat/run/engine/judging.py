@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from barbalat.judge.cycles import (
 )
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
-from barbalat.judge.memory import Begins
 from barbalat.judge.scale import Uncommanded, scale_of
 from barbalat.judge.settings import Judge, component_names
 from barbalat.judge.verdict import FOLLOWS_SHARE
@@ -36,8 +34,8 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.faults import Bias, FaultSignal, Latency
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Signal, SlopedSignal
-from barbalat.run.engine.engine import Batch, Group
-from barbalat.run.kernel.grid import CHUNK_STEPS
+from barbalat.run.engine.continued import Continuation, Continuing, Seen
+from barbalat.run.engine.engine import Batch
 from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -99,7 +97,8 @@ class Terms:
 
 
 LASTING = (Bias, Latency)
-"""Faults that a continuation holds at their largest, like disturbances; the others are temporary and end with the noise."""
+"""Faults that a continuation holds at their largest values, like disturbances; the others are temporary and end with the
+noise."""
 
 
 def passes(signal: Signal) -> bool:
@@ -108,7 +107,7 @@ def passes(signal: Signal) -> bool:
 
 
 def _without_passing(signals: Sequence[Signal]) -> list[Signal]:
-    """The signals with temporary faults set to 0: holding a lost measurement would open the loop for good."""
+    """The signals with temporary faults set to 0: holding a lost measurement would open the loop permanently."""
     return [Constant(amplitude=0.0) if passes(one) else one for one in signals]
 
 
@@ -125,8 +124,8 @@ def judged(
     """The verdicts on a batch after its run.
 
     among        (M,) members that are searched for limit cycles; all by default
-    excused      skip the long examination for members that follow and whose reversals are explained by their commands
-    frequencies  measure those of limit cycles, each of which takes another window or more of the run
+    excused      whether to skip the long examination of members that follow and whose commands explain their reversals
+    frequencies  whether to measure the frequencies of limit cycles, each of which takes at least one more window of the run
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
@@ -221,24 +220,6 @@ SAMPLES_EACH_REVERSAL = 20
 """Samples per cycle of a measured frequency: its switching times are then known to a twentieth of the time between two."""
 
 
-class _Seen(NamedTuple):
-    """The observations in a window of some members: (M, m) each, (M,) whether they diverged, and (M, n) the largest magnitudes
-    of the components."""
-
-    low: Array
-    high: Array
-    reversals: Array
-    lost: Array
-    largest: Array
-
-    @classmethod
-    def together(cls, pieces: Sequence[_Seen]) -> _Seen:
-        """The observations in one window that joins these pieces, except for reversals between two pieces."""
-        low, high, reversals, lost, largest = zip(*pieces, strict=True)
-        ends = np.min(low, axis=0), np.max(high, axis=0)
-        return cls(*ends, np.sum(reversals, axis=0), np.any(lost, axis=0), np.max(largest, axis=0))
-
-
 def _cycles(
     batch: Batch,
     simulation: Simulation,
@@ -262,42 +243,42 @@ def _cycles(
     amplitude, frequency = np.zeros((members, inputs)), np.zeros((members, inputs))
     which, growing, lost = np.zeros((members, inputs), dtype=bool), np.zeros(members, dtype=bool), np.zeros(members, dtype=bool)
 
-    def look(group: Group) -> None:
-        at = group.columns.start + np.flatnonzero(suspect[group.columns])
-        lengths = np.array([window(slowest, tail, seen, simulation.t_end) for seen in reversals[at].max(axis=1)])
+    def look(some: Continuing) -> None:
+        members = np.arange(len(suspect))[some.columns]
+        at = np.flatnonzero(suspect[members])
+        lengths = np.array([window(slowest, tail, seen, simulation.t_end) for seen in reversals[members[at]].max(axis=1)])
         for length in np.unique(lengths):
-            steps, going = max(round(length / simulation.dt), 1), Continued.of(group, simulation, held.values)
-            mine = at[lengths == length] - group.columns.start
-            for found, largest, now in _decisions(going, steps, band[group.columns], mine):
-                rows, cycling = group.columns.start + now, found.cycling(band[group.columns])[now]
-                which[rows], growing[rows] = cycling, found.growing(band[group.columns])[now]
+            steps, going = max(round(length / simulation.dt), 1), some.continued(simulation, held.values)
+            for found, largest, now in _decisions(going, steps, band[members], at[lengths == length]):
+                rows, cycling = members[now], found.cycling(band[members])[now]
+                which[rows], growing[rows] = cycling, found.growing(band[members])[now]
                 lost[rows] = found.lost[now] | ~(largest[now] <= limits[rows]).all(axis=1)
                 amplitude[rows] = np.where(cycling, 0.5 * found.swing[-1][now], 0.0)
                 if frequencies:
                     frequency[rows] = _frequencies(going, steps, found.reversals[-1][now], cycling, now)
 
-    pending = [group for group in batch.groups if suspect[group.columns].any()]
+    pending = batch.together([group for group in batch.groups if suspect[group.columns].any()])
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(look, pending))
     return Cycles(which, amplitude, frequency, suspect, growing, lost)
 
 
-def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array, Array]]:
+def _decisions(going: Continuation, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array, Array]]:
     """The windows that decide about these ``members`` of a group, (M, n) the largest magnitudes of the components, and which
     members they decide about.
 
     Each member is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on the other
     members of a group.
     """
-    seen: list[_Seen] = []
+    seen: list[Seen] = []
     if steps >= FIRST_PIECES:
         ends = [i * steps // FIRST_PIECES for i in range(FIRST_PIECES + 1)]
-        pieces = [going.window(end - begin) for begin, end in pairwise(ends)]
-        seen.append(_Seen.together(pieces))
+        pieces = [going.window(end - begin, members) for begin, end in pairwise(ends)]
+        seen.append(Seen.together(pieces))
         rests = quiet(np.array([one.high - one.low for one in pieces]), band) & ~seen[0].lost
         members = members[~rests[members]]
     while len(members):
-        seen.append(going.window(steps))
+        seen.append(going.window(steps, members))
         if len(seen) < FEWEST_WINDOWS:
             continue
         with np.errstate(invalid="ignore"):
@@ -309,74 +290,14 @@ def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Ite
         members = members[~over]
 
 
-def _frequencies(going: Continued, steps: int, reversals: Array, cycling: Array, members: Array) -> Array:
+def _frequencies(going: Continuation, steps: int, reversals: Array, cycling: Array, members: Array) -> Array:
     """(K, m) [rad/s] frequencies of the controls of K ``members`` that cycle, from the continuation; 0 for the others.
     ``reversals`` (K, m)."""
     turned, found = reversals.max(axis=1), np.zeros(cycling.shape)
     for count in np.unique(turned[cycling.any(axis=1)]):
-        windows = enough_windows(count)
-        t, path = going.copied().traced(windows * steps, int(SAMPLES_EACH_REVERSAL * windows * count))
-        for i, j in np.argwhere(cycling & (turned == count)[:, None]):
-            found[i, j] = frequency_of(t, path[:, members[i], j])
+        windows, which = enough_windows(count), np.flatnonzero((cycling & (turned == count)[:, None]).any(axis=1))
+        t, path = going.copied().traced(windows * steps, int(SAMPLES_EACH_REVERSAL * windows * count), members[which])
+        for i, row in enumerate(which):
+            for j in np.flatnonzero(cycling[row]):
+                found[row, j] = frequency_of(t, path[:, i, j])
     return found
-
-
-@dataclass(eq=False)
-class Continued:
-    """A group after the end of its run, with commands and disturbances held and without measurement noise."""
-
-    group: Group
-    simulation: Simulation
-    held: Array
-    step: int
-
-    @classmethod
-    def of(cls, group: Group, simulation: Simulation, held: Array) -> Continued:
-        """The continuation from the end of the group's run; the group itself is unchanged."""
-        return cls(replace(group, recorded=[], quiet=True), simulation, held, simulation.steps).copied()
-
-    def copied(self) -> Continued:
-        """A copy that continues independently."""
-        return replace(self, group=self.group.beside())
-
-    def window(self, steps: int) -> _Seen:
-        """Continue for this number of steps."""
-        group, memory = self.group, self.group.batch.program.memory
-        assert memory is not None
-        own, shape = group.batch.loop.size, group.batch.program.shape
-        before, good = group.renew(Begins.WINDOW), 0.0
-        done = 0
-        while done < steps:
-            count = min(CHUNK_STEPS, steps - done)
-            if group.watch is not None:
-                group.watch = group.watch.elsewhere(self.step, self.step + count)
-            out = group.call(self.step, 1, count, group.state, self._table(count))
-            good = good + out[0, shape.states + group.batch.totals.at["good", "steps"].start]
-            self.step, done = self.step + count, done + count
-        columns = slice(0, group.columns.stop - group.columns.start)
-        after = group.state[own:, columns].copy()
-        rows = memory.places
-        turned = after[rows["reversals"]] - before[rows["reversals"], columns]
-        ends = after[rows["low"]].T, after[rows["high"]].T
-        return _Seen(*ends, turned.T, np.asarray(good < steps), after[rows["largest y"]].T)
-
-    def traced(self, steps: int, samples: int) -> tuple[Array, Array]:
-        """Instants (K,) [s] over this number of steps, about ``samples``, with each control's farthest point, (K, M, m)."""
-        group, memory = self.group, self.group.batch.program.memory
-        assert memory is not None
-        own, (farthest, direction) = group.batch.loop.size, (memory.places[name] for name in ("farthest", "direction"))
-        length = min(max(steps // max(samples, 1), 1), CHUNK_STEPS)
-        blocks, found = steps // length, []
-        first, per_call = self.step, CHUNK_STEPS // length
-        for begin in range(0, blocks, per_call):
-            count = min(per_call, blocks - begin)
-            if group.watch is not None:
-                group.watch = group.watch.elsewhere(self.step, self.step + count * length)
-            out = group.call(self.step, count, length, group.state, self._table(count * length))
-            kept = out[:, own:]
-            found.append((kept[:, farthest] * kept[:, direction]).transpose(0, 2, 1))
-            self.step += count * length
-        return self.simulation.time(first + length * np.arange(blocks)), np.concatenate(found)
-
-    def _table(self, count: int) -> Array:
-        return self.group.held_rows(self.simulation, self.step, count, self.held)

@@ -17,8 +17,9 @@ from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.measurement import Noise
 from barbalat.protocols import Signal
-from barbalat.run.kernel.attempt import ALL, CHOICE, DIVERGED, PIECE, SMOOTH, STALLED, Attempts, HeldPast, dense_output
-from barbalat.run.kernel.breaks import ON_GRID_ROUNDINGS
+from barbalat.run.kernel.attempt import ALL, CHOICE, DIVERGED, PIECE, SMOOTH, STALLED, Attempts, dense_at, dense_output
+from barbalat.run.kernel.observed import NODES_EACH_STEP, WITHIN
+from barbalat.run.kernel.past import SAME_INSTANT, with_room
 from barbalat.run.kernel.pieces import Pieces
 from barbalat.run.kernel.portable import run_times
 from barbalat.run.kernel.step import CompiledLoop
@@ -27,22 +28,18 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 FIRST_STEP = 1e-6
-"""The first attempt as a share of the horizon; successes multiply it by 6 each."""
+"""Length of the first attempt as a share of the horizon; each success multiplies it by 6."""
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
-"""Attempts per call of the kernel: its output stays in the cache."""
+"""Number of attempts per call of the kernel, whose output then stays in the cache."""
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
 """Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 of them, a day."""
 RESOLVED = 1e-9
 """A tolerance above the rounding of Section V at a gain of 1e4, which is as large as 1e-10 of the estimates."""
-NODES_EACH_STEP = 8
-"""Least number of nodes per step, an even number: a step covers some 1.5 rad of the fastest oscillation."""
-WITHIN = 0.9
-"""Largest distance between nodes, as a share of that between recorded instants."""
 
 
 @lru_cache(maxsize=64)
 def compiled_attempts(program: Program, begin: Program, shape: LoopShape) -> CompiledLoop:
-    """Its code, optimised after enough attempts: the number that a run takes is not known beforehand, and no bit depends on
+    """Its code, optimised after enough attempts, since the number that a run takes is not known beforehand; no bit depends on
     it."""
 
     def make(quickly: bool) -> Kernel:
@@ -51,13 +48,24 @@ def compiled_attempts(program: Program, begin: Program, shape: LoopShape) -> Com
     return CompiledLoop(make)
 
 
+@dataclass(frozen=True, eq=False)
+class Delay:
+    """The delay of a member's input [s], and its history (m,): the values that leave the delay first."""
+
+    time: float
+    history: Array
+
+
 @dataclass(eq=False)
 class Motion:
     """The integration of one member.
 
     start       (S,) the loop's state at t = 0, and parameters (p,), the values of the symbols of ``attempts``
     rows        rows of its pieces, of which the last is its end: see ``Pieces.rows``
+    delay       at its input; None if there is none
+    records     what is in the delay, and room for more: see ``past``
     steps, rejected, choices  numbers so far; choices are steps that ended where the equations jump or bend
+    longest     of its steps so far [s]
     """
 
     attempts: Attempts
@@ -68,10 +76,13 @@ class Motion:
     tolerance: float
     pieces: Pieces
     rows: Array
+    delay: Delay | None = None
+    records: Array | None = None
     at_once: int = 16  # attempts of the last call; those after the arrival are unused
     steps: int = 0
     rejected: int = 0
     choices: int = 0
+    longest: float = 0.0
     looked: tuple[int, float] = (0, 0.0)  # attempts and time [s] at the last check of its progress
 
     @classmethod
@@ -82,28 +93,44 @@ class Motion:
         simulation: Simulation,
         tolerance: float,
         noise: Noise | None = None,
-        past: HeldPast | None = None,
+        delay: Delay | None = None,
         number: int = 0,
     ) -> Motion:
         """InputError for signals or equations that can't be used with a tolerance."""
-        attempts = Attempts(loop, TimeSignals.of(signals), fused=simulation.fused, past=past)
+        attempts = Attempts(loop, TimeSignals.of(signals), fused=simulation.fused)
         code = compiled_attempts(*attempts.lists, attempts.shape)
-        return cls.begun(Pieces(attempts, noise, number), code, loop.initial(), np.zeros(0), simulation, tolerance)
+        return cls.begun(Pieces(attempts, noise, number), code, loop.initial(), np.zeros(0), simulation, tolerance, delay)
 
     @classmethod
     def begun(
-        cls, pieces: Pieces, code: CompiledLoop, start: Array, parameters: Array, simulation: Simulation, tolerance: float
+        cls,
+        pieces: Pieces,
+        code: CompiledLoop,
+        start: Array,
+        parameters: Array,
+        simulation: Simulation,
+        tolerance: float,
+        delay: Delay | None = None,
     ) -> Motion:
         """The motion at t = 0, from compiled programs."""
         attempts, tail = pieces.attempts, float(simulation.time(simulation.tail_start))
         kept = np.unique(np.concatenate([[0.0, tail, simulation.t_end], attempts.signals.breaks(simulation.t_end)]))
         state, pieces = attempts.initial(start, FIRST_STEP * simulation.t_end), replace(pieces, until=simulation.t_end)
-        return cls(attempts, code, start, parameters, state, tolerance, pieces, pieces.rows(kept))
+        return cls(attempts, code, start, parameters, state, tolerance, pieces, pieces.rows(kept), delay)._before_its_start()
 
-    def again(self, tolerance: float, t_end: float) -> Motion:
-        """The same motion from t = 0 with another tolerance."""
-        state = self.attempts.initial(self.start, FIRST_STEP * t_end)
-        return replace(self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, looked=(0, 0.0))
+    def again(self, tolerance: float, t_end: float, most: float = inf) -> Motion:
+        """The same motion from t = 0 with another tolerance, in steps of at most ``most`` [s]."""
+        state = self.attempts.initial(self.start, FIRST_STEP * t_end, most)
+        again = replace(
+            self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, longest=0.0, looked=(0, 0.0)
+        )
+        return again._before_its_start()
+
+    def _before_its_start(self) -> Motion:
+        """The motion at t = 0 with nothing but its history in the delay."""
+        past = self.attempts.past
+        assert (past is None) == (self.delay is None)
+        return self if past is None or self.delay is None else replace(self, records=past.beginning(self.delay.history))
 
     def sparse(self) -> Motion:
         """The same motion without dense output, of which only the end of each piece is known: an attempt has three evaluations
@@ -113,25 +140,26 @@ class Motion:
 
     def copied(self) -> Motion:
         """A copy that continues independently."""
-        return replace(self, state=self.state.copy())
+        return replace(self, state=self.state.copy(), records=None if self.records is None else self.records.copy())
 
     def ended(self) -> Motion:
         """The motion at its end, without the earlier pieces."""
-        state = self.state.copy()
-        state[self._at("piece")] = 0.0
-        return replace(self, state=state, rows=self.rows[-1:].copy())
+        found = self.copied()
+        found.state[found._at("piece")] = 0.0
+        found.rows = self.rows[-1:].copy()
+        return found
 
     def held(self, values: Array, stop: float) -> Motion:
-        """The motion from the present time, with the signals held at these values and without noise, up to ``stop`` [s]."""
+        """The motion from the present time up to ``stop`` [s], with the signals held at these values and without noise."""
         pieces = replace(self.pieces, noise=None)
         rows = pieces.rows(np.array([self.t, stop]), values, sampled_already=True)
         return replace(self.along(rows), pieces=pieces)
 
     def along(self, rows: Array) -> Motion:
         """The motion from the present time along further pieces."""
-        state = self.state.copy()
-        state[self._at("piece")], state[self._at("renew")] = 0.0, ALL
-        return replace(self, state=state, rows=rows)
+        found = replace(self.copied(), rows=rows)
+        found.state[found._at("piece")], found.state[found._at("renew")] = 0.0, ALL
+        return found
 
     def _at(self, name: str) -> int:
         return int(self.attempts.carried.places[name].start)
@@ -163,37 +191,57 @@ class Motion:
         kernel = self.code.for_steps(blocks)
         out = np.empty((blocks, carried.size + kernel.shape.accumulators))
         before = out[:, self._at("t")]
-        kernel(blocks, 1, self.state, np.append(self.parameters, self.tolerance), self.rows, out, sample_every=1)
+        given = [*self.parameters, self.tolerance]
+        if self.records is not None and self.delay is not None:
+            self._make_room(self.records, blocks)
+            given.append(self.delay.time)
+        kernel(blocks, 1, self.state, np.array(given), self.rows, out, records=self.records, sample_every=1)
         written = out[:, carried.size :]
         good, tried = written[:, 0] > 0, before < t_stop
         self.steps += int(good.sum())
         self.choices += int((written[:, 0] == CHOICE).sum())
         self.rejected += int((tried & ~good).sum())
+        self.longest = max(self.longest, float(written[good, 2].max(initial=0.0)))
         if self.state[self._at("status")] == STALLED:
-            self._stalled()
-        self._require_progress()
+            self.require_step()
+        self.require_progress()
         return written[good]
 
-    def _require_progress(self) -> None:
-        """InputError for a motion that rounding takes back and forth across a jump of its equations."""
-        (before, t), attempts = self.looked, self.steps + self.rejected
+    def _make_room(self, records: Array, steps: int) -> None:
+        """Make room for the records of further steps, in place of those that have left the delay."""
+        rows = [self._at("leaving"), self._at("records")]
+        first, last = self.state[rows].astype(int)[:, None]
+        (self.records,), left = with_room(records[None], first, last, steps)
+        self.state[rows] -= left
+
+    def take(self, records: Array | None) -> None:
+        """The content of the delay, from records that end at the motion's present time; None if there is no delay."""
+        if records is None:
+            return
+        rows = [self._at("leaving"), self._at("records")]
+        first, last = self.state[rows].astype(int)
+        self.records = records[first:last].copy()
+        self.state[rows] -= first
+
+    def require_progress(self) -> None:
+        """InputError for a motion that rounding moves back and forth across a jump of its equations."""
+        (before, t), attempts, t_end = self.looked, self.steps + self.rejected, float(self.rows[-1, 0])
         if attempts - before < LOOKED_AT_EVERY:
             return
-        if not self.over and self.t - t < LEAST_PROGRESS * float(self.rows[-1, 0]):
+        if not self.over and self.t - t < LEAST_PROGRESS * t_end and not self._escapes():
             larger = max(10 * self.tolerance, RESOLVED)
-            instead = f"ask for a larger one, such as {larger:g}, or " if self.tolerance < RESOLVED else ""
+            instead = f"use a larger one, such as {larger:g}, or " if self.tolerance < RESOLVED else ""
             raise InputError.of(
                 "simulation.tolerance",
-                f"= {self.tolerance:g} is finer than 64-bit numbers resolve the motion at t = {self.t:.6g} s: "
-                f"{attempts - before} attempts at a step advanced it by {self.t - t:.2g} s, since roundings decide on which side "
-                f"of a jump of its equations it is; {instead}give simulation.dt",
+                f"= {self.tolerance:g} is finer than 64-bit numbers resolve the motion at t = {min(self.t, t_end):.6g} s: "
+                f"{attempts - before} attempted steps advanced it by {self.t - t:.2g} s, since only rounding decides which side "
+                f"of a jump of its equations it is on; {instead}give simulation.dt",
             )
         self.looked = attempts, self.t
 
-    def _stalled(self) -> None:
-        """A finite escape is a divergence; anything else is a motion that no tolerance can follow."""
-        if np.abs(self.x).max() > ESCAPING * max(np.abs(self.start).max(), 1.0):
-            self.state[self._at("status")] = DIVERGED
+    def require_step(self) -> None:
+        """InputError for a stalled motion that no tolerance can follow; a finite escape is a divergence."""
+        if self._escapes():
             return
         raise InputError.of(
             "simulation.tolerance",
@@ -201,25 +249,28 @@ class Motion:
             ": the motion slides along a jump of its equations, or exceeds the resolution of numbers; give simulation.dt",
         )
 
+    def _escapes(self) -> bool:
+        """Whether a motion that no step follows counts as diverged, because its state is so large; if so, it is marked as
+        diverged."""
+        escapes = bool(np.abs(self.x).max() > ESCAPING * max(np.abs(self.start).max(), 1.0))
+        if escapes:
+            self.state[self._at("status")] = DIVERGED
+        return escapes
 
-SAME_INSTANT = ON_GRID_ROUNDINGS * float(np.finfo(float).eps)
-"""Relative distance of two times below which they are the same instant."""
+
 ESCAPING = 1e4
 """A state this many times larger than at the start escapes to infinity if no step is small enough for it."""
 
 
 @lru_cache(maxsize=64)
-def _node_kernel(states: int) -> Kernel:
+def node_kernel(states: int) -> Kernel:
     """The states at the first NODES_EACH_STEP nodes, except that at the start, of a row written by a motion, as accumulators."""
     import casadi as ca
 
     row, found = ca.SX.sym("row", 3 + 8 * states), []
-    x, parts = row[3 : 3 + states], [row[3 + states * (i + 1) : 3 + states * (i + 2)] for i in range(7)]
+    x = row[3 : 3 + states]
     for node in range(1, NODES_EACH_STEP):
-        s, value = node / NODES_EACH_STEP, ca.SX.zeros(states)
-        for i in range(7):
-            value = (value + parts[6 - i]) * (s if i % 2 == 0 else 1 - s)
-        found.append(value + x)
+        found.append(dense_at(x, row[3 + states :], node / NODES_EACH_STEP))
     nothing = ca.SX(0, 1)
     inputs = [nothing, nothing, nothing, row, nothing, nothing]
     traced = ca.Function("nodes", inputs, [nothing, ca.vertcat(*found), nothing], {"cse": True})
@@ -230,7 +281,7 @@ def _node_kernel(states: int) -> Kernel:
 def _first_nodes(written: Array, states: int) -> Array:
     """The states at NODES_EACH_STEP nodes of each of these steps, except those at their starts."""
     found = np.empty((len(written), NODES_EACH_STEP, states))
-    kernel, out = _node_kernel(states), np.empty((len(written), (NODES_EACH_STEP - 1) * states))
+    kernel, out = node_kernel(states), np.empty((len(written), (NODES_EACH_STEP - 1) * states))
     kernel(len(written), 1, np.empty(0), np.empty(0), np.ascontiguousarray(written), out)
     found[:, 1:] = out.reshape(len(written), NODES_EACH_STEP - 1, states)
     return found.reshape(-1, states)
@@ -283,7 +334,7 @@ class Nodes:
             self._more()
         times, states, weights, smooth, ends = self._kept
         step = self._steps(times)
-        lost = self.motion.diverged and self._closed
+        lost = self.motion.diverged and self._closed and int(step[-1]) < stop
         end = stop if lost else min(stop, int(step[-1]))
         count = len(times) if lost else int(np.searchsorted(step, end))
         following = np.vstack([states[1 : count + 1], np.full((1, states.shape[1]), np.nan)])[:count]
@@ -312,12 +363,11 @@ class Nodes:
                 self._record(written, self.motion.attempts.loop.size)
         self._close()
 
-    def final(self) -> Array:
-        """The row at the motion's end, with zero length."""
+    def final(self, end_weight: float | None = None) -> Array:
+        """The row at the motion's end, with zero length; with the weight of its squares, if that is known from elsewhere."""
+        weight = self._end_weight if end_weight is None else end_weight
         t, x = np.array([self.motion.t]), self.motion.x
-        return np.concatenate([self._driving(t, np.zeros(1, dtype=bool))[0], x, [self._end_weight, 0.0, 0.0, 0.0, 1.0, 1.0]])[
-            None
-        ]
+        return np.concatenate([self._driving(t, np.zeros(1, dtype=bool))[0], x, [weight, 0.0, 0.0, 0.0, 1.0, 1.0]])[None]
 
     def _steps(self, times: Array) -> Array:
         """The steps of the grid that contain these instants [s]; up to rounding, an instant at the beginning of a step belongs

@@ -21,8 +21,8 @@ from barbalat.solvers.simulation import Simulation
 
 
 def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
-    """The same results, with the class at a finer step for each one whose verdict is not examined, ``verdict.settled`` being
-    None.
+    """The same results, with the class at a finer step for each one whose verdict has not been examined (``verdict.settled`` is
+    None).
 
     Runs that left their region of stability are left to ``check_numerics``. A run is unchanged if no factor that is tried
     resolves it, or if the finer run would take more steps than ``afforded_steps`` or than the budget allows.

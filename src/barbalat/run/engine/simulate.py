@@ -11,9 +11,11 @@ import numpy as np
 from barbalat import validate
 from barbalat.budget import Progress
 from barbalat.judge.settings import Judge
+from barbalat.loop.around import Around
 from barbalat.loop.binding import numbered
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.packing import flatten
+from barbalat.loop.packing import Held, flatten, map_arrays, unflatten
+from barbalat.loop.sampling import Acting
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -26,6 +28,7 @@ from barbalat.run.kernel import costs, delay
 from barbalat.run.kernel.breaks import lost_along, lost_order
 from barbalat.run.kernel.delay import brings_bends
 from barbalat.run.kernel.grid import CHUNK_STEPS, signal_table
+from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT
 from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.run.results.missed import MissedSamples
 from barbalat.run.results.result import Envelope, Result, Results
@@ -50,7 +53,7 @@ def simulate(
     progress  called with the fraction done
 
     Raises InputError for a controller that doesn't fit the problem, with its name, and for runs that exceed the budget. A run
-    that diverges is a result and no error.
+    that diverges is a result and not an error.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
@@ -150,11 +153,45 @@ def _each(batch: Batch, problem: TrackingProblem, simulation: Simulation, first:
         yield group.call(start, blocks, every, group.state, table)[:, : shape.states, 0]
 
 
+def _between(every: int) -> int:
+    """Steps from a sample to halfway to the next one: a timer's jitter is at most a quarter of a sample."""
+    return every - every // 2
+
+
+def _halfway(batch: Batch, problem: TrackingProblem, simulation: Simulation, every: int, count: int) -> Iterator[Array]:
+    """The loop's states, (samples, S), halfway after each of the first ``count`` samples, in which each has been made."""
+    (group,), between = batch.groups, _between(every)
+    table = signal_table(problem.signals, simulation, 0, between, in_pieces=batch.program.shape.in_pieces)
+    group.call(0, 1, between, group.state, table)
+    yield from _each(batch, problem, simulation, between, every, count - 1)
+    yield group.state.T
+
+
+def largest_numbers(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Array:
+    """The largest magnitude of each number that a sampled controller keeps over the run that ``simulate`` makes, up to where it
+    diverges: its flat state, then the bump of a shell."""
+    batch = Batch.of([(problem, controller)], simulation, lanes=1)
+    template, T = initial_acting(batch.loop), batch.loop.sample_time
+    assert T is not None
+    first, every = flatten(template), round(T / simulation.dt)
+    acting: Acting = unflatten(template, np.arange(len(first)), 0)[0]
+    rows = flatten(acting._replace(held=acting.held._replace(around=acting.held.around and acting.held.around.bump)))
+    found = np.abs(first[rows])
+    for states in _halfway(batch, problem, simulation, every, simulation.steps // every + 1):
+        part = np.abs(states[:, len(states.T) - len(first) + rows])
+        good = (part <= DIVERGENCE_LIMIT).all(axis=1)
+        count = len(good) if good.all() else int(np.argmin(good))
+        found = np.maximum(found, part[:count].max(axis=0, initial=0.0))
+        if count < len(good):
+            break
+    return found
+
+
 def with_missed_samples(results: Mapping[str, Result]) -> Results:
     """The same results, with ``missed`` for each sampled controller that has a shell or meets faults.
 
-    Each of these runs is repeated with the same bits and read between any two samples. Runs that diverged and runs by tolerance
-    stay as they are, and so do those of a shell that refuses samples without a longest outage or a rate: it counts none.
+    Each of these runs is repeated, bit for bit, and read between any two samples. Runs that diverged and runs by tolerance are
+    unchanged.
     """
     return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
 
@@ -163,22 +200,22 @@ def _missed(result: Result) -> MissedSamples | None:
     computer, simulation, problem = result.loop.computer, result.simulation, result.problem
     if computer is None or computer.around is None or not np.isnan(result.metrics.diverged_at[0]):
         return None
-    around = computer.around
-    refuses = bool(around.ranged or around.repeats or around.band is not None)
-    if simulation.tolerance is not None or (refuses and not around.counts):  # then no state tells a refused sample
+    if simulation.tolerance is not None:
         return None
+    around = computer.around
     batch = Batch.of([(problem, result.controller)], simulation, lanes=1)
-    (group,), every = batch.groups, round(computer.around.T / simulation.dt)  # with jitter the loop looks at its timer every step
-    between = every - every // 2  # a timer's jitter is at most a quarter of a sample
-    table = signal_table(problem.signals, simulation, 0, between, in_pieces=batch.program.shape.in_pieces)
-    group.call(0, 1, between, group.state, table)
-    count = max(simulation.steps - between, 0) // every + 1
-    states = np.vstack([*_each(batch, problem, simulation, between, every, count - 1), group.state.T])
-    kept = batch.loop.unpack(np.arange(batch.loop.size)).held.around
-    if around.counts:
-        outage = states[:, kept.outage[0]]
+    every = round(around.T / simulation.dt)  # with jitter the loop looks at its timer every step
+    initial, count = batch.groups[0].state.T.copy(), max(simulation.steps - _between(every), 0) // every + 1
+    states = np.vstack(list(_halfway(batch, problem, simulation, every, count)))
+    held = batch.loop.unpack(np.arange(batch.loop.size)).held
+    if around.longest is not None:
+        outage = states[:, held.around.outage[0]]
     else:
-        outage = np.array(list(accumulate(states[:, kept.lost[0]], lambda before, lost: (before + 1) * lost)))
+        missed = np.maximum(states[:, held.around.lost[0]], _refused(around, held, np.vstack([initial, states])))
+        outage = np.array(list(accumulate(missed, lambda before, lost: (before + 1) * lost)))
+    commands = states[:, held.around.lost[1]] > 0
+    if around.checks_commands:
+        commands |= (states[:, held.around.commanded] != states[:, held.r.reshape(-1)]).any(axis=1)
     longest = np.inf if around.longest is None else around.longest
     return MissedSamples(
         count,
@@ -186,5 +223,12 @@ def _missed(result: Result) -> MissedSamples | None:
         in_a_row=int(outage.max()),
         fallback=int((outage > longest).sum()),
         named=around.fallback,
+        commands=int(commands.sum()),
         jitter=sum(one.time for one in around.faults) / simulation.dt,
     )
+
+
+def _refused(around: Around, rows: Held, states: Array) -> Array:
+    """(K,) 1 for each sample that a shell without a count of its own refuses, of (K + 1) states, the first before all samples."""
+    before = map_arrays(lambda part: states[:-1, part].T, rows)
+    return 1.0 - around.plausible(states[1:, rows.around.offered].T, states[:-1, rows.measured.reshape(-1)].T, before, 1.0)

@@ -27,7 +27,8 @@ from barbalat.validate import Array
 MOST_WINDOWS = 2000
 """Largest number of windows of a run; their lengths are multiples of WATCH_EVERY."""
 MOST_LOOKS = 200
-"""Windows for which the spectrum is computed: half of them the stiffest, half spread over the others; before an exit all."""
+"""Number of windows for which the spectrum is computed: half of them are the stiffest, the others are spread evenly; before an
+exit, all are used."""
 QUICK_SPECTRUM = 100
 """States of a loop whose spectrum takes some 10 ms; a run computes at most MOST_LOOKS."""
 FEWEST_LOOKS = 2
@@ -123,7 +124,8 @@ class Run:
     stop: float
 
     def first_outside(self, step: int, window: int, look: Look) -> int:
-        """The first step outside the region in the window whose stiffest is given: exact if 8 steps in a row are outside."""
+        """The first step outside the region in the window with this stiffest step; it is exact if 8 steps in a row are
+        outside."""
         begin = step // window * window
         known = self._known(max(begin - WATCH_EVERY + 1, 0))
         while window > WATCH_EVERY:
@@ -186,7 +188,7 @@ class Run:
 
 
 class Place(NamedTuple):
-    """A run at a step, ready to continue."""
+    """A run at one of its steps, ready to continue."""
 
     step: int
     group: Group

@@ -1,16 +1,18 @@
 """One attempt at a step whose length follows from a tolerance, by DOP853, as operations: a member's time is part of its state.
 
-Every attempt is one step of the kernel's loop, whether it succeeds or not, so that parallel members have their own steps, and one
-that has arrived waits. Where the equations jump or bend, a step keeps the choices with which it began (``lowering.switching``);
-if another choice is due at its end, it is repeated with the length at which that happens.
+Every attempt is one step of the kernel's loop, whether it succeeds or not, so that parallel members have steps of their own; a
+member that has reached the end waits for the others. Where the equations jump or bend, a step keeps the branches ("choices")
+that were active when it began (``lowering.switching``);
+if another branch is active at its end, the step is repeated with the length at which the change happens.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,150 +21,104 @@ from barbalat.loop.packing import column, flatten, symbols
 from barbalat.lowering.operations import Program, following, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
-from barbalat.lowering.switching import switched
+from barbalat.lowering.switching import Condition, switched
 from barbalat.problem.faults import FaultSignal
-from barbalat.run.kernel.delay import whole_steps
+from barbalat.run.kernel.limiters import SAME, Limiters, following_outputs, with_rows
 from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT, divergence_measure
+from barbalat.run.kernel.past import SAME_INSTANT, SMOOTH_LEVEL, Ahead, DelayedInput
 from barbalat.run.kernel.sampled_controller import acting_on, initial_acting, parameters_column
 from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.solvers.order_eight import embedded, order_eight
-from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     import casadi as ca
 
 RUNNING, DIVERGED, STALLED = 0.0, 1.0, 2.0
-"""A member's status; a stalled member needs a step that is too short to change its time."""
+"""A member's status. A stalled member would need a step too short to change its time."""
 ALL, SLOPE = 1.0, 2.0
-"""The data renewed before an attempt: the choices and the slope, or only the slope because choices changed."""
+"""What is recomputed before an attempt: the choices and the slope, or only the slope if the choices changed."""
 SAFETY, SHRINKS, GROWS = 0.9, 1 / 3, 6.0
 """After a failed step the next is 0.9 err^(-1/8) times as long, within these limits. After a successful step, its length is
 filtered, H211b with b = 4, since the estimate follows an oscillation's phase: without it every third attempt fails.
 
 Source: Soderlind, Digital filters in adaptive time-stepping, ACM Transactions on Mathematical Software 29 (2003), table 1."""
 FILTERED = 0.85
-"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Among 0.82, 0.88 and
-0.94 the last needs a fifth more attempts at equal error on Section V, since an eighth of them fail."""
+"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Of 0.82, 0.88 and 0.94,
+the last needs a fifth more attempts on Section V at equal error, since an eighth of them fail."""
 SMALL = 1e-6
-"""Share of the largest magnitude of any state that is the least magnitude for a state's relative error."""
+"""A state's relative error refers to at least this share of the largest magnitude of any state."""
 TINY = 1e-9
-"""Likewise, in the state's own unit: rounding errors of a state at rest are not resolved."""
+"""It also refers to at least this magnitude, in the state's unit, so that rounding errors of a state at rest are not resolved."""
 MEETS = 0.1
-"""Share of the tolerance by which the state may move between a choice and the end of the step."""
+"""Share of the tolerance by which the state may move between a change of choice and the end of the step."""
+JOINS = 4.0
+"""Multiple of that movement within which a rate limiter that has met its demand joins it."""
 LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
-"""Relative to the time: a shorter step does not advance it."""
-SAME = 32 * float(np.finfo(float).eps)
-"""Share of the compared values: closer to equality the choice is undetermined."""
+"""Relative to the time; a shorter step does not advance the time."""
 BEYOND = 2.0
-"""Multiple of it beyond which a choice is determined. A change within the one that persists must be clear of the other."""
+"""Multiple of that movement beyond which a choice is certain."""
 SECANTS = 4
-"""Number of secant steps for the time of a choice, after which the step is halved instead."""
+"""Number of secant steps in the search for the time of a change of choice; after these the step is halved instead."""
 LOOKS = (5, 9, 10)
 """Stages at 0.33, 0.6 and 0.86 of a step that detect a choice which changes and returns before the end."""
 NEAREST = 0.05
-"""Share of an attempt before which no choice is located: a secant from a choice that has just occurred is useless."""
+"""No change of choice is located before this share of an attempt: a secant from a change that has just occurred is useless."""
 LARGEST = 1e300
 """Largest finite number; margins of infinite values are not compared."""
 SMOOTH, CHOICE, PIECE = 1.0, 2.0, 3.0
 """The end of a step: regular, at a choice, or at the end of its piece of the run."""
-FIRST = 3
+FIRST = 2
 """The position of the signals' numbers in a piece's row."""
-MOST_SAMPLES = 200
-"""Controls of a controller inside a delay: every attempt advances each of them."""
 ACTED = 6
 """Argument of ``Attempts.begin``: the new state of a sampled controller."""
 MOST_TRIES = 200
-"""Largest number of choices at one instant; more mean that the motion slides along them."""
+"""Largest number of changes of choice at one instant; more mean that the motion slides along a surface."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """The kernel's state: the loop's own (S,) first, then what the next attempt needs; J choices, ``past`` values of a delay."""
+    """The kernel's state: the loop's state (S,), followed by what the next attempt needs; J is the number of choices.
+
+    ``leaving`` is the number of the record that leaves a delay, ``records`` the number of the record of this step, see
+    ``past``. From the
+    time ``pause`` [s] on, at which a piece must begin, no attempt is made.
+    """
 
     states: int
     choices: int
-    past: int = 0
 
     @cached_property
     def places(self) -> dict[str, slice]:
         """The rows of each part."""
         sizes = {
             "x": self.states, "t": 1, "h": 1, "error": 1, "ratio": 1, "rejected": 1,
-            "meets": 1, "until": 1, "tries": 1, "renew": 1, "status": 1, "piece": 1,
+            "most": 1, "meets": 1, "until": 1, "tries": 1, "renew": 1, "status": 1, "piece": 1,
             "largest": self.states, "slope": self.states, "choices": self.choices, "margins": self.choices,
-            "past": self.past,
+            "leaving": 1, "records": 1, "pause": 1,
         }  # fmt: skip
-        found, start = {}, 0
-        for name, size in sizes.items():
-            found[name] = slice(start, start + size)
-            start += size
-        return found
+        return slices_of(sizes)
 
     @property
     def size(self) -> int:
-        return int(self.places["past"].stop)
+        return int(self.places["pause"].stop)
 
-    def initial(self, x: np.ndarray, h: float, past: np.ndarray) -> np.ndarray:
-        """(size,) at t = 0, with the length of the first attempt [s] and the content of the delay."""
+    def initial(self, x: np.ndarray, h: float, most: float = np.inf) -> np.ndarray:
+        """(size,) at t = 0, with the lengths of the first attempt and of the longest [s]; record 0 is that of a delay's
+        history."""
         found, at = np.zeros(self.size), self.places
         found[at["x"]], found[at["largest"]] = x, np.abs(x)
         found[at["h"]], found[at["renew"]] = h, ALL
-        found[at["meets"]] = found[at["until"]] = np.inf
+        found[at["meets"]] = found[at["until"]] = found[at["pause"]] = np.inf
+        found[at["most"]] = most
         found[at["error"]] = found[at["ratio"]] = 1.0
-        found[at["past"]] = past
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class HeldPast:
-    """The content of a delay after a sampled controller: one value per sample for each input, the newest first.
-
-    delay    [s]
-    fewest, most  samples in the delay: fewest and most that can have gone in and not come out
-    history  (m,) output of the delay before the run's own control arrives
-    """
-
-    delay: float
-    fewest: int
-    most: int
-    history: np.ndarray
-
-    @classmethod
-    def of(cls, delay: float, sample_time: float, history: np.ndarray, *, jitters: bool = False) -> HeldPast:
-        """InputError for a delay of more samples than are stored. If the controller ``jitters``, by at most a quarter of its
-        sample time, up to two more or fewer of them are in the delay."""
-        samples = whole_steps(delay, sample_time)
-        if samples > MOST_SAMPLES:
-            raise InputError.of(
-                "plant.input.delay",
-                f"must be at most {MOST_SAMPLES} samples of {sample_time:g} s with simulation.tolerance, got {delay:g} s: give "
-                "simulation.dt",
-            )
-        if jitters:
-            return cls(delay, max(samples - 1, 0), samples + 2, history)
-        return cls(delay, samples, samples + (delay - samples * sample_time > 1e-9 * delay), history)
-
-    @property
-    def initial(self) -> np.ndarray:
-        """At t = 0, before the first sample."""
-        return np.tile(self.history, self.most + 1)
-
-    def leaving(self, past: ca.SX, inside: ca.SX) -> ca.SX:
-        """The output of the delay, (m,), if ``inside`` samples have gone in and not come out."""
-        import casadi as ca
-
-        m = len(self.history)
-        found = past[self.most * m :]
-        for count in reversed(range(self.fewest, self.most)):
-            found = ca.if_else(inside <= count, past[count * m : (count + 1) * m], found)
+        found[at["records"]] = 1.0
         return found
 
 
 @dataclass(frozen=True)
 class Written:
-    """The output of an attempt: 0 if it was no step, else how it ended, t [s], h [s], x there and seven more (S,).
-
-    These are the coefficients of ``dense_output``.
+    """The output of an attempt: 0 if it failed, else how the step ended, t [s], h [s], x at its end and the seven coefficients,
+    (S,) each, of ``dense_output``.
     """
 
     states: int
@@ -174,56 +130,65 @@ class Written:
 
 @dataclass(frozen=True)
 class Attempts:
-    """The programs of a loop's attempts: ``begin`` if something is renewed, then ``program``.
+    """The programs of a loop's attempts: ``begin`` if something must be recomputed, then ``program``.
 
-    past        of a delayed input; None if there is no delay
-    parameters  the column of the loop's symbols, which are arguments of the kernel before the tolerance; None if there are none
+    parameters  the column of the loop's symbols, which are arguments of the kernel before the tolerance and the delay, if there
+                is one; None if there are none
     """
 
     loop: ClosedLoop
     signals: TimeSignals
     fused: bool = True
-    past: HeldPast | None = None
     parameters: Any = None
+
+    @cached_property
+    def past(self) -> DelayedInput | None:
+        """The records of a delayed input; None if there is no delay."""
+        return DelayedInput.of(self.loop)
 
     @property
     def count(self) -> int:
-        """Entries of a piece's row: its end, whether a controller samples at its beginning, the number of samples in the delay,
-        the signals' numbers, the noise."""
+        """Entries of a piece's row: its end, whether a controller samples at its beginning, the signals' numbers, the noise."""
         return FIRST + self.signals.numbers + self.loop.signals.noise
 
     @staticmethod
-    def rows(ends: np.ndarray, sampled: np.ndarray, inside: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """Rows of K pieces, (K, count); the last of them has zero length: there the run ends."""
-        return np.ascontiguousarray(np.column_stack([ends, sampled, inside, signals, noise]), dtype=float)
+    def rows(ends: np.ndarray, sampled: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """Rows of K pieces, (K, count); the last one has zero length and ends the run."""
+        return np.ascontiguousarray(np.column_stack([ends, sampled, signals, noise]), dtype=float)
 
     def driven_by(self, signals: TimeSignals) -> Attempts:
-        """The attempts with other signals; the programs are the same unless formulas, which they contain, differ."""
+        """The attempts with other signals. The programs are the same unless the signals' formulas, which they contain, differ."""
         found = replace(self, signals=signals)
         if signals.formulas == self.signals.formulas:
-            vars(found).update(carried=self.carried, lists=self.lists)
+            vars(found).update(self.traced)
         return found
 
     @cached_property
     def calls(self) -> Callable[[float], np.ndarray]:
-        """See ``Around.calls``; all members of these attempts have the same."""
+        """See ``Around.calls``; all members of these attempts share it."""
         assert self.loop.around is not None
         faults = [one for one in self.signals.signals if isinstance(one, FaultSignal)]
         return cache(partial(self.loop.around.calls, faults))
 
-    def initial(self, x: np.ndarray, h: float) -> np.ndarray:
+    def initial(self, x: np.ndarray, h: float, most: float = np.inf) -> np.ndarray:
         """The kernel's state at t = 0, for a loop that begins with x."""
-        return self.carried.initial(x, h, np.zeros(0) if self.past is None else self.past.initial)
+        return self.carried.initial(x, h, most)
 
     @cached_property
     def _rates(self) -> ca.Function:
-        """The slope as a function of (state, parameters, signals)."""
+        """Functions of (state, parameters, signals): the slope while the rate limiters' outputs rest, what enters the delay if
+        there is one, and the limiters' demands and limits."""
         import casadi as ca
 
         state_column, state = symbols("state", self.loop.size)
         signal_column, signals = symbols("signals", self.loop.signal_count)
         inputs = [state_column, parameters_column(self.parameters), signal_column]
-        return ca.Function("rates", inputs, [column(self.loop.derivative(state, signals))], {"cse": True})
+        results = [column(self.loop.following_within(np.inf).derivative(state, signals)), ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)]
+        if self.past is not None:
+            results[1] = column(self.loop.undelayed_input(state, signals))
+        if self.loop.rate_limited:
+            results[2:] = column(self.loop.demands(state, signals)), column(self.loop.rate_limits)
+        return ca.Function("rates", inputs, results, {"cse": True})
 
     @cached_property
     def _limits(self) -> ca.Function:
@@ -239,36 +204,76 @@ class Attempts:
         """The layout of the kernel's state."""
         import casadi as ca
 
-        x, s = ca.SX.sym("x", self.loop.size), ca.SX.sym("s", self.loop.signal_count)
-        past = 0 if self.past is None else len(self.past.initial)
-        return Carried(self.loop.size, len(self._switched(x, s, None)[1]), past)
+        x, s, moves = (ca.SX.sym("x", n) for n in (self.loop.size, self.loop.signal_count, self.loop.signal_count))
+        return Carried(self.loop.size, len(self._switched(x, Driving(s, moves), None).conditions))
 
-    def _switched(self, x: ca.SX, s: ca.SX, choices: ca.SX | None) -> tuple[ca.SX, list[Any]]:
-        """The slope and all conditions; those of the limits are monitored, and keep their actual values."""
+    def _switched(self, x: ca.SX, driving: Driving, choices: ca.SX | None) -> _Evaluated:
+        """The equations with the given choices, or with those that follow from the arguments. The conditions of the limits are
+        monitored and keep their actual values."""
+        import casadi as ca
+
         given = parameters_column(self.parameters)
-        rates = switched(self._rates, [x, given, s], choices)
-        limits = switched(self._limits, [x, given])
-        return rates.values[0], [*rates.conditions, *limits.conditions]
+        rates = switched(self._rates, [x, given, driving.values], choices)
+        conditions = [*rates.conditions, *switched(self._limits, [x, given]).conditions]
+        slope, entering, demands, limits = rates.values
+        if not self.loop.rate_limited:
+            return _Evaluated(slope, conditions, entering)
+        made = ca.vertcat(ca.SX(0, 1), *(one.truth for one in rates.conditions))
+        made = made if choices is None else choices[: len(rates.conditions)]
+        rows = self.loop.limiter_rows
+        speeds = self._speeds(x, given, driving.values, made, slope, driving.moves)
+        limiters = Limiters(x[list(rows)], demands, speeds, limits)
+        own = limiters.conditions(None if choices is None else choices[len(conditions) :])
+        moving = ca.vertcat(*(one.truth for one in own)) if choices is None else choices[len(conditions) :]
+        return _Evaluated(with_rows(slope, rows, limiters.rates(moving)), [*conditions, *own], entering, limiters)
+
+    @cached_property
+    def _speeds(self) -> ca.Function:
+        """How fast the limiters' demands move, as a function of (state, parameters, signals, choices, slope, signals' slopes)."""
+        import casadi as ca
+
+        sizes = self.loop.size, parameters_column(self.parameters).numel(), self.loop.signal_count
+        x, given, s = (ca.SX.sym("given", size) for size in sizes)
+        choices = ca.SX.sym("choices", len(switched(self._rates, [x, given, s]).conditions))
+        x_moves, s_moves = ca.SX.sym("x'", sizes[0]), ca.SX.sym("s'", sizes[2])
+        demands = switched(self._rates, [x, given, s], choices).values[2]
+        moved = ca.jtimes(demands, ca.vertcat(x, s), ca.vertcat(x_moves, s_moves))
+        return ca.Function("speeds", [x, given, s, choices, x_moves, s_moves], [ca.densify(moved)], {"cse": True})
+
+    @cached_property
+    def _signals_move(self) -> ca.Function:
+        """The slopes of the signals as a function of (t, numbers of the piece)."""
+        import casadi as ca
+
+        t, numbers = ca.SX.sym("t"), ca.SX.sym("numbers", self.signals.numbers)
+        return ca.Function("moves", [t, numbers], [ca.densify(ca.jacobian(self.signals.at(t, numbers), t))], {"cse": True})
 
     @property
     def shape(self) -> LoopShape:
         """Sizes for the kernel."""
         carried = self.carried
         written = Written(self.loop.size).size
-        renew, piece = (carried.places[name].start for name in ("renew", "piece"))
-        given = 1 + parameters_column(self.parameters).numel()
-        return LoopShape(carried.size, written, given, self.count, sample_every=1, sample_row=renew, signal_row=piece)
+        renew, piece, leaving, own = (carried.places[name].start for name in ("renew", "piece", "leaving", "records"))
+        given = 1 + parameters_column(self.parameters).numel() + (self.past is not None)
+        recalled = None if self.past is None else self.past.recalled(leaving, own)
+        rows = {"sample_row": renew, "signal_row": piece, "recalled": recalled}
+        return LoopShape(carried.size, written, given, self.count, sample_every=1, **rows)
+
+    @property
+    def traced(self) -> dict[str, Any]:
+        """The parts that take time to trace, by their attributes' names."""
+        return {"carried": self.carried, "lists": self.lists}
 
     @cached_property
     def lists(self) -> tuple[Program, Program]:
-        """An attempt with its dense output, and what is renewed before it."""
+        """An attempt with its dense output, and the program that recomputes what it needs beforehand."""
         return self.program(), self.begin()
 
     def begin(self) -> Program:
-        """What is renewed: choices and slope, if a piece of the run begins or a step ended at a choice."""
+        """Recomputes choices and slope, if a piece of the run begins or the last step ended at a change of choice."""
         import casadi as ca
 
-        parts, numbers, _, inputs = self._inputs()
+        parts, numbers, tolerance, inputs = self._inputs()
         t, renew = parts["t"], parts["renew"]
         everything = renew == ALL
         acted = ca.SX.sym("acted", self._own)
@@ -276,15 +281,13 @@ class Attempts:
         x = parts["x"]
         if self._own:
             x = ca.if_else(due, ca.vertcat(x[: -self._own], acted), x)
-        past = parts["past"]
-        if self.past is not None:
-            entering = self.loop.undelayed_input(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers)).reshape(-1))
-            newest: ca.SX = column(entering.reshape(-1))
-            past = ca.if_else(due, ca.vertcat(newest, past[: -newest.numel()]), past)
-            numbers = ca.vertcat(numbers[: self.count], self.past.leaving(past, numbers[2]))
         s = self._driven(t, numbers)
-        _, conditions = self._switched(x, s, None)
-        given = self._switched(x, s, parts["choices"])[1]  # after the change, another condition may have no choice left
+        found = self._switched(x, s, None)
+        if found.limiters is not None:
+            x = ca.if_else(renew != 0, self._joined(x, found.limiters, parts, tolerance), x)
+            found = self._switched(x, s, None)
+        conditions = found.conditions
+        given = self._switched(x, s, parts["choices"]).conditions  # after the change, another condition may have no choice left
         old = ca.vertsplit(parts["choices"])
         chosen = [
             ca.if_else(
@@ -293,18 +296,23 @@ class Attempts:
             for one, now, before in zip(conditions, given, old, strict=True)
         ]
         choices = ca.vertcat(ca.SX(0, 1), *chosen)
-        slope, after = self._switched(x, s, choices)
-        margins = ca.vertcat(ca.SX(0, 1), *(one.margin for one in after))
+        after = self._switched(x, s, choices)
+        margins = ca.vertcat(ca.SX(0, 1), *(one.margin for one in after.conditions))
         new = {
             "x": x,
             "largest": ca.fmax(parts["largest"], ca.fabs(x)),
-            "slope": ca.if_else(renew != 0, slope, parts["slope"]),
+            "slope": ca.if_else(renew != 0, after.slope, parts["slope"]),
             "choices": choices,
             "margins": ca.if_else(renew != 0, margins, parts["margins"]),
             "renew": ca.SX(0.0),
-            "past": past,
         }
         return self._behind_a_sample(self._lowered("begin", [*inputs, acted], [self._packed(parts | new)]))
+
+    def _joined(self, x: ca.SX, limiters: Limiters, parts: dict[str, ca.SX], tolerance: ca.SX) -> ca.SX:
+        """The state, with the output of each limiter that has reached its demand within the step's tolerance set to that
+        demand."""
+        rows, scale = self.loop.limiter_rows, _scale(parts["largest"], tolerance)
+        return with_rows(x, rows, limiters.joined(JOINS * MEETS * scale[list(rows)]))
 
     @property
     def _own(self) -> int:
@@ -318,7 +326,8 @@ class Attempts:
         if not self.loop.sampled:
             return begin
         parts, numbers, _, inputs = self._inputs()
-        state, signals = (ca.array(value).reshape(-1) for value in (parts["x"], self._driven(parts["t"], numbers)))
+        driving = self._driven(parts["t"], numbers).values
+        state, signals = (ca.array(value).reshape(-1) for value in (parts["x"], driving))
         y, r = self.loop.sampled_at(state, signals)
         faults = [] if self.loop.around is None else [column(self.loop.signals.named(signals).faults)]
         handed = optimize(read(ca.Function("handed", inputs, [parts["x"], column(y), column(r), *faults])), fused=False)
@@ -331,7 +340,8 @@ class Attempts:
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
     def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, list[ca.SX]]:
-        """The carried state by its parts, the row of its piece including the delay's output, the tolerance, and all inputs."""
+        """The carried state by its parts; the row of its piece, followed by the delay, the number of known records and those
+        records; the tolerance; and all inputs."""
         import casadi as ca
 
         carried = self.carried
@@ -339,9 +349,18 @@ class Attempts:
         parts = {name: given[rows] for name, rows in carried.places.items()}
         nothing = ca.SX(0, 1)
         written = ca.SX.sym("written", Written(self.loop.size).size)
-        driven = numbers if self.past is None else ca.vertcat(numbers, self.past.leaving(parts["past"], numbers[2]))
         arguments = ca.vertcat(parameters_column(self.parameters), tolerance)
-        return parts, driven, tolerance, [given, written, arguments, numbers, nothing, nothing]
+        if self.past is None:
+            return parts, numbers, tolerance, [given, written, arguments, numbers, nothing, nothing]
+        recalled = self.shape.recalled
+        assert recalled is not None
+        delay, records = ca.SX.sym("delay"), ca.SX.sym("records", recalled.records * recalled.width)
+        driven = ca.vertcat(numbers, delay, parts["records"] - parts["leaving"], records)
+        return parts, driven, tolerance, [given, written, ca.vertcat(arguments, delay), numbers, records, nothing]
+
+    def _delay(self, numbers: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """The delay [s], the number of known records, and the records, from ``_inputs``."""
+        return numbers[self.count], numbers[self.count + 1], numbers[self.count + 2 :]
 
     def _lowered(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Program:
         import casadi as ca
@@ -349,27 +368,31 @@ class Attempts:
         return optimize(read(ca.Function(name, inputs, outputs, {"cse": True})), fused=self.fused)
 
     def program(self, *, dense: bool = True) -> Program:
-        """One attempt; without ``dense`` it writes no coefficients and takes three evaluations less."""
+        """One attempt; without ``dense`` it writes no coefficients and saves three evaluations."""
         import casadi as ca
 
         parts, numbers, tolerance, inputs = self._inputs()
         x, t, status = parts["x"], parts["t"], parts["status"]
         t_stop = numbers[0]
-        running = ca.logic_and(status == RUNNING, t < t_stop)
-        h, t_new, cut = _length(parts, t_stop)
+        running = ca.logic_and(status == RUNNING, ca.logic_and(t < t_stop, t < parts["pause"]))
+        ahead = None if self.past is None else self.past.ahead(*self._delay(numbers))
+        h, t_new, cut = _length(parts, t_stop, ahead)
         stages, x_new, inside = self._stages(parts, numbers, h, t_new)
         largest = ca.fmax(parts["largest"], ca.fabs(x_new))
-        scale = tolerance * ca.fmax(largest, ca.fmax(SMALL * ca.mmax(largest), TINY))
+        scale = _scale(largest, tolerance)
         error = _error(stages, scale, h)
         good = error <= 1
         found = self._meeting(parts, numbers, x_new, t_new, stages[0], scale, h, inside)
         kept = self._limits(x_new, parameters_column(self.parameters))
+        if self.loop.rate_limited:
+            kept = self._following(kept, numbers, t_new, parts["choices"])
         measure = divergence_measure(self.loop, self._outputs(kept, numbers, t_new), ca.array(kept).reshape(-1))
         sound = ca.SX(column(np.reshape(np.where(measure <= DIVERGENCE_LIMIT, 1.0, 0.0), 1)))
         fits = ca.logic_and(running, ca.logic_and(good, ca.logic_and(found.ready, sound)))
         choosing = ca.logic_and(running, ca.logic_and(good, ca.logic_not(found.ready)))
         ends = ca.logic_and(fits, found.due)  # at a choice
         arrives = ca.logic_and(fits, t_new >= t_stop)
+        passes = ca.SX(0.0) if ahead is None else ca.logic_and(fits, ahead.meets <= t_new * (1 + SAME_INSTANT))
         new = _next(parts, h, error, running, fits, choosing, ends, cut, found, t)
         stuck = ca.logic_or(ca.logic_and(ca.logic_not(good), h <= LEAST_ROUNDINGS * ca.fabs(t)), new["tries"] > MOST_TRIES)
         lost = ca.logic_and(good, ca.logic_not(sound))
@@ -378,31 +401,78 @@ class Attempts:
             "x": ca.if_else(fits, kept, x),
             "t": ca.if_else(fits, t_new, t),
             "piece": parts["piece"] + arrives,
-            "renew": ca.if_else(arrives, ALL, new["renew"]),
+            "renew": ca.if_else(ca.logic_or(arrives, passes), ALL, new["renew"]),
             "largest": ca.if_else(fits, ca.fmax(parts["largest"], ca.fabs(kept)), parts["largest"]),
             "slope": ca.if_else(fits, stages[12], parts["slope"]),
             "margins": ca.if_else(fits, found.margins, parts["margins"]) if self.carried.choices else parts["margins"],
         }
-        zeros = ca.SX(7 * self.loop.size, 1)
-        coefficients = _dense(self._more(stages, parts, numbers, h), x, x_new, h) if dense else zeros
-        step = ca.if_else(fits, ca.if_else(arrives, PIECE, ca.if_else(ends, CHOICE, SMOOTH)), 0.0)
-        written = ca.vertcat(step, t, h, x, coefficients)
-        return self._lowered("attempt", inputs, [self._packed(parts | new), ca.SX(ca.densify(written)), ca.SX(0, 1)])
+        more = _dense(self._more(stages, parts, numbers, h), x, x_new, h)
+        coefficients = more if dense else ca.SX(7 * self.loop.size, 1)
+        step = ca.if_else(fits, ca.if_else(arrives, PIECE, ca.if_else(ca.logic_or(ends, passes), CHOICE, SMOOTH)), 0.0)
+        written, record = ca.vertcat(step, t, h, x, coefficients), ca.SX(0, 1)
+        if self.past is not None and ahead is not None:
+            left = self.past.left(t_new, *self._delay(numbers))
+            new |= {
+                "leaving": parts["leaving"] + ca.if_else(fits, left, 0.0),
+                "records": parts["records"] + ca.if_else(fits, 1.0, 0.0),
+            }
+            again = SMOOTH_LEVEL if self.past.held else ca.if_else(passes, ahead.level + 1, SMOOTH_LEVEL)
+            level = ca.if_else(ca.logic_or(arrives, ends), 0.0, again)
+            record = self._record(parts, numbers, x_new, t_new, h, level, more)
+        return self._lowered("attempt", inputs, [self._packed(parts | new), ca.SX(ca.densify(written)), record])
+
+    def _record(
+        self, parts: dict[str, ca.SX], numbers: ca.SX, x_new: ca.SX, t_new: ca.SX, h: ca.SX, level: ca.SX, more: ca.SX
+    ) -> ca.SX:
+        """The record that the step leaves; ``more`` are the coefficients of its dense output."""
+        import casadi as ca
+
+        assert self.past is not None
+        values = []
+        for share in self.past.places:
+            t = parts["t"] + share * h if share < 1 else t_new
+            x = x_new if share == 1 else dense_at(parts["x"], more, share) if share else parts["x"]
+            # what enters the delay does not depend on what leaves it at the same time
+            driving = self._driving(t, numbers, ca.SX.zeros(self.past.inputs))
+            values.append(self._switched(x, driving, parts["choices"]).entering)
+        return self.past.record(parts["t"], t_new, level, values)
+
+    def _following(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
+        """The state with the outputs of rate limiters that follow at their demands."""
+        limiters, rows = self._switched(x, self._driven(t, numbers), choices).limiters, self.loop.limiter_rows
+        assert limiters is not None
+        return with_rows(x, rows, following_outputs(limiters.demands, limiters.outputs, choices[-2 * len(rows) :]))
 
     def _outputs(self, x: ca.SX, numbers: ca.SX, t: ca.SX) -> Any:
         import casadi as ca
 
-        return self.loop.outputs(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers)).reshape(-1))
+        return self.loop.outputs(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers).values).reshape(-1))
 
-    def _driven(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
-        """The signals of the loop at t, from the row of its piece."""
+    def _driven(self, t: ca.SX, numbers: ca.SX) -> Driving:
+        """The signals of the loop at t, from the row of its piece and the records."""
+        return self._driving(t, numbers, None if self.past is None else self.past.leaving(t, *self._delay(numbers)))
+
+    def _driving(self, t: ca.SX, numbers: ca.SX, leaving: ca.SX | None) -> Driving:
+        """The signals of the loop at t, including what leaves the delay; no rate limiter's demand depends on the latter
+        directly."""
+        import casadi as ca
+
+        timed = self.timed(t, numbers)
+        values = timed if leaving is None else ca.vertcat(timed, leaving)
+        if not self.loop.rate_limited:
+            return Driving(values, ca.SX(0, 1))
+        moves = self._signals_move(t, numbers[FIRST : FIRST + self.signals.numbers])
+        return Driving(values, ca.vertcat(moves, ca.SX.zeros(values.numel() - moves.numel())))
+
+    def timed(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
+        """The signals of the loop at t without what leaves a delay."""
         import casadi as ca
 
         first = FIRST + self.signals.numbers
-        return ca.vertcat(self.signals.at(t, numbers[FIRST:first]), numbers[first:])
+        return ca.vertcat(self.signals.at(t, numbers[FIRST:first]), numbers[first : self.count])
 
     def _slope(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
-        return self._switched(x, self._driven(t, numbers), choices)[0]
+        return self._switched(x, self._driven(t, numbers), choices).slope
 
     def _stages(
         self, parts: dict[str, ca.SX], numbers: ca.SX, h: ca.SX, t_new: ca.SX
@@ -412,10 +482,10 @@ class Attempts:
         slopes, inside = [parts["slope"]], []
         for i, (row, node) in enumerate(zip(formula.a[1:], formula.c[1:], strict=True), start=1):
             at = t + node * h if node < 1 else t_new
-            slope, conditions = self._switched(x + h * _weighted(row, slopes), self._driven(at, numbers), choices)
-            slopes.append(slope)
+            found = self._switched(x + h * _weighted(row, slopes), self._driven(at, numbers), choices)
+            slopes.append(found.slope)
             if i in LOOKS:
-                inside.append((node, conditions))
+                inside.append((node, found.conditions))
         x_new = x + h * _weighted(formula.b, slopes)
         slopes.append(self._slope(x_new, numbers, t_new, choices))
         return slopes, x_new, inside
@@ -436,7 +506,7 @@ class Attempts:
         import casadi as ca
 
         s = self._driven(t, numbers)
-        conditions = self._switched(x, s, parts["choices"])[1]
+        conditions = self._switched(x, s, parts["choices"]).conditions
         if not conditions:
             no, yes = ca.SX(0.0), ca.SX(1.0)
             return _Meeting(no, yes, ca.SX(np.inf), no, ca.SX(0, 1), ca.SX(0, 1), no)
@@ -473,16 +543,36 @@ class Attempts:
         return _Meeting(due, ready, aim, at_once, margins, ca.vertcat(*moved), earlier <= 1)
 
 
+class Driving(NamedTuple):
+    """The signals of a loop, and their rates if a rate limiter needs them."""
+
+    values: ca.SX
+    moves: ca.SX
+
+
+class _Evaluated(NamedTuple):
+    """The equations at one instant.
+
+    entering  what enters the delay, if there is one
+    limiters  the rate limiters, if there are any
+    """
+
+    slope: ca.SX
+    conditions: list[Condition]
+    entering: ca.SX
+    limiters: Limiters | None = None
+
+
 @dataclass(frozen=True)
 class _Meeting:
     """The crossing at the end of an attempt.
 
     due      whether some choice has changed
     ready    whether the attempt need not be repeated
-    aim      the length [s] at which it seems to change
+    aim      the estimated length [s] at which it changes
     at_once  whether it had changed when the step began: then the choices ``flipped`` (J,) are changed and nothing moves
     margins  (J,) at the end
-    inside   whether ``aim`` is the position of a stage at which some choice had already changed
+    inside   whether ``aim`` is the position of a stage at which a choice had already changed
     """
 
     due: Any
@@ -494,13 +584,33 @@ class _Meeting:
     inside: Any
 
 
-def _length(parts: dict[str, ca.SX], t_stop: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The attempt's length, the time at its end, and whether something other than the error has made it shorter."""
+def slices_of(sizes: Mapping[str, int], start: int = 0) -> dict[str, slice]:
+    """The rows of parts of these sizes that follow each other from row ``start`` on."""
+    ends = np.cumsum([start, *sizes.values()]).tolist()
+    return {name: slice(*pair) for name, pair in zip(sizes, pairwise(ends), strict=True)}
+
+
+def _scale(largest: ca.SX, tolerance: ca.SX) -> ca.SX:
+    """The admissible error of each state."""
+    import casadi as ca
+
+    return tolerance * ca.fmax(largest, ca.fmax(SMALL * ca.mmax(largest), TINY))
+
+
+def _length(parts: dict[str, ca.SX], t_stop: ca.SX, ahead: Ahead | None) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The attempt's length, the time at its end, and whether something other than the error has made it shorter.
+
+    t_stop  the end of its piece of the run [s]
+    """
     import casadi as ca
 
     t, own = parts["t"], parts["h"]
+    free = ca.fmin(ca.fmin(own, parts["most"]), ca.fmin(parts["meets"], parts["until"] - t))
+    if ahead is not None:
+        together = ca.fabs(ahead.meets - t_stop) <= SAME_INSTANT * t_stop
+        t_stop = ca.if_else(together, t_stop, ca.fmin(t_stop, ahead.meets))
+        free = ca.fmin(free, ahead.most - t)
     rest = t_stop - t
-    free = ca.fmin(own, ca.fmin(parts["meets"], parts["until"] - t))
     last = free * (1 + 1e-6) >= rest
     h = ca.if_else(last, rest, ca.fmin(free, ca.if_else(2 * free > rest, 0.5 * rest, free)))
     return h, ca.if_else(last, t_stop, t + h), h < own
@@ -522,7 +632,7 @@ def _next(
     parts: dict[str, ca.SX], h: ca.SX, error: ca.SX, running: ca.SX, fits: ca.SX, choosing: ca.SX, ends: ca.SX, cut: ca.SX,
     found: _Meeting, t: ca.SX,
 ) -> dict[str, ca.SX]:  # fmt: skip
-    """Lengths, tries and renewed data for the next attempt."""
+    """Lengths, tries and recomputed data for the next attempt."""
     import casadi as ca
 
     bounded = ca.fmax(error, 1e-12)
@@ -536,7 +646,7 @@ def _next(
     tries = parts["tries"]
     aim = ca.if_else(
         ca.logic_and(tries >= 1, ca.logic_not(found.inside)), ca.fmax(2 * found.aim - h, 0.5 * h), found.aim
-    )  # to the left of it, from where the next is exact
+    )  # to the left of it; the next one is exact from there
     aim = ca.if_else(tries >= SECANTS, ca.fmin(0.5 * h, aim), aim)
     inside = ca.logic_and(choosing, ca.logic_not(found.at_once))
     choices = parts["choices"]
@@ -578,6 +688,15 @@ def _dense(slopes: list[ca.SX], x: ca.SX, x_new: ca.SX, h: ca.SX) -> ca.SX:
     moved = x_new - x
     rows = [moved, h * slopes[0] - moved, 2 * moved - h * (slopes[12] + slopes[0])]
     return ca.vertcat(*rows, *(h * _weighted(row, slopes) for row in embedded().dense))
+
+
+def dense_at(x: ca.SX, coefficients: ca.SX, share: float | ca.SX) -> ca.SX:
+    """The states at this share of a step, from x at its beginning and the coefficients of its dense output."""
+    states, value = x.numel(), 0 * x
+    for i in range(7):
+        row = coefficients[(6 - i) * states : (7 - i) * states]
+        value = (value + row) * (share if i % 2 == 0 else 1 - share)
+    return value + x
 
 
 def dense_output(written: np.ndarray, states: int, share: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ from barbalat.vocabulary import BENDING, JUMPING, used
 ON_GRID_SHARE = 1e-12
 """Share of a step: a break this close to the grid is treated as on the grid. No method resolves a smaller distance."""
 ON_GRID_ROUNDINGS = 64
-"""Likewise as a share of the time: instants are products of frequencies, phases and pi, with a few rounding errors each."""
+"""The same as a share of the time: instants are products of frequencies, phases and pi, with a few rounding errors each."""
 MOST_PIECES = 100
 """Largest number of pieces of a step. A signal with more breaks in the first step is not split: the tables of a kernel call
 would take gigabytes."""
@@ -43,7 +43,7 @@ _ORDERS = {1: "first", 2: "second", 3: "third", 4: "fourth"}
 class LostOrder:
     """The effect of breaks inside steps on a run whose steps are not split there.
 
-    jumps     number of steps with a jump of the command or of a disturbance inside; None if they are too many to count
+    jumps     number of steps inside which the command or a disturbance jumps; None if they are too many to count
     corners   number of steps without a jump but with a corner of these signals; corners of the motion itself are not counted, see
               ``lost_along``
     order     the order in the step that remains in the worst case
@@ -68,9 +68,8 @@ def breaks_inside(signals: tuple[Signal, ...], simulation: Simulation, start: in
 
 
 def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
-    """Whether any signal breaks inside a step, and none too often for splitting.
-
-    With a tolerance steps end at breaks anyway.
+    """Whether a signal breaks inside a step, and no signal breaks too often to split the steps. With a tolerance, steps always
+    end at breaks.
     """
     if simulation.tolerance is not None:
         return False
@@ -125,7 +124,7 @@ def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: in
 def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
     first, second = (float(simulation.time(k)) for k in (0, 1))
     counts = [len(signal.breaks(first, second)) for signal in signals if isinstance(signal, BreakingSignal)]
-    if max(counts, default=0) > 10 * MOST_PIECES:  # wherever they are; finding those on the grid takes seconds for millions
+    if max(counts, default=0) > 10 * MOST_PIECES:  # on the grid or not: with millions of breaks it takes seconds to tell
         return True
     return len(breaks_inside(signals, simulation, 0, 1)) >= MOST_PIECES
 
@@ -229,7 +228,7 @@ def _of_a_stranger(loop: ClosedLoop) -> Iterator[tuple[int, str]]:
 
 
 def _parts(thing: object) -> Iterator[object]:
-    """An object's parts and their parts, as far as they are dataclasses."""
+    """An object's parts and their parts, if they are dataclasses."""
     if is_dataclass(thing) and not isinstance(thing, type):
         yield thing
         for part in vars(thing).values():

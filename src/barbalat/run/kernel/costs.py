@@ -10,6 +10,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import counted
 
 RECORD_COPIES = 5
 """Copies of the record: from the kernel, as columns, joined, and in the result."""
@@ -17,11 +18,11 @@ TERM_SECONDS = 3e-8
 """Cost of a sine per step."""
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
 """Cost of a member of an ensemble in addition to its states and steps: reading, columns, evaluation."""
-ATTEMPT_STEPS = 300.0
+ATTEMPT_STEPS = 40.0
 """Fixed steps of an ensemble's member that take as long as one attempt with a tolerance, which evaluates the equations 15 times
-outside vectors and is observed at eight nodes or more: 280 to 390 for the controllers of Section V over 20 s."""
-BEGUN_STEPS = 4e5
-"""Likewise, for the beginning and the end of such a run: 4 ms."""
+and is observed at eight nodes: 30 to 45 for the controllers of Section V over 2 s and 20 s."""
+BEGUN_STEPS = 1e5
+"""The same for the beginning and the end of such a run: 1 ms."""
 
 JUDGED_COMPONENT, JUDGED_INPUT, JUDGED_COPIES = 3, 10, 4
 """Largest number of rows of the judge's memory for each component of the error and each input, and the number of copies of
@@ -32,8 +33,9 @@ def require_states(loop: ClosedLoop) -> None:
     """InputError, before its equations are traced, for a loop with too many states."""
     dense, size = _plant_states(loop), loop.size
     budget.require(
-        "the closed loop", size, lambda states: budget.of_kernel(states, dense), given=f"has {size} states, and its equations",
-        fits=lambda most: f"at most {most} states", what=f"the equations of {size} states",
+        "the closed loop", size, lambda states: budget.of_kernel(states, dense), given=f"has {counted(size, 'state')}, and "
+        f"its equations",
+        fits=lambda most: f"at most {counted(most, 'state')}", what=f"the equations of {counted(size, 'state')}",
     )  # fmt: skip
 
 
@@ -69,7 +71,7 @@ def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simula
 
     budget.require(
         "the case", len(loops), cost, given=f"has {len(loops)} controllers, each with its own kernel: to simulate them",
-        fits=lambda most: f"at most {most} controllers",
+        fits=lambda most: f"at most {counted(most, 'controller')}",
     )  # fmt: skip
 
 
@@ -101,6 +103,12 @@ def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Est
 def steps_like(attempts: float) -> float:
     """The fixed steps of an ensemble's member that take as long as a run of this many attempts with a tolerance."""
     return BEGUN_STEPS + ATTEMPT_STEPS * attempts
+
+
+def steps_of(simulation: Simulation) -> float:
+    """The steps of a study's runs; with a tolerance the fixed ones that take as long as the largest number that they are expected
+    to take, one in twice the resolution."""
+    return simulation.steps if simulation.tolerance is None else steps_like(simulation.t_end / (2 * simulation.resolution))
 
 
 def of_judging(loops: Sequence[ClosedLoop], members: float) -> Estimate:

@@ -26,7 +26,7 @@ from barbalat.lowering.llvm.machine import remembered
 from barbalat.lowering.shape import TAPS_PER_CHANNEL
 from barbalat.protocols import Value
 from barbalat.solvers import Tableau
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, counted
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -50,7 +50,7 @@ class DelayTooShortError(InputError):
 
 
 def lag(delay: float, dt: float) -> int:
-    """Steps back to the newest stored step that a step needs; InputError for a delay below one step."""
+    """The age, in steps, of the newest stored value that a step needs; InputError for a delay shorter than one step."""
     if delay / dt > MOST_DELAY_STEPS:
         raise InputError.of(
             "plant.input.delay", f"must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s"
@@ -68,13 +68,15 @@ def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
     steps, each = lag(longest, dt), runs * CHANNELS_PER_INPUT * inputs * 8  # bytes
     budget.require(
         "plant.input.delay", steps, lambda lagged: Estimate(memory=remembered(int(lagged)) * each),
-        given=f"= {longest:g} s, {steps} steps of {dt:g} s that each of {runs} runs stores,",
-        fits=lambda most: f"at most {most} steps", what="what a delay remembers",
+        given=f"= {longest:g} s, {steps} steps of {dt:g} s that "
+        f"{'the run stores' if runs == 1 else f'each of {runs} runs stores'},",
+        fits=lambda most: f"at most {counted(most, 'step')}", what="what a delay remembers",
     )  # fmt: skip
     needed, free = remembered(steps) * each, free_memory()
     if free is not None and needed > free:
         raise InputError(
-            f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for {runs} runs, "
+            f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for "
+            f"{counted(runs, 'run')}, "
             f"and {free / 1e9:.3g} GB are free: take a larger simulation.dt, or fewer runs at a time"
         )
 
@@ -97,7 +99,7 @@ def whole_steps(delay: float, dt: float) -> int:
 
 
 def brings_bends(loop: ClosedLoop) -> bool:
-    """Whether a delayed loop's past has bends, across which ``weights`` interpolate: u bends at its beginning, at t = 0.
+    """Whether a delayed loop's past has bends, across which ``weights`` interpolates: u bends at t = 0, where it begins.
 
     The output of a sampled controller has only jumps, which the weights reproduce, if nothing after it has memory.
     """
@@ -106,7 +108,8 @@ def brings_bends(loop: ClosedLoop) -> bool:
 
 
 def weights(delay: float, dt: float, solver: Tableau, *, fused: bool = True) -> Array:
-    """(nodes, channels times taps of an input): the factors of the starts, then of the ends, of stored steps, the newest first.
+    """(nodes, channels times taps of an input): the factors of the values at the starts of stored steps, then of those at their
+    ends, newest first.
 
     With d = floor(delay/dt) and the remaining fraction f, step k receives the last part f of step k - d - 1 and then the first
     part 1 - f of step k - d. The cubic uses the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2.
@@ -157,9 +160,10 @@ OTHER_PLACES = [np.delete(CUBIC_PLACES, j) for j in range(len(CUBIC_PLACES))]
 def jump_weights(solver: Tableau, fraction: float) -> Array:
     """(nodes,): stage values for an input that jumps from 0 to 1 at ``fraction`` of a step, 0 <= fraction < 1.
 
-    The method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i to the state of x' = A x + B v, exact integration h^(j+1) A^j B times
-    the moment (1 - fraction)^(j+1)/(j+1)! of such a jump, j = 0, 1, ... With one value for each of q nodes, the first q moments
-    are matched: on a linear plant a jump causes an error of order h^(q+1), once. RK4 has three nodes and keeps its order.
+    The method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i to the state of x' = A x + B v, while exact integration adds h^(j+1)
+    A^j B times the moment (1 - fraction)^(j+1)/(j+1)! of such a jump, j = 0, 1, ... With one value for each of q nodes, the
+    first q moments
+    are matched: on a linear plant a jump then causes a single error of order h^(q+1). RK4 has three nodes and keeps its order.
     """
     if fraction == 0:
         return np.ones(len(solver.nodes))  # no jump inside the step

@@ -18,7 +18,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 CHUNK_STEPS = 32_768
-"""Steps between two calls of the kernel: long enough to hide the call, a table short enough for the cache."""
+"""Steps between two calls of the kernel: enough to hide the cost of a call, few enough for the table to stay in the cache."""
 TABLE_STEPS = 8192
 """Rows made at once: arrays of 64 kB reuse memory; allocating new memory took half of a table's time."""
 

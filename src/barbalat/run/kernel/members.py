@@ -19,8 +19,9 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run.kernel import breaks, costs, delay
 from barbalat.run.kernel.attempt import Attempts
 from barbalat.run.kernel.grid import window_of
+from barbalat.run.kernel.observed import Observed
 from barbalat.run.kernel.observer import observer_program
-from barbalat.run.kernel.pieces import past_of, require_known_instants
+from barbalat.run.kernel.pieces import require_known_instants
 from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, PLAIN_RHYTHM, Rhythm, StepProgram, step_program, traced_once
 from barbalat.run.kernel.template import Columns, Member, StructureError, Template, argument_numbers, with_grid
 from barbalat.run.kernel.time_signals import TimeSignals
@@ -33,11 +34,13 @@ class Members:
     """The kernel of M members and its data: weights and lags of the delay, history, streams of noise, rhythm.
 
     loop     the first member's; states (size, M), parameters (p, M)
-    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), the value of each of its m inputs before t = 0
+    lags     (M,) for a step with a delay, see ``delay.lag``; with a tolerance, delays (M,) [s] take their place
+    history  (m, M) for a step with a delay: the value of each of its m inputs before t = 0
     seeds    (M,) and numbers (M,) for a step with noise: the stream of each member
-    attempts    for steps by a tolerance, if there is one; the program is then the observer's, with ``remembered`` stored entries
-    windows  largest number of windows of the run in which the kernel of a single member keeps the monitored quantity; 0: none, as
-             for a large loop
+    attempts    for steps by a tolerance, if there is one, and observed ones; the program is then the observer's, with
+                ``remembered`` stored entries
+    windows  largest number of windows of the run for which the kernel of a single member keeps the monitored quantity; 0 if it
+             monitors nothing, as for a large loop
     """
 
     loop: ClosedLoop
@@ -49,19 +52,23 @@ class Members:
     simulation: Simulation
     numbers: Array
     lags: Array | None = None
+    delays: Array | None = None
     history: Array | None = None
     seeds: Array | None = None
     longest_delay: float = 0.0  # [s]
     windows: int = 0
     problem: TrackingProblem | None = None  # the first member's
     attempts: Attempts | None = None
+    observed: Observed | None = None
     remembered: int = 0
 
     def driven_by(self, signals: tuple[Signal, ...]) -> Members:
         """The members with these signals, which with a tolerance are part of the attempts."""
         if self.attempts is None or signals == self.signals:
             return self
-        return replace(self, signals=signals, attempts=self.attempts.driven_by(TimeSignals.of(signals)))
+        assert self.observed is not None
+        attempts = self.attempts.driven_by(TimeSignals.of(signals))
+        return replace(self, signals=signals, attempts=attempts, observed=self.observed.of_attempts(attempts))
 
     @classmethod
     def read(
@@ -78,11 +85,12 @@ class Members:
         """Read the members once, in order; none of them is kept.
 
         adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one kernel serves them all. A
-                    step takes 6 to 9 % longer and differs in the last bits; for sweeps over these quantities. Always used without
-                    fused multiply-adds, where the members' numbers are arguments too: no bit depends on which of them vary
+                    step takes 6 to 9 % longer and differs in the last bits; for sweeps over these quantities. Without fused
+                    multiply-adds it is always set, and the members' numbers are arguments too, so that no bit depends on which
+                    of them vary
         watched     the judge's quantities to be kept; None for runs without a judge
         first       the beginning of messages about the first member; the others are named by their numbers
-        taken       called now and then with the number of members read
+        taken       called regularly with the number of members read so far
 
         Raises InputError, with the member's number, if one can't be used or has another structure than the first.
         """
@@ -112,13 +120,14 @@ class Members:
         return int(self.states.shape[1])
 
     def some(self, which: slice) -> Members:
-        """These of the members, with the same kernel."""
+        """Some of the members, with the same kernel."""
         return replace(
             self,
             states=self.states[:, which],
             parameters=self.parameters[:, which],
             numbers=self.numbers[which],
             lags=None if self.lags is None else self.lags[which],
+            delays=None if self.delays is None else self.delays[which],
             history=None if self.history is None else self.history[:, which],
             seeds=None if self.seeds is None else self.seeds[which],
         )
@@ -130,11 +139,11 @@ class Members:
 
 
 class OtherRhythmError(InputError):
-    """A member that acts at other instants than the first."""
+    """A member whose samples or noise have other periods than the first member's."""
 
 
 TOLD_EVERY = 1000
-"""Members read between two reports of progress: some hundredths of a second."""
+"""Members read between two reports of progress; this takes some hundredths of a second."""
 
 
 @dataclass(eq=False)
@@ -193,7 +202,7 @@ class Reader:
     def add(self, problem: TrackingProblem, controller: Controller) -> None:
         """InputError or StructureError for a member that can't be combined with the first."""
         if problem.signals != self.problem.signals:
-            raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
+            raise InputError(f"all members must share their signals, but this one has {validate.show(problem.signals)}")
         self.take(problem, controller)
 
     def take(self, problem: TrackingProblem, controller: Controller, equations: Any = None) -> None:
@@ -219,13 +228,11 @@ class Reader:
             self.seeds.append(problem.noise.seed)
         if not self.loop.delayed:
             return None
+        self.history.append(problem.history)
         if self.simulation.tolerance is not None:
-            if (problem.delay, *problem.history) != (self.problem.delay, *self.problem.history):
-                raise InputError("all members must share the delay and its history beside simulation.tolerance")
             return None
         lag, weights = self._delayed(problem.delay)
         self.lags.append(lag)
-        self.history.append(problem.history)
         return weights
 
     def _delayed(self, time: float) -> tuple[int, Array]:
@@ -236,7 +243,7 @@ class Reader:
         return self.known_delays[time]
 
     def arguments(self) -> Array:
-        """(N,) which of all numbers of a member are passed to the kernel."""
+        """(N,) truth values: which numbers of a member are passed to the kernel."""
         return argument_numbers(self.columns, opened=not self.simulation.fused)
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
@@ -263,7 +270,6 @@ class Reader:
             program,
             which,
             lags=lags,
-            history=np.column_stack(self.history) if self.loop.delayed else None,
             longest_delay=max(self.known_delays, default=0.0),
             windows=windows,
         )
@@ -278,6 +284,7 @@ class Reader:
             self.problem.signals,
             self.simulation,
             np.arange(self.columns.count),
+            history=np.column_stack(self.history) if self.loop.delayed else None,
             seeds=np.array(self.seeds) if self.loop.signals.noise else None,
             problem=self.problem,
             **more,
@@ -287,9 +294,20 @@ class Reader:
         """The members that were read, with the programs of attempts with a tolerance and of their observer."""
         simulation, problem, template = self.simulation, self.problem, Template.of(self.columns, opened=not self.simulation.fused)
         loop, column, fused = template.loop, template.column, simulation.fused
-        program, remembered = observer_program(loop, simulation.grid.dt, self.watched, fused=fused, parameters=column)
-        attempts = Attempts(loop, TimeSignals.of(problem.signals), fused, past_of(self.loop, problem), column)
-        return self._with(program, which, attempts=attempts, remembered=remembered)
+        attempts, grid = Attempts(loop, TimeSignals.of(problem.signals), fused, column), simulation.grid
+
+        def trace() -> tuple[StepProgram, int, dict[str, Any], dict[str, Any]]:
+            program, remembered = observer_program(loop, grid.dt, self.watched, fused=fused, parameters=column)
+            return program, remembered, attempts.traced, Observed.of(attempts, program, grid).traced
+
+        how = {"fused": fused}
+        key = self._traced_by(which, how, grid.steps, grid.t_end, attempts.signals.formulas)
+        program, remembered, traced, more = traced_once(key, (self.columns.first, problem.signals), trace)
+        vars(attempts).update(traced)
+        observed = Observed.of(attempts, program, grid)
+        vars(observed).update(more)
+        delays = np.array(self.delays) if loop.delayed else None
+        return self._with(program, which, attempts=attempts, observed=observed, remembered=remembered, delays=delays)
 
     def _trace(self, how: dict[str, bool]) -> StepProgram:
         simulation = self.simulation
@@ -301,8 +319,8 @@ class Reader:
         program = step_program(loop, method, dt, column, delay_weights=weights, rhythm=rhythm, **how)
         return program if self.watched is None else program.judged(loop, self.watched, dt, column)
 
-    def _traced_by(self, which: Array, how: dict[str, bool]) -> Hashable | None:
-        """Everything on which the step's program depends: everything but the numbers, and the numbers that are not arguments."""
+    def _traced_by(self, which: Array, how: dict[str, bool], *more: Hashable) -> Hashable | None:
+        """Everything on which the step's program depends: the structure, and the numbers that are not arguments."""
         member: Member = self.columns.first
         if comes_from_outside(member.loop):  # a function from outside may depend on anything
             return None
@@ -310,4 +328,4 @@ class Reader:
         times = self.simulation.dt, self.rhythm.sample_every, self.rhythm.noise_hold
         taps = None if self.weights is None else self.weights.first.shape
         own = self.simulation.solver, self.watched
-        return *structure(member), which.tobytes(), constants, *how.values(), times, taps, *own
+        return *structure(member), which.tobytes(), constants, *how.values(), times, taps, *own, *more

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 DIVERGENCE_LIMIT = 1e12
 """A run has diverged if the magnitudes of x, x_m and theta_hat add up to more than this, or if a state is not finite. With
-output feedback, those of y and y - y_m count instead: x then depends on the realisation, and the parameters grow with powers
-of the bandwidth."""
+output feedback, the magnitudes of y and y - y_m are added instead, since x depends on the realisation and the parameters grow
+with powers of the bandwidth."""
 
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
 
 
 def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value:
-    """The quantity of a flat state that decides about divergence. Other integrated quantities may be large by their unit or by
-    design (u^2, a covariance)."""
+    """The quantity of a flat state that is compared with that limit. Other integrated quantities may be large because of their
+    unit or by design (u^2, a covariance)."""
     state = loop.unpack(flat)
     fed_back = (outputs.y, outputs.e) if outputs.y.shape[0] else (state.x, state.x_m, loop.theta_hat(state.controller))
     first, *others = (np.sum(np.abs(part)) for part in fed_back)
@@ -38,8 +38,9 @@ def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value
 class Accumulators:
     """The accumulators of a loop with n components of e and of theta_hat, in kernel order: (quantity, operation, entries).
 
-    e, u, theta_hat: extrema over the instants 0...N; e^2: sum over them; |change of theta_hat|: sum over the steps. "alive" is 1
-    until the first bad step of a block, "steps" counts the good ones before it. If a step is made in pieces, the instants inside
+    e, u, theta_hat: extrema over the instants 0...N; e^2: sum over them; |change of theta_hat|: sum over the steps. "alive" is
+    1 until the first diverged step of a block; "steps" counts the steps before it. If a step is made in pieces, the instants
+    inside
     it count for the extrema and for the change, but not for the sum of squares, which weights all steps equally.
     """
 
@@ -131,7 +132,7 @@ class Metrics:
 
     @classmethod
     def together(cls, parts: Sequence[Metrics]) -> Metrics:
-        """The figures of all members of these parts."""
+        """The figures of all members, joined from these parts."""
         named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
         return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
@@ -168,7 +169,7 @@ class Totals:
 
     def merge(self, segment: Segment, out: Array, members: slice) -> None:
         """Add a segment's blocks; ``out`` is (blocks, accumulators, members of the slice)."""
-        with np.errstate(invalid="ignore", over="ignore"):  # from a member that has just diverged; its figures become NaN
+        with np.errstate(invalid="ignore", over="ignore"):  # a member that has just diverged may overflow; its figures become NaN
             self._merge(segment, out, members)
 
     def _merge(self, segment: Segment, out: Array, members: slice) -> None:

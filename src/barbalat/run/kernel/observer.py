@@ -1,8 +1,8 @@
-"""Observes a motion that is known at any instant: figures and the judge's memory, from nodes of the dense output.
+"""Computes the figures and the judge's memory of a motion that is known at every instant, from nodes of its dense output.
 
 The kernel is an ordinary one with steps in pieces: a piece is between two nodes, and a step between two recorded instants. If a
-quantity turns between nodes, its extremum is that of the parabola through three of them, none of which is beyond a corner or a
-jump; squares are integrated by Simpson's rule over the nodes of each integration step.
+quantity turns between nodes, its extremum is taken from the parabola through three of them, with no corner or jump in between;
+squares are integrated by Simpson's rule over the nodes of each integration step.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ from barbalat.run.kernel.step import StepProgram, accumulators_of
 
 PIECE = 3
 """Entries at the end of a row that describe the piece of a step: its length, and whether it begins or ends a step."""
+HELD_BACK = 1e-3
+"""A limiter that lags behind its demand at the limit for longer than this share of the time between two recorded instants is
+held back."""
 OBSERVED = ("e", "u", "theta_hat", "y")
 """The signals whose extrema are kept."""
 
@@ -76,8 +79,8 @@ class Turn(NamedTuple):
         return cls(flat[:count], flat[count : 2 * count], *flat[2 * count :])
 
     def vertex(self, now: Value, smooth_now: Value) -> tuple[Value, Value]:
-        """The quantities' extrema near the last node, or their present values if there is none; and by how much they are
-        exceeded.
+        """The quantities' extrema near the last node, or their present values if there are none, and by how much an extremum
+        exceeds the values at the nodes.
 
         An extremum between the last node and a node that is not smooth, at which a piece begins or ends, is not taken from a
         parabola around the latter.
@@ -97,7 +100,7 @@ class Turn(NamedTuple):
 
 
 def _where(condition: Value, other: Value) -> Value:
-    """1 if both hold, else 0."""
+    """1 if both conditions hold, else 0."""
     return np.where(condition, 1.0, 0.0) * np.where(other, 1.0, 0.0)
 
 
@@ -150,7 +153,7 @@ def observer_program(
     errors, demands, turns = program.outputs[3:]
     program = Program(program.operations, program.outputs[:3])
     if watched is not None and memory is not None:
-        given = Given(errors, demands, row_length(loop), PIECE, dt, parameters)
+        given = Given(errors, demands, row_length(loop), PIECE, HELD_BACK * dt, parameters)
         program = joined(program, loop, memory, given)
     program = Program(program.operations, ((*program.outputs[0], *turns), *program.outputs[1:]))
     shape = LoopShape(size + rows + remembered, len(accumulators.resets), arguments.numel(), row_length(loop), in_pieces=True)

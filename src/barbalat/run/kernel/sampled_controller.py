@@ -1,8 +1,9 @@
-"""A sampled controller's own operations: before a step of a simulation, or separately, one sample per call, in flight.
+"""A sampled controller's own operations: they run before a step of a simulation or, in flight, separately with one sample per
+call.
 
 The controller's list is the same in a simulation and on a flight computer: it uses no fused multiply-adds, which not every target
 has, and it is optimised separately, so that it contains nothing of the plant. The step used in flight contains no plant and no
-clock, so that any simulator can be the plant; its bits are those of the exported C, which is the same list.
+clock, so that any simulator can be the plant. It agrees bit for bit with the exported C, which is the same list.
 """
 
 from __future__ import annotations
@@ -184,7 +185,7 @@ class Agreement:
 
     @classmethod
     def together(cls, several: Iterable[Agreement | None], *, flights: int | None = None) -> Agreement:
-        """The agreement of several flights, some of which may have reported nothing, or of the parts of ``flights`` flights."""
+        """The joint agreement of several flights, some of which may have reported nothing, or of parts of ``flights`` flights."""
         told = [one for one in several if one is not None]
         return cls(
             flights=sum(one.flights for one in told) if flights is None else flights,
@@ -317,7 +318,7 @@ class SampledStep:
         return self.state[self.contents.u]
 
     def agreement(self) -> Agreement | None:
-        """None, because the list is not compared with anything."""
+        """None, because this list is not compared with anything."""
         return None
 
     @property
@@ -327,7 +328,7 @@ class SampledStep:
 
 
 def _as_step(program: Program, measured: int, commands: int) -> Program:
-    """A controller's list as a kernel's step, with its inputs as one row of signals; it has no accumulators and no delay."""
+    """A controller's list in the form of a kernel's step, with its inputs as one row of signals, no accumulators and no delay."""
     starts = {STATE: (STATE, 0), MEASURED: (SIGNALS, 0), COMMAND: (SIGNALS, measured), FREEZE: (SIGNALS, measured + commands)}
 
     def placed(source: tuple[int, int]) -> tuple[int, int]:

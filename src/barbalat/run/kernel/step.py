@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 
 STEPS_WORTH_OPTIMISING = 250_000
 """Number of steps of a kernel, in all its runs together, above which optimisation pays. Optimised code of Section V's loops
-takes 6 ms longer to make and saves 24 ns per step; for loops with 16,000 and 34,000 operations it is 0.15 ms and 0.45 ns per
-operation: the same number of steps within a third for any loop."""
+takes 6 ms longer to compile and saves 24 ns per step. For loops with 16,000 and 34,000 operations it takes 0.15 ms longer and
+saves 0.45 ns per operation. The break-even number of steps is thus the same for any loop, within a third."""
 
 
 @dataclass(eq=False)
 class CompiledLoop:
-    """A loop's code as first compiled, and optimised once its runs have taken enough steps."""
+    """A loop's code: compiled quickly at first, and optimised once its runs have taken enough steps."""
 
     make: Callable[[bool], Kernel]
     steps: float = 0.0
@@ -92,17 +92,11 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     signals = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
     twin = continuous_twin(loop).following_within(dt)
     slope: Value = column(twin.derivative(state[: twin.size], signals))
-    own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]), _rate_limiters(twin))
+    own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]), set(twin.limiter_rows))
     quantity = ca.array(own + ca.fabs(crossed)).reshape(-1)
     measure = divergence_measure(twin, twin.outputs(state[: twin.size], signals), state[: twin.size])
     watched = np.where(measure <= DIVERGENCE_LIMIT, quantity, -np.inf)
     return ca.Function("coupling", given, [column(watched)], {"cse": True})
-
-
-def _rate_limiters(loop: ClosedLoop) -> set[int]:
-    """The positions of rate limiters' outputs in the loop's flat state."""
-    paths = loop.unpack(np.arange(loop.size)).input
-    return {int(row) for path in paths if path for row in path.limited}
 
 
 def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
@@ -125,15 +119,14 @@ def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
 
 
 LARGEST_WATCHED_STATE = 150
-"""Largest number of states of a loop that is monitored while it runs: the monitored quantity has terms for each pair of
-states."""
+"""A loop with more states is not monitored while it runs: the monitored quantity has terms for each pair of states."""
 
 
 @dataclass(frozen=True)
 class StepProgram:
     """One step as an operation list, and the operations of a sampled controller before it; compile it for a number of lanes.
 
-    outside  code compiled elsewhere that does the sampled controller's part of the operations before a step
+    outside  separately compiled code for the sampled controller's part of the operations before a step
     memory   the judge's memory after the loop's states; None without a judge
     """
 
@@ -168,7 +161,7 @@ class StepProgram:
         )
 
     def _taken(self, rows: slice) -> tuple[int, ...]:
-        """The positions of the operations whose values these accumulators, minima, take."""
+        """The positions of the operations of which these accumulators take the minimum."""
         operations, found = self.program.operations, []
         for i in range(*rows.indices(self.shape.accumulators)):
             operation = operations[self.program.outputs[1][i]]
@@ -197,7 +190,8 @@ class Rhythm:
 
     @classmethod
     def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
-        """InputError if a time is not a whole number of steps, or is longer than the run."""
+        """InputError if a time is not a whole number of steps, or is longer than the run, or if the loop can't be simulated."""
+        loop.require_run()
         sample_time = loop.sample_time
         every = 0 if sample_time is None else whole_steps("sample_time", sample_time, simulation)
         if loop.around is not None and loop.around.jitters:
@@ -333,22 +327,25 @@ def step_program(
     return StepProgram(lowered(function), shape, accumulators, sample, watched)
 
 
-_programs: dict[Hashable, tuple[StepProgram, object]] = {}
-"""Traced steps, by everything on which they depend: a search runs the same step repeatedly, for example with other delays."""
+Traced = TypeVar("Traced")
+_programs: dict[Hashable, tuple[Any, object]] = {}
+"""Traced steps, with everything on which they depend as the key: a search runs the same step repeatedly, for example with other
+delays."""
 MOST_PROGRAMS = 64
-"""Largest number of traced steps that are kept, as for compiled ones."""
+"""Largest number of traced steps that are kept, the same as for compiled ones."""
 
 
-def traced_once(key: Hashable | None, of: object, trace: Callable[[], StepProgram]) -> StepProgram:
-    """The result of ``trace``, cached if a key states everything on which it depends; ``of`` is kept alive, since a key may
-    contain ids of its parts."""
+def traced_once(key: Hashable | None, of: object, trace: Callable[[], Traced]) -> Traced:
+    """The result of ``trace``, cached unless ``key`` is None. The key states everything on which the result depends; ``of`` is
+    kept alive, since a key may contain ids of its parts."""
     if key is None:
         return trace()
     found = _programs.pop(key, None) or (trace(), of)
     _programs[key] = found  # the most recently used one
     if len(_programs) > MOST_PROGRAMS:
         _programs.pop(next(iter(_programs)), None)
-    return found[0]
+    traced: Traced = found[0]
+    return traced
 
 
 def output_function(loop: ClosedLoop) -> ca.Function:

@@ -1,4 +1,4 @@
-"""Members of one structure: the numbers in which they differ, and the template with a symbol for each of these."""
+"""Members of one structure: the numbers in which they differ, and a template with a symbol for each of these numbers."""
 
 from __future__ import annotations
 
@@ -48,6 +48,7 @@ class Columns:
         self._leaves: list[Array] = []
         self._whole = self._read(first, depth)
         self._bytes = [leaf.tobytes() for leaf in self._leaves]
+        self._numbers = np.concatenate([*(leaf.ravel() for leaf in self._leaves), np.zeros(0)])
         self._kept: dict[int, bytearray] = {}
 
     def _read(self, part: Any, depth: int) -> _ColumnPart:
@@ -60,7 +61,7 @@ class Columns:
         return _ColumnPart(part, begin, None)
 
     def again(self) -> Columns:
-        """Columns of the first member alone, which is not examined again."""
+        """Columns that contain only the first member."""
         other = copy(self)
         other.count, other._kept = 1, {}
         return other
@@ -122,26 +123,27 @@ class Columns:
 
     def first_numbers(self) -> Array:
         """(N,) all numbers of the first member."""
-        return np.concatenate([*(leaf.ravel() for leaf in self._leaves), np.zeros(0)])
+        return self._numbers
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
         """(p, M) the numbers selected by ``which``, (N,) truth values; StructureError if others differ too.
 
         rounding  an admissible difference of others, relative to their array's largest finite number
         """
-        ends = np.cumsum([leaf.size for leaf in self._leaves])
-        rows = [np.zeros((0, self.count))]
-        for i, (leaf, wanted) in enumerate(zip(self._leaves, np.split(which, ends[:-1]) if len(ends) else [], strict=True)):
-            values = self._values(i)
+        found = np.repeat(self.first_numbers()[which][:, None], self.count, axis=1)
+        for i in self._kept:  # the other leaves have the first member's bits in every member
+            leaf, values = self._leaves[i], self._values(i)
+            begin = sum(one.size for one in self._leaves[:i])
+            wanted, row = which[begin : begin + leaf.size], int(which[:begin].sum())
             if self._differs_beyond(rounding, leaf, values, ~wanted):
                 raise StructureError
-            if wanted.any():
-                rows.append(np.broadcast_to(values[wanted], (int(wanted.sum()), self.count)))
-        return np.concatenate(rows)
+            found[row : row + int(wanted.sum())] = values[wanted]
+        return found
 
     @staticmethod
     def _differs_beyond(rounding: float, leaf: Array, values: Array, which: Array) -> bool:
-        """Whether some numbers differ from the first member's by more; NaN and the like are compared by their bits."""
+        """Whether some numbers differ from the first member's by more than ``rounding``; numbers that are not finite are
+        compared bit for bit."""
         first, found = leaf.reshape(-1, 1)[which], values[which]
         other = found != first
         if rounding == 0.0 or not other.any():
@@ -167,7 +169,7 @@ class Member:
     """Everything on which a member's step depends."""
 
     loop: ClosedLoop
-    delay_weights: Array | None  # as of ``delay.weights``
+    delay_weights: Array | None  # as from ``delay.weights``
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +205,7 @@ class Template:
         return cls(begun, found.delay_weights, values, column)
 
     def adjustable(self, dt: float, weights: Columns | None) -> Template:
-        """With symbols for the step, which is ``dt`` [s], and for all the delay's weights, which are read separately from the
+        """The same with symbols for the step ``dt`` [s] and for all of the delay's weights, which are read separately from the
         members."""
         import casadi as ca
 
@@ -234,7 +236,7 @@ def open_numbers(member: Member) -> Array:
     """(N,) which of a member's numbers are parameters of a kernel whose list does not depend on them.
 
     These are all numbers except the zeros of matrices, which determine the structure, and the numbers of parts from outside the
-    package, which may use a number in ways that are impossible for a symbol.
+    package, whose code may use a number in ways that are impossible for a symbol.
     """
     loop, found = member.loop, [np.zeros(0, dtype=bool)]
     for part in (parts_of(loop) or {}).values():

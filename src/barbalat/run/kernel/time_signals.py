@@ -1,8 +1,9 @@
-"""The signals of a run at any time, not only on a grid: as formulas of t, or as lines between their breaks."""
+"""The signals of a run at any time, not only on a grid: as formulas in t, or as straight lines between their breaks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ def is_formula(signal: Signal) -> bool:
     _, t = symbols("t", 1)
     try:
         return isinstance(signal(t), type(t))
-    except (TypeError, ValueError, RuntimeError):  # code that turns t into a number or branches on it is no formula
+    except (TypeError, ValueError, RuntimeError):  # code that turns t into a number or branches on it is not a formula
         return False
 
 
@@ -38,7 +39,7 @@ def is_straight(signal: Signal) -> bool:
 class TimeSignals:
     """The signals of a loop in their order.
 
-    A piece of a run is between two instants at which one of them breaks, and has its own numbers: see ``rows``.
+    A piece of a run lies between two instants at which a signal breaks, and has its own numbers, see ``rows``.
     """
 
     signals: tuple[Signal, ...]
@@ -46,24 +47,29 @@ class TimeSignals:
     @classmethod
     def of(cls, signals: tuple[Signal, ...]) -> TimeSignals:
         """InputError for a signal that is known only on a grid."""
-        for signal in signals:
-            if not (is_formula(signal) or is_straight(signal) or isinstance(signal, FaultSignal)):
+        found = cls(signals)
+        for signal, formula in zip(signals, found.formulas, strict=True):
+            if not (formula is not None or is_straight(signal) or isinstance(signal, FaultSignal)):
                 raise InputError.of(
                     "simulation.tolerance",
                     f"needs signals that are known at every instant, but {type(signal).__name__} is a Python function of "
                     f"requested times: give simulation.dt"
                     "",
                 )
-        return cls(signals)
+        return found
 
-    @property
+    @cached_property
     def formulas(self) -> tuple[Signal | None, ...]:
-        """Those that are formulas of t, and None for the others, which are described by a piece's numbers."""
+        """Those that are formulas of t, and None for the others, which are described by a piece's numbers.
+
+        Found once, in the thread that begins: CasADi must not be used in several at a time.
+        """
         return tuple(signal if is_formula(signal) else None for signal in self.signals)
 
     @property
     def numbers(self) -> int:
-        """Numbers of a piece: its beginning, whether the signals are held, and the value and slope of each."""
+        """Count of the numbers of a piece: its beginning, whether the signals are held, and the value and slope of each
+        signal."""
         return 2 + 2 * len(self.signals)
 
     def breaks(self, t_end: float) -> Array:
@@ -75,8 +81,8 @@ class TimeSignals:
         """(K, numbers) of pieces that begin and end at these times (K,) [s]; a piece of zero length has the values at its
         beginning."""
         columns = [begins, np.zeros(len(begins))]
-        for signal in self.signals:
-            if is_formula(signal):
+        for signal, formula in zip(self.signals, self.formulas, strict=True):
+            if formula is not None:
                 columns += [np.zeros(len(begins))] * 2
                 continue
             first = last = np.asarray(signal(begins), float)
@@ -95,9 +101,9 @@ class TimeSignals:
         import casadi as ca
 
         begins, held, found = numbers[0], numbers[1], []
-        for i, signal in enumerate(self.signals):
+        for i, (signal, known) in enumerate(zip(self.signals, self.formulas, strict=True)):
             value, slope = numbers[2 + 2 * i], numbers[3 + 2 * i]
-            if not is_formula(signal):
+            if known is None:
                 found.append(value + slope * (t - begins))
                 continue
             formula = ca.SX(column(np.reshape(signal(ca.array(t).reshape(-1)), -1)))

@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.validate import Array
 
 OPEN = 0.1
-"""Share of a figure: if two runs of different tolerances differ by more, the figure is not resolved."""
+"""A figure is not resolved if two runs with different tolerances differ by more than this share of it."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class Accuracy:
 
     @property
     def in_brief(self) -> str:
-        """Only the measured error, and the figures that it does not resolve."""
+        """Only the measured error and the figures that the tolerance does not resolve, in one line."""
         told = _told(self.error)
         if not told:
             return f"error not measured, since a run at {self.finer:g} does not reach the end"
         names = ", ".join(self.unresolved)
         of_them = (
-            f"; {names} {'is' if len(self.unresolved) == 1 else 'are'} not resolved: ask for a smaller tolerance" if names else ""
+            f"; {names} {'is' if len(self.unresolved) == 1 else 'are'} not resolved: use a smaller tolerance" if names else ""
         )
         return f"measured error {told}{of_them}"
 

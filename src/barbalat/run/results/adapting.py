@@ -30,7 +30,7 @@ class Excitation(NamedTuple):
 
     level        the smallest value over all windows, in the regressor's units squared
     tail         the value in the last quarter of the run
-    conditioning the least eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
+    conditioning the smallest eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
     fading       mean square of phi in the tail, relative to that of the window with the largest value
     window       T [s]
     sampling     effect of the record's decimation: the relative change of ``tail`` when every second instant is left out, or the
@@ -67,7 +67,7 @@ def excitation(t: Array, phi: Array) -> Excitation | None:
 
 
 def _gram(t: Array, phi: Array) -> Array:
-    """1/T times the integral of phi phi', by the trapezoidal rule."""
+    """1/T times the integral of phi phi' by the trapezoidal rule."""
     steps = np.diff(t)
     weights = np.concatenate([[0.0], steps]) + np.concatenate([steps, [0.0]])
     # no outer product is formed, because a network's would fill the memory
@@ -241,8 +241,8 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
 def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     """The time on bounds, from the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
 
-    The estimate is on a bound throughout an interval if its minimum there is the upper bound or its maximum the lower one;
-    possibly at some instants of it if an extremum touches a bound.
+    The estimate is on a bound throughout an interval if its minimum there is the upper bound or its maximum is the lower one.
+    It may be on a bound at some instants if an extremum touches a bound.
     """
     weights = np.diff(t) / (t[-1] - t[0])
     at_upper, at_lower = high >= box.upper, low <= box.lower
@@ -251,7 +251,8 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     met = at_upper | at_lower
     shares = (throughout, met, at_upper & at_lower & ~throughout)
     first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)
-    least, most, swept = (np.where(fixed, 0.0, weights @ share) for share in shares)
+    # the weights' rounding errors add up
+    least, most, swept = (np.where(fixed, 0.0, np.minimum(weights @ share, 1.0)) for share in shares)
     return OnBounds(least, most, swept, first)
 
 

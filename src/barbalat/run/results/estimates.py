@@ -55,7 +55,7 @@ GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
 
 
 def estimates_of(result: Result) -> list[Estimate]:
-    """First those in theta_hat; of the additional ones those with at most ``MOST_REPORTED`` entries."""
+    """The estimates in theta_hat first, then the additional ones with at most ``MOST_REPORTED`` entries."""
     true, envelope = result.true_values, result.envelope
     found = [
         Estimate(

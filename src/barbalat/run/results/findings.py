@@ -16,13 +16,15 @@ from barbalat.problem.departures import apart_sentence, departures
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
+from barbalat.validate import Array
 
 KINDS = (
     "solver", "missed", "half step", "record of a signal", "truth", "known set", "ranges", "wide ranges", "command", "damping",
-    "shakes", "held", "still", "assumed", "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
+    "delayed", "shakes", "held", "still", "assumed", "on bounds", "between bounds", "excitation", "true values", "order",
+    "coarse record",
 )  # fmt: skip
 """Kinds of findings, in order of importance."""
-OF_EACH_RUN = ("missed", "half step", "shakes", "held", "assumed")
+OF_EACH_RUN = ("missed", "half step", "delayed", "shakes", "held", "assumed")
 """Kinds whose sentences contain numbers of one run, and which are reported for each run."""
 
 
@@ -61,9 +63,31 @@ def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, sha
     if count <= SHAKES * (FEWEST_REVERSALS + TURNS_EXPLAIN * turns):
         return None
     return (
-        f"its control shakes: it reverses {count} times, {count / t_end:.3g} times a second, by {percent(share)} "
-        f"of its range at least, while commands and disturbances reverse {validate.counted(turns, 'time')}"
+        f"its control shakes: it reverses {count} times, {count / t_end:.3g} times a second, by at least {percent(share)} "
+        f"of its range, while commands and disturbances reverse {validate.counted(turns, 'time')}"
     )
+
+
+def behind_the_delay(problem: TrackingProblem, verdict: Verdict | None, t: Array, x_m: Array, tail: float) -> str | None:
+    """A sentence if a run is off by no more than ``OFF_BY_DELAY`` times what the delay at the plant's input alone would cause:
+    x_m (K, n) at the instants t (K,), compared with itself delayed by this time, from ``tail`` [s] on."""
+    names = list(problem.followed_names)
+    if problem.delay == 0 or verdict is None or verdict.kind is not Class.OFF or verdict.component not in names:
+        return None
+    own = x_m[:, names.index(verdict.component)]
+    behind = float(np.abs(own - np.interp(t - problem.delay, t, own))[t >= tail].max())
+    if verdict.error is None or not verdict.band < behind or verdict.error > OFF_BY_DELAY * behind:
+        return None
+    unit = f" {verdict.unit}" if verdict.unit else ""
+    return (
+        f"the delay of {problem.delay:g} s at the plant's input alone keeps {verdict.component} up to {behind:.3g}{unit} from "
+        f"the model, which has no delay, and its band is {verdict.band:.3g}{unit}: a loop that followed the model perfectly, but "
+        "later by the delay, would be off too"
+    )
+
+
+OFF_BY_DELAY = 2.0
+"""The finding is reported for errors up to this multiple of the one that a delay alone causes."""
 
 
 def lost_when_held(verdict: Verdict | None) -> str | None:

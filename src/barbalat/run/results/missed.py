@@ -1,9 +1,11 @@
-"""The samples of a run that its controller did not take: faults lost them, or the shell refused them."""
+"""The samples that a run's controller missed: faults lost them, or the shell refused them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
+
+from barbalat.validate import counted
 
 STEPS_OF_JITTER = 10
 """Solver steps to which a timer's jitter should be resolved: with fewer, the number of missed samples depends on the step."""
@@ -16,6 +18,7 @@ class MissedSamples:
     samples   of the run
     missed    without a good measurement at the right time: the estimates are frozen and the model predicts
     in_a_row  the longest outage
+    commands  without a good command: the last good one is held
     fallback  of the missed, those at which the shell's fallback acts, because the outage is longer than ``longest_outage``
     named     the fallback
     jitter    the largest deviation of the timer's calls, in solver steps, to which the calls are rounded; 0 without jitter
@@ -27,18 +30,27 @@ class MissedSamples:
     fallback: int
     named: str
     jitter: float = 0.0
+    commands: int = 0
 
     @property
     def sentence(self) -> str | None:
         """The finding as a sentence; None if no sample was missed."""
+        held = f"{100 * self.commands / self.samples:.2g} % of the"
         if not self.missed:
-            return None
-        share = f"{100 * self.missed / self.samples:.2g} % of the {self.samples} samples were lost or refused by the shell"
+            told = f"{held} {counted(self.samples, 'command')} were lost or refused by the shell; the last good one was held"
+            return told if self.commands else None
+        share = (
+            f"{100 * self.missed / self.samples:.2g} % of the {counted(self.samples, 'sample')} were lost or refused by the shell"
+        )
         longest = f"{share}, at most {self.in_a_row} in a row"
         if self.fallback:
             longest += f"; at {100 * self.fallback / self.samples:.2g} % of the samples the fallback ({self.named}) acted"
+        if self.commands:
+            longest += f"; so were {held} commands"
         if 0 < self.jitter < STEPS_OF_JITTER:
-            longest += f"; calls are rounded to solver steps, of which the timer's jitter has {self.jitter:.2g}: use a smaller dt"
+            longest += (
+                f"; calls are rounded to solver steps, and the timer's jitter is only {self.jitter:.2g} of them: use a smaller dt"
+            )
         return longest
 
     def as_json(self) -> dict[str, Any]:
@@ -46,5 +58,6 @@ class MissedSamples:
             "samples": self.samples,
             "missed": self.missed,
             "longest_outage": self.in_a_row,
+            "commands": self.commands,
             "fallback": self.fallback,
         }

@@ -60,7 +60,8 @@ def text_of(value: float | list[float] | None) -> str:
 
 
 def ends_of(run: Result, text: Callable[[Figure], str] | None = None) -> str:
-    """The estimates at the end: those in theta_hat, then by name what the scheme adapts in addition; of many the largest."""
+    """The estimates at the end: those in theta_hat, then by name what the scheme adapts in addition; if there are many, only
+    the largest."""
     text = text or text_of
     ends = {name.removesuffix("_hat_final"): value for name, value in run.figures.items() if name.endswith("_hat_final")}
     theta = ends.pop("theta", None)
@@ -103,7 +104,7 @@ def _row(name: str, run: Result) -> str:
 
 
 def html_of(results: Sequence[Result]) -> str:
-    """Runs as a notebook shows them: the verdicts, the figures as a table, the findings, the plot."""
+    """Runs as shown in a notebook: the verdicts, the figures as a table, the findings, the plot."""
     from html import escape
 
     from barbalat.pictures.plotted import image_of

@@ -202,7 +202,7 @@ def ends_at(results: Sequence[Result]) -> float:
 
 
 def panels(results: Sequence[Result]) -> list[Panel]:
-    """First the panels that all share, then each one's error and estimates."""
+    """The panels that all runs share, followed by each run's error and estimates."""
     if len(results) == 1:
         (result,) = results
         own = [_error(result, "Tracking error"), _control(results), *estimates_panels(result, "Estimates")]
@@ -321,7 +321,7 @@ def _control(results: Sequence[Result]) -> Panel:
 
 
 def _inputs(result: Result, k: int, count: int) -> list[Series]:
-    """The k-th of ``count`` runs' controls."""
+    """Draws the controls of the k-th of ``count`` runs."""
     u = result.u[:, None] if result.u.ndim == 1 else result.u
     low, high = (side.reshape(len(u) - 1, u.shape[1]) for side in (result.envelope.u_min, result.envelope.u_max))
     several, found = u.shape[1] > 1, []

@@ -22,7 +22,7 @@ from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.accuracy import Accuracy, MeasuredError
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
-from barbalat.run.results.findings import Finding, lost_when_held, of_problem, shaking
+from barbalat.run.results.findings import Finding, behind_the_delay, lost_when_held, of_problem, shaking
 from barbalat.run.results.half_step import HalfStep
 from barbalat.run.results.missed import MissedSamples
 from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
@@ -92,7 +92,7 @@ class Result:
     half_step         the error at half the step, from ``halved``
     accuracy          for a run by tolerance, its error measured by a second run
     measured_error    for a run with fixed steps, its error measured by a run with a tolerance, from ``check_numerics``
-    missed            for a sampled controller with a shell or faults, the samples that it did not take, from
+    missed            for a sampled controller with a shell or faults, the samples that it missed, from
                       ``with_missed_samples``
     """
 
@@ -252,7 +252,15 @@ class Result:
         of_run = () if self.adapting is None else self.adapting.findings
         shakes = None if self.judge is None else shaking(self.problem, self.verdict, self.simulation.t_end, self.judge.cycle)
         missed = None if self.missed is None else self.missed.sentence
-        said = {"missed": missed, "shakes": shakes, "held": None if self.judge is None else lost_when_held(self.verdict)}
+        grid = self.simulation if self.simulation.tolerance is None else self.simulation.grid
+        tail = float(grid.time(grid.tail_start))
+        delayed = behind_the_delay(self.problem, self.verdict, self.t, self.x_m, tail)
+        said = {
+            "missed": missed,
+            "delayed": delayed,
+            "shakes": shakes,
+            "held": None if self.judge is None else lost_when_held(self.verdict),
+        }
         equations = self.loop.continuous
         said["assumed"] = equations.assumed if isinstance(equations, Assuming) else None
         of_control = [Finding(kind, sentence) for kind, sentence in said.items() if sentence is not None]

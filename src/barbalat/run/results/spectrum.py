@@ -43,7 +43,7 @@ class SolverDamping:
         """The finding as a sentence."""
         return (
             f"{self.solver} at this step damps an oscillation as fast as the loop's (h omega = {self.h_omega:.3g}) by up to "
-            f"{100 * self.per_radian:.2g} % per radian, which the equations do not: a finer step may show more of it"
+            f"{100 * self.per_radian:.2g} % per radian, unlike the equations: a finer step may show more of it"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -158,7 +158,7 @@ class Spectrum:
 
 
 def _eigenvalues(matrices: Array) -> Array:
-    """(K, size), one matrix after the other, so that Ctrl-C is handled in between."""
+    """Eigenvalues (K, size), computed one matrix after the other, so that Ctrl-C is handled in between."""
     return np.array([np.linalg.eigvals(matrix) for matrix in matrices]) if len(matrices) else np.linalg.eigvals(matrices)
 
 

@@ -23,7 +23,7 @@ EQUAL_FIGURES_SHARE = 0.1
 REMAINDER_SHARE = 0.1
 """If less than this fraction of a figure remains at the finer step, it is due to the solver; otherwise at most partly."""
 ROUNDING_SHARE = 1e-5
-"""Relative to the model's state, the control or the estimates: a figure below this is rounding or settled motion."""
+"""A figure below this share of the model's state, the control or the estimates is rounding or settled motion."""
 SAME_TIME_SHARE = 0.01
 """Divergences within this share of their time count as simultaneous; those of a finite escape converge as the step falls."""
 OWN_GROWTH_FACTOR = 3.0
@@ -130,7 +130,8 @@ def _figures(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str]:
     ]
     if not changed:
         same = ", ".join(f"{text} {_text(finely)}" for text, (_, finely) in pairs.items())
-        return "loop", f"the result is that of the loop itself: {at} it is the same within {EQUAL_FIGURES_SHARE:.0%} ({same})"
+        within = f"within {100 * EQUAL_FIGURES_SHARE:.0f} %"
+        return "loop", f"the result is that of the loop itself: {at} it is the same {within} ({same})"
     numbers = f"{at} {', '.join(changed)}"
     if min(ratios.values()) < REMAINDER_SHARE:
         return "solver", f"the oscillation is due to the {_whose(fine)}: {numbers}"
@@ -182,5 +183,5 @@ def label(unstable_from: float | None, diverged_at: float | None, kind: Class | 
     if check.origin != "unsettled":
         return None if diverged_at is None else f"{diverges}{outside}"
     if diverged_at is not None and check.diverged_at is not None and at_the_same_time(diverged_at, check.diverged_at):
-        return f"{diverges}also at h = {check.dt:g} s: not settled whose it is"
-    return f"{diverges}{outside}: not settled whose it is"
+        return f"{diverges}also at h = {check.dt:g} s: whether plant or solver causes it is not settled"
+    return f"{diverges}{outside}: whether plant or solver causes it is not settled"

@@ -22,7 +22,7 @@ RATES_BY, POSITIONS_BY = 4, 4
 By default it uses Euler steps for the rotation; a test shows that the result agrees at half the step."""
 INTEGRATOR = "Adams-Bashforth of order 3"
 STEP = 1 / 400
-"""[s], four for each sample at 100 Hz."""
+"""The simulator's step [s], four for each sample at 100 Hz."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ CONDITIONS = (
 """Three to compare at: that of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and high and fast, where the
 airframe is unstable by itself."""
 ABOVE_GROUND = 50_000.0
-"""[ft]; high enough that wheels, wings and ground effect never meet the terrain, even at sea level."""
+"""Height above the ground [ft], at which wheels, wings and ground effect are far from the terrain, even at sea level."""
 
 
 class Motion(NamedTuple):
@@ -86,7 +86,7 @@ PROPERTIES = {
 }
 """JSBSim's names of a motion's entries."""
 DEGREES = 180 / np.pi
-"""In a radian."""
+"""Degrees in a radian."""
 
 
 class Surfaces(NamedTuple):

@@ -23,11 +23,11 @@ from barbalat.vehicles.f16.equipment import Equipment
 from barbalat.vehicles.f16.trim import Trim
 
 SAMPLE_TIME = 0.01
-"""[s]."""
+"""The controllers' sample time [s]."""
 COMMAND_STARTS = (1.0, 11.0, 21.0)
-"""[s], of the commands: one before the failure, two after it."""
+"""Times at which commands begin [s], one before the failure and two after it."""
 RESTING_SECONDS = 2.0
-"""[s] between a command's two pulses."""
+"""Time between a command's two pulses [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ ROLL = Followed(
     equipment=Equipment(rate_limit=80.0, limit=21.5),  # of the ailerons: Stevens and Lewis, as above
 )
 AXES = {one.name: one for one in (PITCH, ROLL)}
-"""By the names of the command line."""
+"""The axes, by their names on the command line."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

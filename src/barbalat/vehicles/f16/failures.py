@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from barbalat.vehicles.f16.model import BALLAST_LB
 
 FAILS_AT = 10.0
-"""[s]; until then the flight is the nominal one."""
+"""Time of the failure [s]; until then the flight is the nominal one."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -222,7 +222,7 @@ SEED = 2013
 
 
 def gusts_met(deviation: float, speed: float, T: float, samples: int, seed: int = SEED) -> Array:
-    """(samples,) velocities T [s] apart with this standard deviation, in its unit, as met at so many ft/s.
+    """(samples,) velocities T [s] apart with this standard deviation, in its unit, for an aircraft with this airspeed [ft/s].
 
     White noise of unit intensity through deviation sqrt(tau) (1 + sqrt(3) tau s)/(1 + tau s)^2 with tau = SCALE/speed: exact at
     the samples, and stationary from the first one on.

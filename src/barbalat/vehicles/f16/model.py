@@ -29,7 +29,7 @@ SURFACES = ("elevator", "aileron", "rudder")
 BALLAST_LB = 2000.0
 """The movable weight: a tenth of the aircraft's, about that of its two largest stores."""
 BALLAST = 1
-"""Its number among the file's point masses; the pilot is the first, 0."""
+"""The ballast's number among the file's point masses; the pilot is the first, 0."""
 SCALED = {
     "lift": "CLDh",
     "pitching_moment": "CmDh",

@@ -33,9 +33,9 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH_RANGE = {"bandwidth": (0.5, 50.0)}
-"""[rad/s], from a motion that a flight of 15 s hardly shows to half a radian in a sample."""
+"""Range of the bandwidth [rad/s], from a motion that a flight of 15 s hardly shows to half a radian in a sample."""
 ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
-"""[rad/s], the frequency of the estimates, up to a radian in a sample."""
+"""Range of the frequency of the estimates [rad/s], up to a radian in a sample."""
 SCHEMES: dict[str, Scheme] = {
     "lqr": Scheme(_lqr, {}, counterpart="geometric"),
     "linear": Scheme(_linear, BANDWIDTH_RANGE, counterpart="geometric-integral"),
@@ -67,4 +67,5 @@ TUNED: dict[str, dict[str, Numbers]] = {
         "l1-piecewise-flown": {"bandwidth": 7.46},
     },
 }
-"""By flights and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` at 10,013 ft and Mach 0.525."""
+"""The tunings by flights and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` at 10,013 ft and Mach
+0.525."""

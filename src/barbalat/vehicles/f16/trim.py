@@ -11,14 +11,14 @@ from barbalat.vehicles.f16 import model as f16
 from barbalat.vehicles.f16.airframe import Airframe, FlightCondition, Motion, Surfaces
 
 ELEVATOR_LIMIT = np.deg2rad(25.0)
-"""Of the surface, and of the tables [rad]."""
+"""The limit of the surface, and of the tables [rad]."""
 LARGEST_RESIDUAL = 1e-7
 """[ft/s^2, rad/s^2]; the residual after Newton's steps is a thousand times smaller, and a jump of the tables is far larger."""
 CRUISE_GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
 """alpha, elevator [rad] and throttle of an aircraft at cruise."""
 DIFFERENCE_STEP = 1e-4
-"""Of angles and rates [rad, rad/s], and of the speed relative to it: the tables are linear between points that are degrees apart,
-so that a smaller one says the same, and rounding leaves nine digits of it."""
+"""The step of angles and rates [rad, rad/s], and of the speed relative to itself. The tables are linear between points that are
+degrees apart, so that a smaller step gives the same derivative; rounding leaves nine digits."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -55,11 +55,10 @@ class F16(Vehicle[Axis, Step, AxisFlight]):
     wire = WIRE
     shown = "Followed rate, angles, load factor and surface of every controller"
     notes = (
-        f"After the failure, which occurs at {FAILS_AT:g} s and persists; e is the followed rate minus that of the "
-        f"reference model, alpha its largest value, surface the travel of the surface per second"
-        "",
-        "each of the project's schemes has the setting from one tuning rule on the linearised aircraft; none is tuned on "
-        "flights, and these schemes are ranked",
+        f"all numbers are those after the failure, which occurs at {FAILS_AT:g} s and persists. e: the followed rate minus that "
+        "of the reference model; alpha: largest angle of attack; surface: travel of the surface per second",
+        "the project's schemes are tuned by one rule on the linearised aircraft and not on flights; only these schemes are "
+        "ranked",
     )
 
     def condition(self, given: Mapping[str, float]) -> FlightCondition:
@@ -189,7 +188,7 @@ def _vehicle(followed: Followed) -> F16:
             timing=CAMPAIGN_TIMING,
             travel=(f"{followed.surface}_travel", "surface"),
             beside=("LQR with PI", "PI"),
-            set_by="one rule for all (benchmarks/flight_tuning.py): least RMS error on the linearised aircraft with a delay "
+            set_by="one rule for all (benchmarks/flight_tuning.py): smallest RMS error on the linearised aircraft with a delay "
             "margin of 0.1 s and a gain margin of 2",
             chunk=256,
         ),

@@ -23,29 +23,32 @@ from barbalat.vehicles.quadrotor.body import GRAVITY
 from barbalat.vehicles.quadrotor.hover import Hover
 
 PHASE = np.pi / 6
-"""[rad] that the lag takes at the crossover of each loop: half of the 65 deg of linear-quadratic feedback of a double integrator
+"""Phase that the lag costs at the crossover of each loop [rad]: half of the 65 deg of linear-quadratic feedback of a double
+integrator
 then remains for unmodelled effects."""
 CROSSOVER = 1.55
-"""Of that feedback, over its natural frequency: |sqrt(2) s + 1| = |s|^2 there."""
+"""Crossover frequency of that feedback over its natural frequency: |sqrt(2) s + 1| = |s|^2 there."""
 YAW_SHARE = 0.4
-"""Of the natural frequency of roll and pitch: rotors yaw by their drag alone, a tenth of the moment of their lift."""
+"""Natural frequency of yaw, as a share of that of roll and pitch: rotors yaw only by their drag, which has a tenth of the
+moment of their lift."""
 ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
-"""[s]."""
+"""Sample times of the attitude's and the position's controllers [s]."""
 MOMENT_SHARE = 1 / 3
-"""Of the hover thrust, for each of roll, pitch, yaw: with all of them at their limits no rotor is below zero at hover."""
+"""Moment limit of each of roll, pitch and yaw, as a share of the hover thrust: with all three at their limits no rotor is below
+zero at hover."""
 ADDED_SHARE = 0.5
 """The share of an axis's authority for the scheme; the feedback has the rest. Neither limits the other, and a predictor knows the
 remaining u. Half of the position's authority lifts another 35 % of the mass."""
 MET_SHARE = 0.5
-"""A share of the scheme's limit, as the disturbance of an axis whose problem is simulated alone or exported: otherwise nothing
-moves."""
+"""The disturbance of an axis whose problem is simulated alone or exported, as a share of the scheme's limit; without it nothing
+would move."""
 TILT = np.deg2rad(35.0)
 """The largest tilt of the position control relative to the path's demand: g tan of it, and equally up and down."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Axis:
-    """One of them.
+    """One axis.
 
     A, b         of x = (e, e') for u
     frequency    [rad/s], natural, of the feedback

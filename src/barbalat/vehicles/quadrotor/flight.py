@@ -34,8 +34,9 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""Of a flight, with units; e is the distance from the commanded position, sinks the largest distance below it, travel the average
-change of the four thrusts in a second, limited the share of the time in which some rotor is at an end of its range."""
+"""The figures of a flight, with units: e is the distance from the commanded position, sinks the largest distance below it,
+travel the average
+change of the four thrusts in a second, limited the share of the time for which some rotor is at an end of its range."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -49,7 +49,7 @@ def fly_all(
 
 
 class _Vehicle:
-    """One on its way.
+    """A vehicle in flight.
 
     stale   whether the laws are not reset when control is handed to them
     k       the next sample
@@ -163,7 +163,7 @@ GUST_LENGTH = 68.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Air:
-    """How it moves.
+    """The motion of the air.
 
     velocity  (K, 3) [m/s] at the samples of the attitude
     moves     whether it does at all
@@ -201,7 +201,7 @@ def _speed(mean: float, samples: int, seed: int) -> Array:
 
 
 SEED = 2010
-"""Of sensors' noise and of gusts."""
+"""The seed of the sensors' noise and of gusts."""
 
 
 class Sensing:

@@ -13,11 +13,11 @@ from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion, Simulator
 
 HOVER_HEIGHT = 2.0
-"""[m]; clear of the ground, on which nothing else depends."""
+"""Height of the hover [m], clear of the ground; nothing else depends on it."""
 DIFFERENCE_STEP = 1e-4
-"""Of every number [m, rad, m/s, rad/s, N]: the second-order term is drag, 1e-8 of a Newton, and rounding leaves nine digits."""
+"""The step of every number [m, rad, m/s, rad/s, N]: the second-order term is drag, 1e-8 N, and rounding leaves nine digits."""
 LARGEST_RESIDUAL = 1e-9
-"""[m/s^2, rad/s^2] left of the accelerations at hover."""
+"""Largest remaining acceleration at hover [m/s^2, rad/s^2]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -45,13 +45,13 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH = {"bandwidth": (0.02, 4.0)}
-"""In units of the inverse lag of the axis: from a value that a flight hardly shows to four times the limit of a loop of one
-integrator with that lag."""
+"""Range of the bandwidth in units of the inverse lag of the axis, from a value that a flight hardly shows to four times the
+limit of a loop of one integrator with that lag."""
 DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
-"""The same for H-infinity, from the slowest bandwidth with a design for every axis: for a longer delay no controller meets the
-weights around the feedback loop."""
+"""The same for H-infinity, from the smallest bandwidth at which every axis has a design: around the feedback loop no controller
+meets the weights for a longer delay."""
 CORNER = {"corner": (0.01, 2.0)}
-"""Over the axis' natural frequency."""
+"""Range of the corner, relative to the axis' natural frequency."""
 ADAPTATION = {"adaptation": (0.03, 30.0)}
 """Frequency of the estimates over the axis's natural one: up to half a radian in a sample and more."""
 SCHEMES: dict[str, Scheme] = {
@@ -96,4 +96,5 @@ TUNED: dict[str, dict[str, Numbers]] = {
         "l1-piecewise-flown": {"bandwidth": 0.0861},
     },
 }
-"""By ``Axis.like`` and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` on the vehicle at hover."""
+"""The tunings by ``Axis.like`` and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` on the vehicle at
+hover."""

@@ -12,15 +12,15 @@ from barbalat.vehicles.quadrotor.body import GRAVITY, STANDING
 from barbalat.vehicles.quadrotor.geometry import commanded_attitude
 
 TAKES_OFF = 2.0
-"""[s], with the motors; until then it stands on the ground."""
+"""Time of the take-off [s], when the motors start; until then the vehicle stands on the ground."""
 CLIMBS = 2.5
-"""[s] that the climb to ``HEIGHT`` takes."""
+"""Duration of the climb to ``HEIGHT`` [s]."""
 HEIGHT = 2.0
-"""[m] above the ground."""
+"""Height above the ground [m]."""
 TURNS_AT, SPEED_UP_SECONDS = 5.0, 3.0
 """[s]: when the figure of eight begins, and how long it takes to reach its speed."""
 PERIOD = 8.0
-"""[s] of an eight."""
+"""Period of a figure of eight [s]."""
 HALF_LENGTH, HALF_WIDTH, RISE = 2.0, 1.0, 0.3
 """[m]: half its length, half its width, and how far it rises and sinks: up to 2.2 m/s and 3 m/s^2."""
 

@@ -57,9 +57,9 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
     headings = ("RMS e\n[m]", "max e\n[m]", "sinks\n[m]", "tilt\n[deg]", "rotors\n[N/s]", "limited\n[%]")
     length = "m"
     wire = WIRE
-    shown = "Distance from where it should be, height, tilt and thrust of one rotor of every controller"
+    shown = "Distance from the commanded position, height, tilt and thrust of one rotor of every controller"
     panels = (
-        Shown("Distance from where it should be", "[m]", lambda flight: flight.error),
+        Shown("Distance from the commanded position", "[m]", lambda flight: flight.error),
         Shown("Height above the ground", "[m]", _height, (("z_d", "commanded", "ink", 1),)),
         Shown("Tilt", "[deg]", lambda flight: flight.tilt),
         Shown("Thrust of the front left rotor", "[N]", _thrust),
@@ -67,11 +67,11 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
     columns = COLUMNS
     units = FIGURES
     notes = (
-        f"From the failure on, which comes at {TIMING.fails_at:g} s and stays (no-reset: from the start at {TAKES_OFF:g} s); "
-        "e is the distance from where it should be, sinks how far it came below that, tilt its largest value, rotors how "
-        "much a thrust changes in a second, limited the share of the time in which some rotor is at an end of its range",
-        "each of the project's schemes has on each axis the setting from one tuning rule on the linearised vehicle; none is "
-        "tuned on flights, and these schemes are ranked",
+        f"all numbers are those after the failure, which occurs at {TIMING.fails_at:g} s and persists (no-reset: after the start "
+        f"at {TAKES_OFF:g} s). e: distance from the commanded position; sinks: largest distance below it; tilt: largest tilt; "
+        "rotors: average change of a thrust in a second; limited: share of the time with some rotor at an end of its range",
+        "the project's schemes are tuned by one rule, axis by axis, on the linearised vehicle and not on flights; only these "
+        "schemes are ranked",
     )
 
     def require(self, condition: object, equipment: object) -> None:
@@ -110,7 +110,7 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
         yield repr([one.gain.tolist() for one in model.all]).encode()
 
     def headline(self, model: Axes) -> str:
-        return f"{self.name}: RMS distance [m] from where it should be after each failure"
+        return f"{self.name}: RMS distance [m] from the commanded position after each failure"
 
     def cells(self, figures: Mapping[str, float | None]) -> list[str]:
         digits = {"rms_e": 3, "max_abs_e": 3, "sinks": 3, "tilt_max": 1, "rotor_travel": 2, "limited": 1}
@@ -167,7 +167,8 @@ VEHICLES = (
             timing=CAMPAIGN_TIMING,
             travel=("rotor_travel", "rotors"),
             beside=("Geometric, integral", "integral"),
-            set_by="one rule for all (benchmarks/flight_tuning.py): on each linearised axis least RMS error with half of the "
+            set_by="one rule for all (benchmarks/flight_tuning.py): on each linearised axis the smallest RMS error with "
+            "half of the "
             "delay margin that the feedback has alone and a gain margin of 1.5",
             chunk=56,
         ),

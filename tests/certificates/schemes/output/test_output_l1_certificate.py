@@ -54,7 +54,7 @@ def test_a_contradicted_lipschitz_constant_does_not_hold():
     given, controller = CANNOT["lipschitz contradicted"]
     (certificate,) = certify(given, [controller], SIMULATION).values()
     assert not certificate.values["condition"]["holds"]
-    assert any("no Lipschitz constant" in finding for finding in certificate.findings)
+    assert any("not a Lipschitz constant" in finding for finding in certificate.findings)
 
 
 def test_the_bundled_case_is_proven_and_runs_within_its_bounds():

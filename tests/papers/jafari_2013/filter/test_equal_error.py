@@ -20,7 +20,7 @@ def side(name: str, *reached: tuple[float, float, float]) -> Side:
 
 MRAC = side("MRAC", (1.0, 0.01, 0.02), (2.0, 0.05, 0.05))
 L1 = side("L1-AC", (1.5, 0.01, 0.01), (1.5, 0.04, 0.01))
-"""The second tolerates four times the delay of the MRAC's only tuning with no larger error, until it oscillates."""
+"""The second tolerates four times the delay of MRAC's only tuning with no larger error, until it oscillates."""
 
 
 def test_a_tuning_is_matched_by_one_with_no_larger_error_and_no_shorter_delay():
@@ -30,7 +30,7 @@ def test_a_tuning_is_matched_by_one_with_no_larger_error_and_no_shorter_delay():
     assert list(found.drawbacks("onset")) == pytest.approx([np.inf, 1.25])  # no tuning of L1-AC has the first one's error
     by_onset, by_loss = (reading([found], criterion) for criterion in ("onset", "loss"))
     assert not by_onset.holds and by_loss.holds and not by_onset.decides
-    assert "0 of 1 with (6) and 1 of 1 with two slopes are not matched by the MRAC, 2 of 2 of the MRAC's" in by_onset.measured
+    assert "0 of 1 with (6) and 1 of 1 with two slopes are not matched by MRAC, 2 of 2 of MRAC's" in by_onset.measured
     assert [row[-1] for row in listing([found]).rows] == ["1", "4", "0.5", "0.5"]
 
 

@@ -170,7 +170,7 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
     )
     for expected in (
         f"Results of {flights.members} draws",
-        f"lose least, {min(total)} to {max(total)} of 1400, {flights.lost('ADRC', 'reversed')} of them to a reversed elevator",
+        f"lose the fewest, {min(total)} to {max(total)} of 1400, {flights.lost('ADRC', 'reversed')} of them to a reversed",
         f"costs these four {few[0]} to {few[-1]} flights and the PI, `hinf` and `l1` {many[0]} to {many[-1]}",
         f"fewest with the delay, {flights.lost('LQR', 'delay-100')}, and {flights.lost('LQR', 'aft-cg')} with the centre",
         f"ahead of `l1-piecewise-flown` on {ahead['count']} draws of {ahead['judged']}",
@@ -178,7 +178,7 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
         f"it loses {hard['MRAC'][0]} flights where the PI loses {hard['LQR with PI'][0]}",
         f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be significant individually, and "
         f"{together} are significant jointly",
-        f"time ended it at {flights.document['resumed']}",
+        f"for lack of time it ended at {flights.document['resumed']}",
         f"flew the other {flights.members - flights.document['resumed']}",
     ):
         assert expected in said
@@ -267,7 +267,7 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
     said = " ".join((PAGE.parent / "quadrotor.md").read_text(encoding="utf-8").split())
     for expected in (
         f"Results of {flights.members} draws",
-        f"loses least, {least['count']} of {7 * flights.members} flights, all of them to half a propeller: "
+        f"loses the fewest, {least['count']} of {7 * flights.members} flights, all of them to half a propeller: "
         f"{100 * least['share']:.0f} % of those, at 95 % {low:.0f} to {high:.0f} %",
         f"loses as many there, and {flights.lost('Robust MRAC', 'delay-20')} with more delay",
         f"lose {total['ADRC']} to {total['L1']}, and",

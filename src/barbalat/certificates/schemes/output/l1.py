@@ -137,7 +137,7 @@ def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> fl
     least = steepest_seen(f, 0.0 if slope is None else draft["output_bound"])
     if least > given * OUTWARD_FACTOR:
         where = "at y = 0" if slope is None else "within the bound of y"
-        draft.note(f"lipschitz = {given:g} is no Lipschitz constant of f: the slope reaches {least:.6g} {where}")
+        draft.note(f"lipschitz = {given:g} is not a Lipschitz constant of f: the slope reaches {least:.6g} {where}")
         return least
     if slope is None:
         draft.note(f"that lipschitz = {given:g} bounds the slope of f is an assumption, not shown")

@@ -8,7 +8,7 @@ c'x~ and Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and the effect of sigma 
 sigma_hat = G s/(1 + q), of rank one, whose effect on y is s q/(1 + q): 1/(1 + q) remains, which is 1 - e^(a T) for a first-order
 model.
 
-``error_bound`` bounds e = y - y_m for every r and d of the case's sizes.
+``error_bound`` bounds e = y - y_m for every r and d as large as the case's.
 
 Plant, controller and the model under the sampled command are one linear system from sample to sample: the largest effect of r on
 e at the samples is the sum of its impulse response. d acts all the time: in a sample its effect on a row c is at most |d|
@@ -150,7 +150,7 @@ OWN_QUANTITIES = (
 )
 FOR_SMALL_T = "for T -> 0"
 BOUNDED_D = Assumption("the only disturbance is a bounded d at the input")
-UP_TO_THE_END = Assumption("jumps of r are those up to t_end")
+UP_TO_THE_END = Assumption("only the jumps of r up to t_end are considered")
 
 
 def fast_limit(controller: L1OutputPiecewiseConstant, M: TransferFunction) -> tuple[TransferFunction, TransferFunction]:

@@ -59,7 +59,7 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
     if plant.is_stable and np.sign(plant.dc_gain) == -controller.sign:
         found.append(f"the plant's gain at zero frequency is {plant.dc_gain:.6g}, against sign = {controller.sign}")
     if isinstance(law, FreezableLaw) and law.drifts:
-        found.append("the unnormalised law without a modification is not robust: the estimates may drift to a burst")
+        found.append("the unnormalised law without a modification is not robust: the estimates may drift until the loop bursts")
     return found
 
 
@@ -68,7 +68,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
     controller.bind(problem.known)  # refuses settings that contradict the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     draft, n = Draft(own=OWN_QUANTITIES), controller.order
-    draft.missing("error_bound", "no numerical bound of e is known for these schemes", theorem=theorems.LEMMA_1_OUTPUT)
+    draft.missing("error_bound", "the theorems for these schemes give no number", theorem=theorems.LEMMA_1_OUTPUT)
     if len(plant.poles) <= n:
         Lambda = filter_polynomial(n, W_m, controller.filter_poles)
         theta = matching_parameters(plant, W_m, Lambda)

@@ -2,7 +2,7 @@
 
 Both estimate sigma_hat' = Gamma P b x_tilde with the predictor x_hat' = -a x_hat + b (u + sigma_hat), u = -C sigma_hat. With
 v at the plant's input and u the controller's output, sigma_hat = F (v - u), F = w^2/(s^2 + a s + w^2), w^2 = Gamma P b^2; so
-L = -u/v = C F/(1 - C F). C = 1 is the MRAC, C = 1/(kappa s + 1) L1-AC, and L = 1/(kappa s) its limit of fast adaptation.
+L = -u/v = C F/(1 - C F). C = 1 is MRAC, C = 1/(kappa s + 1) L1-AC, and L = 1/(kappa s) its limit of fast adaptation.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ HOW = f"a loop of ours, since only the abstract was read: plant x' = -x + u + si
 
 
 def loop(gamma: float, kappa: float | None) -> TransferFunction:
-    """L of the MRAC (``None``), or of L1-AC with the filter's time constant kappa [s]."""
+    """L of MRAC (``None``), or of L1-AC with the filter's time constant kappa [s]."""
     w = gamma * P * B**2
     if kappa is None:
         return TransferFunction([w], [1.0, A, 0.0])
@@ -82,7 +82,7 @@ def mrac() -> list[Claim]:
                 phase.reads(smaller[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the highest", 1),
             ),
             shows=f"MRAC, lowest to highest gain: the control's peak rises from {effort[0]:.2g} to {effort[1]:.0f} times the disturbance, the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
-            measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to {effort[1]:.4g}; the MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over {len(GAINS)} gains",
+            measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to {effort[1]:.4g}; MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over {len(GAINS)} gains",
             how=HOW, listings=(_listing(),), would_change="a phase margin that is no smaller at the highest gain than at the lowest, or another measure of the control effort; the abstract defines none",
         ),
         Claim(
@@ -91,7 +91,7 @@ def mrac() -> list[Claim]:
                 delay.reads(bool(damping < 0.01 and frequencies[-1] > frequencies[0]), f"{frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.1g} at the highest gain"),
                 delay.reads(smaller[1], f"{found.delay[0]:.3g} s at the lowest gain, {found.delay[-1]:.2g} s at the highest", 1),
             ),
-            shows=f"The MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to {damping:.0e}.",
+            shows=f"MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to {damping:.0e}.",
             measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.2g}, and tolerates a delay of {found.delay[-1]:.2g} s",
             how=HOW, listings=(_listing(),), would_change="a delay margin that is no smaller at the highest gain, or a mode that is well damped there",
         ),
@@ -121,7 +121,7 @@ def _phase() -> Claim:
         ),
         shows=f"On a first-order loop of ours, kappa = {KAPPAS[0]:g} s: {phases[KAPPAS[0]][0]:.2g} rad down to {phases[KAPPAS[0]].min():.1g}, back to {phases[KAPPAS[0]][-1]:.3g}; within a tenth of that from Gamma = {fast[KAPPAS[0]]:.1e} on.",
         measured=f"the phase margin is {told}",
-        how=HOW, listings=(_listing(),), would_change="another break point of the loop, or the paper's own plant and gains, which are not at hand",
+        how=HOW, listings=(_listing(),), would_change="another break point of the loop, or the paper's own plant and gains, which are not available",
     )  # fmt: skip
 
 
@@ -140,7 +140,7 @@ def _delay() -> Claim:
         values[late].min() > 0 and values[late].max() < values[late].min() * (1 + UNCHANGED_SHARE) for values in delays.values()
     )
     told = "; ".join(
-        f"{span(values[late])} s with kappa = {kappa:g} s, least at any gain {values.min():.2g} s"
+        f"{span(values[late])} s with kappa = {kappa:g} s, smallest at any gain {values.min():.2g} s"
         for kappa, values in delays.items()
     )
     return Claim(
@@ -182,7 +182,7 @@ ROWS = (
     Measurement(
         mrac,
         0.2,
-        {"high-gain-phase": "the MRAC's control effort and phase margin", "high-gain-delay": "the MRAC's delay margin"},
+        {"high-gain-phase": "MRAC's control effort and phase margin", "high-gain-delay": "MRAC's delay margin"},
         place=10,
         quick=True,
     ),

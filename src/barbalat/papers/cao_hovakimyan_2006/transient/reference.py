@@ -1,4 +1,4 @@
-"""The transient of both schemes: L1-AC compared with its reference system, the MRAC with its bounds from (9)."""
+"""The transient of both schemes: L1-AC compared with its reference system, MRAC with its bounds from (9)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 SEED, MEMBERS = 20130822, 96
-"""The number of random runs of the MRAC, a multiple of the kernel's lanes; a fixed seed draws the same runs on every
+"""The number of random runs of MRAC, a multiple of the kernel's lanes; a fixed seed draws the same runs on every
 machine."""
 THETA_MAX = 10.0
 """The largest |theta_hat|_1 over Section V's known set, in which projection keeps the estimates."""
@@ -27,7 +27,7 @@ LATE_SHARE = 0.1
 
 
 def mrac() -> Claim:
-    """The MRAC's error and input over their bounds, theta and the gain drawn at random; and both over the gain, at steps that resolve it."""
+    """MRAC's error and input over their bounds, theta and the gain drawn at random; and both over the gain, at steps that resolve it."""
     rng, given = np.random.default_rng(SEED), section_v.problem()
     model, members, of_e, of_u = model_bounds(given), [], [], []
     for _ in range(MEMBERS):
@@ -60,15 +60,15 @@ def mrac() -> Claim:
         "(9) needs e(0) = 0: x_m(0) = x(0), as in (2), which the designer chooses; for any other e(0) V(0) still bounds e, but not by a constant that the gain makes small",
         how=f"Section V, without modelling error, every step; bounds: theta drawn from the box, Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, rounded outward; over the gain: h = {span(list(l1_reference.STEPS.values()))} s, {l1_reference.T_END:g} s, {l1_reference.COMPARED_INSTANTS} instants",
         listings=(
-            table("Of the bounds, over all runs", {"of": ("|e|", "|u|"), "median": (np.median(error), np.median(control)), "largest": (error.max(), control.max())}),
-            table("The MRAC over the gain", {"Gamma": gains, "largest |e|": state, "largest |u - u*|": away, "times sqrt(Gamma)": scaled}),
+            table("Largest values relative to the bounds, over all runs", {"of": ("|e|", "|u|"), "median": (np.median(error), np.median(control)), "largest": (error.max(), control.max())}),
+            table("MRAC over the gain", {"Gamma": gains, "largest |e|": state, "largest |u - u*|": away, "times sqrt(Gamma)": scaled}),
         ),
         would_change="mixed: a resolved run with e(0) = 0 above one of the two bounds; an MRAC without projection, whose estimates and input have no bound that is known beforehand. If characterising meant a distance from the ideal input that the gain makes small, as L1-AC has from its reference system, the row would be mixed",
     )  # fmt: skip
 
 
 def _over_the_gain(gamma: float, h: float) -> tuple[float, float]:
-    """The MRAC's largest |e_i| and |u - u*|."""
+    """MRAC's largest |e_i| and |u - u*|."""
     given = section_v.problem()
     simulation = Simulation(t_end=l1_reference.T_END, dt=h, record_points=l1_reference.COMPARED_INSTANTS)
     (run,) = simulate(given, [Mrac(gamma=gamma)], simulation).values()
@@ -83,7 +83,8 @@ def _ideal_control(x_m: Array, t: Array) -> Array:
 
 
 def _largest_ideal_control() -> float:
-    """Of Section V over the same time, along the reference model's motion, which the MRAC with theta known has."""
+    """The largest control of Section V over the same time along the reference model's motion, which MRAC follows if theta is
+    known."""
     given = section_v.problem()
     known = Mrac(gamma=1.0, theta_hat0=given.plant.theta)
     (run,) = simulate(given, [known], Simulation(t_end=l1_reference.T_END, dt=1e-3)).values()
@@ -131,7 +132,7 @@ def _asymptotic() -> Claim:
 
 
 ROWS = (
-    Measurement(mrac, 1.0, {"mrac-transient": "bounds on the MRAC's transient"}, place=10, quick=True),
+    Measurement(mrac, 1.0, {"mrac-transient": "bounds on MRAC's transient"}, place=10, quick=True),
     Measurement(
         l1,
         2.0,

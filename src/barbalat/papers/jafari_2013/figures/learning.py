@@ -88,7 +88,7 @@ def exponential() -> Claim:
         shows=f"Pure least squares (15) converges as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t).",
         measured=        f"|theta_hat - theta*| with pure least squares (15) falls as t^{power:.2f}: not exponential; with the normalised gradient "
         "law "
-        f"it falls exponentially, by {rate:.3f} per s; for the MRAC with Gamma = 1 it is still {distance['MRAC'][at][-1]:.3g} after "
+        f"it falls exponentially, by {rate:.3f} per s; for MRAC with Gamma = 1 it is still {distance['MRAC'][at][-1]:.3g} after "
         f"{TOLD_INSTANTS[-1]:g} s",
         how=f"Section V with r = 10 sin 0.5t + 10 sin 1.7t, robust MRAC, {MENDED}, RK4, h = 1e-3 s, 480 s",
         listings=(_distances({name: values[at] for name, values in distance.items()}),),

@@ -37,7 +37,7 @@ def _figure_2(runs: Runs) -> PaperFigure:
         Check(
             "the auxiliary input improves the transient",
             bool((transient < without).all()),
-            f"max |e| {numbers(transient)}, without auxiliary input {numbers(without)}",
+            f"max |e| {numbers(transient)}, without an auxiliary input {numbers(without)}",
         ),
         Check(
             "the estimates converge to the true values",
@@ -154,7 +154,7 @@ def as_described(runs: Runs) -> Claim:
             Reading(
                 "Figure 2 with (14) as printed: the auxiliary input improves the transient",
                 bool((printed < without).all()),
-                f"max |e_i| {numbers(printed)} as printed, {numbers(without)} without auxiliary input",
+                f"max |e_i| {numbers(printed)} as printed, {numbers(without)} without an auxiliary input",
                 "beside",
             ),
         ),

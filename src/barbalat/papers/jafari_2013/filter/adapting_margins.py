@@ -28,7 +28,7 @@ GAINS = np.geomspace(1e-6, 1e8, 43)
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
 """The last is too slow for Section V's plant: the filtered loop is unstable."""
 COMMAND_CREST = 50.0
-"""Of Section V's command."""
+"""The crest of Section V's command."""
 FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
 TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
@@ -57,7 +57,7 @@ MARGINS: dict[str, Callable[[BorneMargins], float]] = {
     "delay margin": lambda borne: borne.margins.delay,
     "small-gain margin 1/||T||_inf": lambda borne: borne.small_gain,
 }
-"""By name, each zero for a loop without margin: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of
+"""The margins by name, each zero for a loop without margin: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of
 Delta_m."""
 
 
@@ -159,7 +159,7 @@ def _delay_map(ratios: Array, line: Curve) -> Map:
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
         values=ratios,
-        quantity="delay margin with/without filter",
+        quantity="delay margin with / without the filter",
         logarithmic=True,
         lost="unstable with filter",
         curves=(line, _section_v()),

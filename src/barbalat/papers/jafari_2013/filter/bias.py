@@ -16,9 +16,10 @@ from barbalat.validate import Array
 KAPPAS = np.array([0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125])
 """[s]: each half of the previous one; the first is twice Section V's."""
 BISECTIONS = 8
-"""Of the range between Section V's kappa and Theorem 1's kappa_max: where proportionality ends is known to 1e-4 s."""
+"""Number of bisections between Section V's kappa and Theorem 1's kappa_max: the end of proportionality is then known to 1e-4
+s."""
 THETA_MAX = 10.0
-"""Section V's, of |theta|_1 over the known set."""
+"""The largest |theta|_1 over Section V's known set."""
 STAYING_SHARE, LASTING_SHARE = 1e-2, 1e-3
 """The tail's error exceeds this share of the largest error; with a constant command it exceeds this share of the error with
 a sine."""

@@ -32,7 +32,7 @@ RESOLVED_SETTINGS, MORE_RESOLVED_SETTINGS = {1e-5: (100.0,)}, {1e-5: (10.0, 100.
 """Settings with h omega_a below 0.1: the ringing is that of the equations."""
 FIGURE_3 = (section_v.COARSE_STEP, 1e4)
 EQUAL_FREQUENCY_SHARE = 0.1
-"""Two mean frequencies within a tenth count as equal: the frequency varies by as much from one quarter of a run to the next."""
+"""Two mean frequencies within a tenth count as equal: the frequency varies by this much from one quarter of a run to the next."""
 
 
 class Oscillation(NamedTuple):

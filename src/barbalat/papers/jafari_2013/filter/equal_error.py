@@ -1,6 +1,7 @@
-"""MRAC and L1-AC at equal error: as many tunings of each, drawn by one rule over its own knobs, and the delay that each tolerates.
+"""MRAC and L1-AC at equal error: the same number of tunings of each, drawn over its own settings by one rule, with the delay
+that each tolerates.
 
-The MRAC has its gain, L1-AC its gain and its filter: (6) for one half of the tunings, two slopes for the other. No setting is chosen.
+MRAC has its gain, L1-AC its gain and its filter: (6) for one half of the tunings, two slopes for the other. No setting is chosen.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from barbalat.validate import Array
 BUDGET, MORE = 8, 64
 """Number of tunings of each side in the plain command and in ``--full``: powers of two, with which Sobol's sequence is balanced."""
 GAINS = (1e-4, 100.0)
-"""For both sides: from gains with little adaptation up to the largest decade that the step resolves at r = 50."""
+"""The range of gains for both sides, from gains with little adaptation to the largest decade that the step resolves at r = 50."""
 MRAC_KNOBS = {"Gamma": GAINS}
 L1_KNOBS = {"kappa": (2e-3, 0.5), "Gamma": GAINS}
 RESOLUTION = 0.05
-"""Of the delays' bisection."""
+"""Relative resolution of the bisection of delays."""
 CRITERIA = {"onset": "up to the beginning of an oscillation", "loss": "up to the loss of the motion"}
 RULE = (
-    f"Equal error by one rule: Sobol's points over {ranges(MRAC_KNOBS)} of the MRAC and {ranges(L1_KNOBS)} of L1-AC, one half with (6) and "
+    f"Equal error by one rule: Sobol's points over {ranges(MRAC_KNOBS)} of MRAC and {ranges(L1_KNOBS)} of L1-AC, one half with (6) and "
     "one half with (2 kappa s + 1)/(kappa s + 1)^2; a tuning matches one of the other side if its RMS error is no larger and its delay no shorter"
 )
 
@@ -45,11 +46,11 @@ class Fronts:
     l1: Side
 
     def advantages(self, criterion: str) -> Array:
-        """(K,) of L1-AC's tunings: the delay over the longest of the MRAC's tunings with no larger error."""
+        """(K,) of L1-AC's tunings: the delay over the longest of the MRAC tunings with no larger error."""
         return _over_the_best(self.l1, self.mrac, 1 + list(CRITERIA).index(criterion))
 
     def drawbacks(self, criterion: str) -> Array:
-        """(K,) of the MRAC's tunings: the same over L1-AC's."""
+        """(K,) of the MRAC tunings: the same over L1-AC's."""
         return _over_the_best(self.mrac, self.l1, 1 + list(CRITERIA).index(criterion))
 
 
@@ -85,18 +86,18 @@ def _reached(signal: Signal, tunings: Sequence[Controller], simulation: Simulati
 
 
 def reading(found: Sequence[Fronts], criterion: str) -> Reading:
-    """Whether the filter lowers the delay at equal error: whether the MRAC matches every tuning of L1-AC."""
+    """Whether the filter lowers the delay at equal error: whether MRAC matches every tuning of L1-AC."""
     said, matched = [], True
     for one in found:
         half, ahead = len(one.l1.tunings) // 2, one.advantages(criterion) > 1
         behind = one.drawbacks(criterion) > 1
         matched &= not ahead.any()
         said.append(
-            f"{one.command}: {int(ahead[:half].sum())} of {half} with (6) and {int(ahead[half:].sum())} of {half} with two slopes are not matched by the MRAC, "
-            f"{int(behind.sum())} of {len(behind)} of the MRAC's are not matched by L1-AC"
+            f"{one.command}: {int(ahead[:half].sum())} of {half} with (6) and {int(ahead[half:].sum())} of {half} with two slopes are not matched by MRAC, "
+            f"{int(behind.sum())} of {len(behind)} of MRAC's are not matched by L1-AC"
         )
     return Reading(
-        f"at equal error, with both tuned by one rule, some tuning of the MRAC matches every tuning of L1-AC, {CRITERIA[criterion]}",
+        f"at equal error, with both tuned by one rule, some tuning of MRAC matches every tuning of L1-AC, {CRITERIA[criterion]}",
         bool(matched),
         "; ".join(said),
         "beside",
@@ -116,7 +117,7 @@ def listing(found: Sequence[Fronts]) -> Listing:
                 error, delay = one.l1.reached[best, 0], -one.l1.reached[best, 1 + list(CRITERIA).index(criterion)]
                 rows.append((one.command, criterion, one.l1.tunings[best], short(error), short(delay), short(ratios[best])))
     return Listing(
-        "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay [s] divided by theirs; below 1 the MRAC matches every tuning with that filter",
-        ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over the MRAC's"),
+        "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay [s] divided by theirs; below 1 MRAC matches every tuning with that filter",
+        ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over MRAC's"),
         tuple(rows),
     )

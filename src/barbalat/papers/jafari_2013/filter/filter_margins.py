@@ -33,7 +33,7 @@ from barbalat.study.verdicts import Lost, Verdicts
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)
-"""Three periods of the command."""
+"""A simulation of three periods of the command."""
 SMALL_COMMAND = "r = sin 0.5t"
 COMMANDS: dict[str, Signal] = {SMALL_COMMAND: Sine(1.0, 0.5), "r = 50 sin 0.5t": Sine(50.0, 0.5), "r = 50": Constant(50.0)}
 SIDES_SIMULATION = Simulation(t_end=40.0, dt=4e-4)
@@ -107,7 +107,7 @@ def claim(*, full: bool = False) -> Claim:
         "the largest exact delay [s] that the loop tolerates, by scan and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
         "the judge calls the run lost or a limit cycle, or its oscillation grows without bound. Loss: lost, or the error in the tail grew by the "
         "largest |x_m|. "
-        "Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: the MRAC's Gamma gives the RMS error that L1-AC has at 100, "
+        "Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: MRAC's Gamma gives the RMS error that L1-AC has at 100, "
         f"with (6) or with (2 kappa s + 1)/(kappa s + 1)^2 and kappa = {section_v.two_slopes_kappa():.3g} s, which has the same delay margin in the limit. "
         f"{equal_error.RULE}; {count} tunings of each side, h = {SIDES_SIMULATION.dt:g} s",
         maps=effect.maps,
@@ -231,7 +231,7 @@ def _delay_margins(problem: Problem, controllers: Sequence[Controller]) -> dict[
 
 
 def _equal_error(signal: Signal, filtered: L1Adaptive) -> float:
-    """The MRAC's gain with the RMS error of this L1-AC, the nearest of a fine grid."""
+    """MRAC's gain with the RMS error of this L1-AC, the nearest of a fine grid."""
     problem = variant(reference=signal)
     target = _rms([(problem, filtered)])[0]
     found = _rms([(problem, Mrac(gamma=float(g))) for g in SEARCHED_GAINS])

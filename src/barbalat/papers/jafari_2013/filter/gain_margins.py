@@ -69,8 +69,8 @@ def gain_reduces_margins() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(literal, *beside),
-        shows=f"From Gamma = {section_v.MODERATE_GAIN:g} to {HIGH_GAIN:g} the MRAC's delay margin goes from {of_plain[0]:.2g} to {of_plain[1]:.2g} s; L1-AC's is {'unchanged' if _unchanged(of_filtered) else 'changed'}, {of_filtered[0]:.4g} to {of_filtered[1]:.4g} s, and {filtered[0]:.2g} s with slow adaptation.",
-        measured=f"these fall with every increase of the gain: of the MRAC's margins the {_listed(falls_of_mrac)}; of L1-AC's the {_listed(falls_of_l1)}. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} the MRAC's delay margin goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, in the end as "
+        shows=f"From Gamma = {section_v.MODERATE_GAIN:g} to {HIGH_GAIN:g} MRAC's delay margin goes from {of_plain[0]:.2g} to {of_plain[1]:.2g} s; L1-AC's is {'unchanged' if _unchanged(of_filtered) else 'changed'}, {of_filtered[0]:.4g} to {of_filtered[1]:.4g} s, and {filtered[0]:.2g} s with slow adaptation.",
+        measured=f"these fall with every increase of the gain: of MRAC's margins the {_listed(falls_of_mrac)}; of L1-AC's the {_listed(falls_of_l1)}. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} MRAC's delay margin goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, in the end as "
         f"Gamma^{slope:.2f}. L1-AC's (kappa = {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to {filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
         f"is at least {filtered[back:].min():.3g} s from {GAINS[back]:.2g} on, and tends to {limit:.3g} s",
         how=f"{METHOD}; literal readings: Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, around r = {COMMAND_CREST:g}, the crest of Section V's command; a margin that changes by less than a tenth counts as unchanged",
@@ -82,7 +82,7 @@ def gain_reduces_margins() -> Claim:
 UNCHANGED_SHARE = 0.1
 """A margin that changes by less than this share of itself is unchanged."""
 HIGH_GAIN = 1e4
-"""Of Section V, "a very large adaptive gain"."""
+"""Section V's "very large adaptive gain"."""
 
 
 def _smaller(values: Array) -> bool:
@@ -95,7 +95,7 @@ def _unchanged(values: Array) -> bool:
 
 
 def at_section_v(kappa: float | None) -> dict[str, Array]:
-    """Of each of ``OWN_MEASURES``: at the moderate gain and at Section V's, around the command's crest."""
+    """Each of ``OWN_MEASURES`` at the moderate gain and at Section V's, around the command's crest."""
     at = loop(kappa)
     borne = [bears(at(gamma * COMMAND_CREST**2)) for gamma in (section_v.MODERATE_GAIN, HIGH_GAIN)]
     moderate, high = (one for one in borne if one is not None)  # the loops are stable
@@ -133,7 +133,7 @@ def l1_margins() -> Claim:
         sentence.reads(
             bool(decade.min() > 0 and decade.max() < decade.min() * 1.1), f"{span(decade)} s over the last decade, {limit:.4g} s in the limit of fast adaptation", 1
         ),
-        Reading("the MRAC's delay margin goes to zero", _falls(plain), f"{plain[0]:.3g} s to {plain[-1]:.2g} s", "beside"),
+        Reading("MRAC's delay margin goes to zero", _falls(plain), f"{plain[0]:.3g} s to {plain[-1]:.2g} s", "beside"),
     )  # fmt: skip
     at = [0, int(phase.argmin()), len(GAINS) - 1]
     return Claim(
@@ -141,7 +141,7 @@ def l1_margins() -> Claim:
         readings=readings,
         shows=f"L1-AC's delay margin goes from {delay[0]:.2g} s down to {delay.min():.3g} s and back up to {delay[-1]:.4f} s (MRAC: {plain[-1]:.0e} s), its phase margin "
         f"from {' to '.join(f'{phase[i]:.2g}' for i in at)} rad.",
-        measured=f"over Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} L1-AC's delay margin is {span(delay)} s, from {GAINS[int(delay.argmin())]:.2g} (the least) on it rises again to "
+        measured=f"over Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} L1-AC's delay margin is {span(delay)} s, from {GAINS[int(delay.argmin())]:.2g} (the smallest) on it rises again to "
         f"{delay[-1]:.4g} s; its phase margin is {phase[at[0]]:.3g} rad at the lowest gain, {phase[at[1]]:.3g} rad at {GAINS[at[1]]:.2g}, {phase[-1]:.3g} rad at the highest",
         how=f"{METHOD}; kappa = {section_v.KAPPA:g} s. L1's authors treat a linear plant under a constant disturbance, which reproduce cao_2006 measures",
         listings=(

@@ -40,7 +40,7 @@ def filter_limits_theta() -> Claim:
     readings = (
         sentence.reads(
             stays and goes and bounded,
-            f"with the filter the loop is lost beyond {exact:.2f} [4, -3]; the MRAC tolerates {THETA_SCALES[-1]:g} [4, -3]",
+            f"with the filter the loop is lost beyond {exact:.2f} [4, -3]; MRAC tolerates {THETA_SCALES[-1]:g} [4, -3]",
         ),
         Reading(
             "Theorem 1's guarantee limits the size only with the filter",
@@ -52,7 +52,7 @@ def filter_limits_theta() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With the filter the loop is lost beyond theta = {exact:.2f} [4, -3]; the MRAC tolerates {THETA_SCALES[-1]:g} [4, -3].",
+        shows=f"With the filter the loop is lost beyond theta = {exact:.2f} [4, -3]; MRAC tolerates {THETA_SCALES[-1]:g} [4, -3].",
         measured=f"with kappa = 0.02 s Theorem 1 guarantees stability up to theta = {_down(guaranteed)} [4, -3], |theta|_1 = {_down(7 * guaranteed)}; the limit "
         f"loop is stable up to {exact:.2f} [4, -3], {exact / guaranteed:.1f} times that; simulated at 0.8 and 1.25 of it: tail error of L1-AC "
         f"{numbers(early)} over 30 s, {numbers(late)} over 60 s. MRAC, {len(THETA_SCALES)} sizes up to {THETA_SCALES[-1]:g} [4, -3]: tail error at most {unfiltered.max():.1g}",

@@ -45,7 +45,7 @@ def in_flight(every: Sequence[Flights]) -> Claim:
             _beside(every, "the filter helps: L1 follows better than MRAC, which has no filter, for more failures than the reverse", "L1", "MRAC"),
             _beside(every, "L1 with the piecewise-constant law, a linear controller, follows better than robust MRAC, for more failures than the reverse", "L1 piecewise, as flown", "Robust MRAC"),
         ),
-        shows=f"Flights lost, without those with reversed surfaces: adaptive {lost}, linear {of_linear} of {flown}. Less error beyond chance: adaptive for {len(ahead)} failures, linear for {len(behind)}.",
+        shows=f"Flights lost, without those with reversed surfaces: adaptive {lost}, linear {of_linear} of {flown}. Significantly smaller error: adaptive for {len(ahead)} failures, linear for {len(behind)}.",
         measured="; ".join(
             f"{flights.name}: lost {flights.sum_lost(one)} ({one}) and {flights.sum_lost(other)} ({other}) of {flights.members * len(flights.failures)}" for flights, one, other in sides
         ),
@@ -72,7 +72,7 @@ def l1_and_mrac(every: Sequence[Flights]) -> Claim:
             sentence.reads(len(better) > len(worse), f"less error for {_joined(better)}; more for {_joined(worse)}", part)
             for part, (better, worse) in enumerate(found)
         ),
-        shows=f"L1-AC's error is smaller than the MRAC's for {len(ahead)} failures and larger for {len(behind)} on the quadrotor, {len(f16_ahead)} and {len(f16_behind)} on the F-16.",
+        shows=f"L1-AC's error is smaller than MRAC's for {len(ahead)} failures and larger for {len(behind)} on the quadrotor, {len(f16_ahead)} and {len(f16_behind)} on the F-16.",
         measured=f"median RMS error on the quadrotor without a failure: L1-AC {nominal[0]:.3g}, MRAC {nominal[1]:.3g} {quadrotor.unit}; "
         f"of {sum(len(one.failures) for one in every)} failures L1-AC has less error beyond chance for {len(ahead) + len(f16_ahead)}, more for {len(behind) + len(f16_behind)}",
         how="read from stored documents, not measured by this command: " + "; ".join(_provenance(one) for one in every) + ". Flights without a failure (none) are counted too; reversed surfaces are not. L1-AC is state feedback with the filter (6), "
@@ -148,7 +148,7 @@ ROWS = (
         0.1,
         {
             "adaptive-in-flight": "adaptive and linear control on third-party flight models",
-            "l1-mrac-in-flight": "L1-AC compared with the MRAC in flight, on a quadrotor and an F-16",
+            "l1-mrac-in-flight": "L1-AC compared with MRAC in flight, on a quadrotor and an F-16",
         },
         place=370,
     ),
@@ -177,7 +177,7 @@ controller."""
 
 
 PREFIX, SUFFIX = "flown-", ".json"
-"""Of a document's name."""
+"""The beginning and the end of a document's name."""
 ERROR, LOSS = "less_error_than", "kept_where_lost"
 """Paired shares of the document: the draws with a smaller error, and the draws lost by only one of the two."""
 

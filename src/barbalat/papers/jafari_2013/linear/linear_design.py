@@ -162,7 +162,7 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
     return Claim(
         sentence=sentence,
         readings=(*literal, *beside["plain"], *beside["delayed"]),
-        shows=f"Settings chosen, not tuned. Least tail error at size 1: adaptive {least['plain']:.2g}, linear {best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
+        shows=f"Settings chosen, not tuned. Smallest tail error at size 1: adaptive {least['plain']:.2g}, linear {best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
         measured=        f"Tail error at the paper's theta, at the set's corner (5, 5), and there with an input delay of "
         f"{1e3 * DELAY:g} ms: {'; '.join(sentences)}. The model's amplitude is {amplitude():.0f}{missing}",
         how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; halving the step changes the errors by "
@@ -276,7 +276,8 @@ ROWS = (
 
 
 GAMMA = 100.0
-"""As in the comparison with linear designs: the loop behaves as its limit of fast adaptation, and h = 1e-4 s resolves it."""
+"""The gain of the comparison with linear designs: the loop is close to its limit of fast adaptation, and h = 1e-4 s resolves
+it."""
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 

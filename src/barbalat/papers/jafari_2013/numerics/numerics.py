@@ -67,7 +67,7 @@ def without_filter() -> Claim:
         sentence=sentence,
         readings=(sentence.reads(least > 1e3, f"{span(filtered)} per s with the filters, {numbers(rate)} without one"),),
         shows=f"With every filter (6) tried, kappa = {span(FILTERS_TRIED)} s, the estimates vary by at least {short(filtered.min())} per s; without a filter by {short(rate.min())}.",
-        measured=f"variation of the estimates per s: {numbers(rate)} without filter, {span(filtered)} with {len(FILTERS_TRIED)} filters, {span(filtered / rate)} times as much",
+        measured=f"variation of the estimates per s: {numbers(rate)} without a filter, {span(filtered)} with {len(FILTERS_TRIED)} filters, {span(filtered / rate)} times as much",
         how="Section V, Gamma = 1e4, h = 1e-4 s, RK4, 60 s",
         listings=(
             table(
@@ -83,7 +83,7 @@ def without_filter() -> Claim:
 RESOLVING_STEP = 2e-5
 """[s]: h omega_a is at most 1.4 at Figure 3's gain."""
 CREST = 50.0
-"""Of Section V's command."""
+"""The crest of Section V's command."""
 
 
 def smaller_gain() -> Claim:
@@ -108,11 +108,11 @@ def smaller_gain() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"Without modelling error the MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC {l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. The MRAC's exact delay margin at r = 50 is {borne:.1e} s.",
+        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC {l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 is {borne:.1e} s.",
         measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most {mrac.tail_max_abs_e.max():.3g} and "
         "estimates that vary by at most "
         f"{mrac.theta_hat_variation_rate.max():.3g} per s, L1-AC with Gamma = 1e4 a tail error of at most "
-        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC's loop has an exact delay margin of {borne:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both schemes",
+        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC loop has an exact delay margin of {borne:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both schemes",
         how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin by exact linearisation, with the law, around a constant command",
         listings=(
             by_component(
@@ -200,7 +200,7 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
                 },
             ),
         ),
-        would_change="fails: a run at Section V's tau that is lost, rings or depends on the step. The sentence does not speak of other values of tau",
+        would_change="fails: a run at Section V's tau that is lost, rings or depends on the step. The sentence does not mention other values of tau",
     )  # fmt: skip
 
 

@@ -109,7 +109,7 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
         curves=(
             Curve(f"predicted: h ωₐ = {RK4.imaginary_limit:.3f}", ends, _predicted_step(smooth, ends)),
             Curve("observed", first[some], MAP_STEPS[some]),
-            Curve("observed without filter (MRAC)", onset_of_mrac, np.array(STEPS), marks=True),
+            Curve("observed without a filter (MRAC)", onset_of_mrac, np.array(STEPS), marks=True),
             *(Curve(name, [gain], [h], marks=True) for name, (gain, h) in of_the_paper.items()),
         ),
     )

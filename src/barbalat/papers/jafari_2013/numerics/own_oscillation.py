@@ -19,7 +19,7 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 
 
 def own_oscillation() -> Claim:
-    """The ringing that remains as the step goes to zero, beside that of Figure 3's run, second by second."""
+    """The ringing that remains as the step goes to zero, compared with that of Figure 3's run, second by second."""
     figure_3 = rk4(PAPER_SETTING.gamma, section_v.COARSE_STEP, T_END)[1]
     steps = [rk4(PAPER_SETTING.gamma, h, T_END) for h in (section_v.FINE_STEP, *CONVERGED_STEPS)]
     free, boxed = ([path.ringing(*TAIL_WINDOW) for path in paths] for paths in zip(*steps, strict=True))
@@ -32,11 +32,11 @@ def own_oscillation() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} of it, most from {seconds[int(shares.argmax())][0]:g} s on, where the equations ring by up to {own[shares.argmax()].max():.2g}"),
+            sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} of it, most from {seconds[int(shares.argmax())][0]:g} s on, where the equations ring with an amplitude of up to {own[shares.argmax()].max():.2g}"),
             Reading(
                 f"the first {NUMERICAL_FROM:g} s are left out, in which Figure 3's run still follows the equations",
                 bool((shares[after] < OWN_SHARE).all()),
-                f"at most {shares[after].max():.2g} of it: up to {own[after].max():.2g} beside {drawn[after].max():.2g}; in the last quarter {own[-5:].max():.0e}",
+                f"at most {shares[after].max():.2g} of it: up to {own[after].max():.2g} against {drawn[after].max():.2g}; in the last quarter {own[-5:].max():.0e}",
             ),
             Reading(
                 "without the projection the equations do not ring either: the ringing at a converged step does not exceed that at h = 1e-5 s in the last quarter",
@@ -45,9 +45,9 @@ def own_oscillation() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"After {NUMERICAL_FROM:g} s Figure 3 rings by {drawn.max():.2g}, from bound to bound, but the equations by at most {own[after].max():.2g}. Before, both ring alike, by up to {own[~after].max():.2g}.",
-        measured=f"with the projection the equations ring by up to {own.max():.2g}, until an estimate meets its bound at {RINGING_END:g} s, and by at most {own[-5:].max():.1g} in the last quarter; Figure 3's run by up to {drawn.max():.2g}. "
-        f"Without projection the equations ring by {numbers(free[2])} in the last quarter, and at h = 1e-5 s RK4's own damping hides it: {free[0].max():.2g} is left",
+        shows=f"After {NUMERICAL_FROM:g} s Figure 3 rings with an amplitude of {drawn.max():.2g}, from bound to bound, but the equations with at most {own[after].max():.2g}. Before, both ring alike, up to {own[~after].max():.2g}.",
+        measured=f"with the projection the equations ring with an amplitude of up to {own.max():.2g}, until an estimate meets its bound at {RINGING_END:g} s, and by at most {own[-5:].max():.1g} in the last quarter; Figure 3's run by up to {drawn.max():.2g}. "
+        f"Without projection the equations ring with an amplitude of {numbers(free[2])} in the last quarter, and at h = 1e-5 s RK4's own damping hides it: {free[0].max():.2g} is left",
         how=f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; equations: h = {CONVERGED_STEPS[0]:g} s, within a tenth of {CONVERGED_STEPS[1]:g} s; Figure 3: {section_v.COARSE_STEP:g} s; ringing: half the largest swing within {RINGING_WINDOW:g} s, the drift of its middle removed",
         listings=(
             table(

@@ -32,9 +32,9 @@ def claim() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(spread < 2, f"the largest variation is {spread:.3f} times the least"),
+            sentence.reads(spread < 2, f"the largest variation is {spread:.3f} times the smallest"),
             Reading(
-                "the same holds for the MRAC with explicit Euler steps",
+                "the same holds for MRAC with explicit Euler steps",
                 bool(rough.max() < 2 * rough.min()),
                 f"{span(rough[:, 0])} per s",
                 "beside",
@@ -43,7 +43,7 @@ def claim() -> Claim:
         shows=f"Over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the variation of the estimates changes by a factor of {spread:.3f}.",
         measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
         f"{span(smooth['MRAC'][:, 0])} per s, "
-        f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the least; by explicit Euler "
+        f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the smallest; by explicit Euler "
         f"{span(rough[:, 0])} per s",
         how="the controller sampled every 1e-4 s, closed form of cost O(n^2) for each sample; Section V, RK4, h = 1e-4 s, 20 s, first estimate",
         listings=(
@@ -105,7 +105,7 @@ def delays() -> Claim:
         f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC swing between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
-        f"{CHATTER_FACTOR:g} times that without delay",
+        f"{CHATTER_FACTOR:g} times that without a delay",
         listings=(_listing(found, quiet),),
         would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help under such a delay",
     )

@@ -64,7 +64,7 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
         sentence=SENTENCES["stiff-solvers"],
         readings=(*_literal(tried), *_automatic(tried), *_beside(tried), _giving_up(tried), *more),
         shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the equations, up to Gamma = {GAINS[-1].gamma:g} (RK4 in Figure 3 up to {rk4:.2g} times); no singularity.",
-        measured="ringing of the estimates over that of the converged solution, least and most of any second, without / with projection: "
+        measured="ringing of the estimates over that of the converged solution, smallest and largest in any second, without / with projection: "
         + "; ".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / {cell(row, 1, right)}" for row in (*tried.explicit, *at_paper))
         + ". Automatic steps: "
         + "; ".join(
@@ -73,7 +73,7 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
         )
         + f". {NO_SINGULARITY}",
         how=f"ringing: half the largest swing within {RINGING_WINDOW:g} s, the drift of its middle removed, in each second from {RINGING_START:g} to {RINGING_END:g} s; right: within a factor {AGREEMENT_FACTOR:g} in each of that of RK4 at "
-        f"h = {PAPER_SETTING.converged_step:g} s, which rings by up to {numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, the estimate limited at the step's "
+        f"h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to {numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, the estimate limited at the step's "
         f"end. Automatic steps: with projection, exact Jacobian. In that time no converged estimate is beyond {_highest(RINGING_END):.2g}, and the projection is at rest; RK4 at the paper's step leaves the solution at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing([*tried.explicit, *at_paper, *tried.tight, *tried.loose], right, PAPER_SETTING.gamma), *tables, *listings),
         would_change="holds: implicit steps that ring beyond the equations at some gain, with either method and at either step",
@@ -133,7 +133,7 @@ def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
             f"the solver chooses its steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g}: each rings beyond the equations, or gives up",
             len(failing) == len(tried.loose),
             "; ".join(f"{row.name} to {row.span[1]:g} s {cell(row, 1, right)}{_amplitude(row)}" for row in tried.loose)
-            + f"; the converged solution rings by {right[1].ringing(*PAPER_SETTING.span).max():.2g}. The bounds are 5 and -5",
+            + f"; the converged solution rings with an amplitude of {right[1].ringing(*PAPER_SETTING.span).max():.2g}. The bounds are 5 and -5",
         ),
         Reading(
             "some solver for stiff problems shows them: a milder meaning of \"in general\", which the rules on quantifiers do not adopt",
@@ -228,7 +228,7 @@ AUTOMATIC_END = 3.0
 LONG_AUTOMATIC_END = 10.0
 """[s]: after the time during which an estimate is at its bound, from 6.5 to 9.3 s."""
 TOLERANCE = 1e-7
-"""Relative, of the codes with automatic steps; to 3 s at 1e-6 they damp the ringing by a quarter and more (docs/laboratory/claims.md)."""
+"""Relative tolerance of the codes with automatic steps; at 1e-6 they damp the ringing up to 3 s by a quarter or more (docs/laboratory/claims.md)."""
 LOOSE_TOLERANCES = (1e-3, 1e-6)
 """The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a tolerance."""
 LOOSE_END, RADAU_END = 4.0, 1.5
@@ -245,12 +245,12 @@ PAPER_SETTING = StiffSetting(1e4, T_END, CONVERGED_STEPS[0])
 FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7)
 """The converged step is 1e-7 s within 0.2 % of the ringing."""
 GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5e-7), FIGURE_5)
-"""At each of them RK4 fails at the paper's step of 1e-4 s; the plain command has time for so much of each."""
+"""At each of them RK4 fails at the paper's step of 1e-4 s; the plain command has time for this much of each."""
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))
 """The runs of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
 FULL_COMMAND = (
     f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
-    f"the largest); SciPy's LSODA, BDF and Radau beside CVODES, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
+    f"the largest); SciPy's LSODA, BDF and Radau as well as CVODES, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
     f"{LOOSE_TOLERANCES[1]:g}, all four to {LONG_AUTOMATIC_END:g} s at {LOOSE_TOLERANCES[0]:g}; CVODES and LSODA to {LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
 )
 

@@ -17,7 +17,7 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 M, LIPSCHITZ = 1.0, 0.5
 """The pole of (19) [rad/s], and L as in the bundled case l1-output."""
 BANDWIDTHS = np.geomspace(1.0, 1e4, 9)
-"""[rad/s]."""
+"""Bandwidths of the filter [rad/s]."""
 GRID = np.linspace(-5.0, 5.0, 5)
 """Values of each theta_i: corners, edges and interior of Section V's known set."""
 

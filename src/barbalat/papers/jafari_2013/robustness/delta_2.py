@@ -98,7 +98,7 @@ def norm_per_size() -> float:
 
 
 def constants(errors: Errors) -> Array:
-    """(4,) the least nu of |e| <= (tau + Delta_2) nu for each tau, over all sizes and none."""
+    """(4,) the smallest nu of |e| <= (tau + Delta_2) nu for each tau, over all sizes and none."""
     delta_2 = norm_per_size() * np.append(0.0, SIZES)
     return np.asarray((np.column_stack([errors.peak_without, errors.peak]) / (TAUS[:, None] + delta_2)).max(axis=1))
 
@@ -118,7 +118,7 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["delta-2-term"],
         readings=readings,
-        shows=f"One nu = {nu.max():.3g} is sufficient for every tau and size tried; the least nu falls to {nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
+        shows=f"One nu = {nu.max():.3g} is sufficient for every tau and size tried; the smallest nu falls to {nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
         measured=        f"the remaining |e| at fixed tau varies as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} is sufficient for every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With Section V's own command, one sine, {_one_frequency()}",
         how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, {MENDED}, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
@@ -133,7 +133,7 @@ def claim(*, full: bool = False) -> Claim:
 def _one_constant(nu: Array) -> Reading:
     return SENTENCES["delta-2-term"].reads(
         bool(np.isfinite(nu).all() and (nu[:, -1] <= nu[:, :-1].max(axis=1)).all()),
-        f"the least nu is {nu[:, 0].max():.3g} for tau = {TAUS[0]:g} s and {nu[:, -1].max():.3g} for {TAUS[-1]:g} s",
+        f"the smallest nu is {nu[:, 0].max():.3g} for tau = {TAUS[0]:g} s and {nu[:, -1].max():.3g} for {TAUS[-1]:g} s",
     )
 
 
@@ -196,7 +196,7 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     ]
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
-        "The least nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s], the largest over the modelling errors",
+        "The smallest nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s], the largest over the modelling errors",
         {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau

@@ -119,7 +119,7 @@ def with_error(runs: dict[float, Along]) -> Claim:
     return Claim(
         sentence=SENTENCES["lemma-1-small"],
         readings=readings,
-        shows=f"The least nu for epsilon m_s is {by_definition['error'].max():.2g} along the runs; for any signals it reaches {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15) and "
+        shows=f"The smallest nu for epsilon m_s is {by_definition['error'].max():.2g} along the runs; for any signals it reaches {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15) and "
         f"{scalar_lemma.constants(scalar_lemma.ScalarGradient()).max():.2g} with the gradient law.",
         measured=        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
@@ -168,13 +168,13 @@ def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
 
 def _constants(measure: str, mus: Array, found: dict[str, Array]) -> Listing:
     columns = {"nu for epsilon": found["epsilon"], "nu for epsilon m_s": found["error"], "nu for theta_hat'": found["rate"]}
-    return table(f"The least nu along the runs, {measure}", {"mu [s]": mus, **columns})
+    return table(f"The smallest nu along the runs, {measure}", {"mu [s]": mus, **columns})
 
 
 def _at_most(found: dict[str, Array]) -> str:
     largest = {name: f"{values.max():.3g}" for name, values in found.items()}
     return (
-        f"the least nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, "
+        f"the smallest nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, "
         f"{largest['rate']} for theta_hat'"
     )
 
@@ -290,11 +290,11 @@ class Along:
     integrals: dict[str, Array]
 
     def constant(self, name: str) -> float:
-        """The least nu with: integral over [t, t + T] <= nu (integral of eta^2/m_s^2 over it + 1), over all pairs of instants."""
+        """The smallest nu with: integral over [t, t + T] <= nu (integral of eta^2/m_s^2 over it + 1), over all pairs of instants."""
         return self._least(name, self.integrals["eta"])
 
     def constant_of_largest(self, name: str) -> float:
-        """The least nu with: integral over [t, t + T] <= nu (mu T + 1), mu the largest eta^2/m_s^2: the paper's definition."""
+        """The smallest nu with: integral over [t, t + T] <= nu (mu T + 1), mu the largest eta^2/m_s^2: the paper's definition."""
         return self._least(name, (self.eta**2).max() * self.t)
 
     def _least(self, name: str, allowed: Array) -> float:

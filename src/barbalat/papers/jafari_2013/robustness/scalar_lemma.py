@@ -23,7 +23,7 @@ BIASED_TIMES = (10.0, 100.0, 1000.0)
 WEAK_REGRESSORS = (0.3, 0.1, 0.03)
 """Values of phi with which eta = phi LEARNT_BIAS teaches a wrong estimate, before phi = 1 reveals the error."""
 LEARNT_BIAS = 5.0
-"""Less than the width of Section V's set."""
+"""The learnt bias, less than the width of Section V's set."""
 GRADIENT_GAIN = 10.0
 BOUNDED_GROWTH = 1.5
 """Constants count as bounded if they grow by at most this factor from one signal to the next; those of pure least squares
@@ -108,7 +108,7 @@ def weakly_taught(phi: float) -> tuple[tuple[Piece, Piece], float]:
 
 
 def constants(law: ScalarLaw) -> Array:
-    """The least nu of the paper's definition, integral <= nu (mu T + 1), over the last piece, for each of WEAK_REGRESSORS."""
+    """The smallest nu of the paper's definition, integral <= nu (mu T + 1), over the last piece, for each of WEAK_REGRESSORS."""
     taught = [weakly_taught(phi) for phi in WEAK_REGRESSORS]
     return np.array([spent_in_the_last(law, pieces) / (mu * pieces[1].duration + 1) for pieces, mu in taught])
 
@@ -138,7 +138,7 @@ def listings() -> tuple[Listing, Listing]:
     mus = [weakly_taught(phi)[1] for phi in WEAK_REGRESSORS]
     return (
         table(
-            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} "
+            f"The smallest nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} "
             "was learnt with a weak regressor phi",
             {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
         ),

@@ -2,7 +2,7 @@
 
 Projection bounds the estimates, not the state: some estimates of the known set do not stabilise the plant, and the law must
 leave them in time. If a run grows without bound, no proof of boundedness can exist. For both schemes the following is exact:
-(x, r, x(0)) times c and Gamma divided by c^2 is the same motion, scaled: no gain, however small, is reasonable for all commands.
+(x, r, x(0)) times c with Gamma divided by c^2 gives the same motion, scaled: no gain, however small, is reasonable for all commands.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def ideal_margins(kappa: float | None) -> Array:
     return np.array([margins(known_parameters(plant, plant.theta, C)).delay for plant in plants])
 
 
-def certain_size(kappa: float | None, delay: float = PROVEN_DELAY) -> float:
+def certain_size(kappa: float | None) -> float:
     """The largest s for which every |theta_i|, |theta_hat_i| <= s keeps x bounded for any motion of theta_hat, by the
     small-gain theorem.
 
@@ -202,7 +202,7 @@ def certain_size(kappa: float | None, delay: float = PROVEN_DELAY) -> float:
     """
     known = section_v.problem().known
     plain = l1_norm(known.A_m, known.b[:, None], np.eye(2), np.zeros((2, 1))).upper
-    behind = delay * theorem_1.derivative_norm(known).upper
+    behind = PROVEN_DELAY * theorem_1.derivative_norm(known).upper
     if kappa is not None:
         behind += theorem_1.filter_condition(known, input_filter(kappa).realise(), 1.0).norm.upper
     return 1 / ((4 * plain + 2 * behind) * OUTWARD_FACTOR**3)

@@ -27,7 +27,7 @@ SEED = 20130820  # any fixed number: the draws are the same on every machine
 DRAWS, MORE_DRAWS = 2, 12
 """Commands of each kind, in the plain command and in ``--full``."""
 LARGEST_COMMAND = 50.0
-"""|r| of Section V."""
+"""The largest |r| of Section V."""
 T_END, LONGER_T_END = 400.0, 1600.0
 """Horizons [s] of the plain command and of ``--full``: each quarter of the shorter run has eight periods of Section V's
 command."""
@@ -192,7 +192,7 @@ def claim(*, full: bool = False) -> Claim:
             robust.small,
             standard.small,
         ),
-        shows=f"{len(tried)} commands: the MRAC's integral of |e|^2 is at most {spent.max():.2g} of V(0); the robust MRAC's error in the last quarter is at most {robust.ratios.max():.2g} of that in the second.",
+        shows=f"{len(tried)} commands: MRAC's integral of |e|^2 is at most {spent.max():.2g} of V(0); the robust MRAC's error in the last quarter is at most {robust.ratios.max():.2g} of that in the second.",
         measured=        f"{len(tried)} commands of {len(KINDS)} kinds: max |e| of the robust MRAC in the last quarter of {t_end:g} s is at most {robust.late[worst]:.2g} of the largest |x_m| ({tried[worst][0]}), "
         f"median {np.median(robust.late):.1g}. From the second quarter on it fell to "
         f"{robust.ratios.min():.1g} to {robust.ratios.max():.2g} of its value, most slowly with {tried[slowest][0]}; 1/t would give {ONE_OVER_T:.2g}, and the paper does not state a rate. "
@@ -210,7 +210,7 @@ def _listing(of: CommandErrors, t_end: float) -> Listing:
     names = np.array(of.kinds)
     return Listing(
         f"max |e| over the largest |x_m| in the first, the second and the last quarter of {t_end:g} s, {of.scheme}"
-        f": the least and the largest over a kind's {len(names) // len(KINDS)} commands",
+        f": the smallest and the largest over a kind's {len(names) // len(KINDS)} commands",
         ("command", "first quarter", "second quarter", "last quarter"),
         tuple((kind, *(span(column[names == kind]) for column in of.quarters[:, [0, 1, 3]].T)) for kind in KINDS),
     )

@@ -129,11 +129,13 @@ def best_at_zero() -> Claim:
     errors = np.append(peaks, unfiltered)
     sentence = SENTENCES["best-kappa-zero"]
     readings = (
-        sentence.reads(bool((np.diff(bounds) < 0).all()), f"{bounds[-1]:.2g} without filter, {bounds[-2]:.3g} with the fastest"),
+        sentence.reads(
+            bool((np.diff(bounds) < 0).all()), f"{bounds[-1]:.2g} without a filter, {bounds[-2]:.3g} with the fastest"
+        ),
         Reading(
             "the error itself is also smallest without a filter",
             bool((np.diff(errors) < 0).all()),
-            f"{errors[-1]:.2g} without filter, {errors[-2]:.3g} with the fastest",
+            f"{errors[-1]:.2g} without a filter, {errors[-2]:.3g} with the fastest",
             "beside",
         ),
     )
@@ -156,7 +158,7 @@ def best_at_zero() -> Claim:
 
 
 ANY_COMMAND = "for any reference signal r(t)"
-"""Of Theorem 1 (i)."""
+"""The words of Theorem 1 (i)."""
 
 
 def part_iii() -> Claim:
@@ -169,11 +171,11 @@ def part_iii() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(ANY_COMMAND in SENTENCES["any-command"].quote, f'part (i) is printed "{ANY_COMMAND}", to which r = 50 belongs: one step'),
+            sentence.reads(ANY_COMMAND in SENTENCES["any-command"].quote, f'part (i) is printed "{ANY_COMMAND}", which includes r = 50: one step'),
             sentence.reads(bound == 0, f"(10) allows an error of {bound:.3g} for r = 50, however high the gain", 1),
         ),
         shows=f"MRAC: yes, part (i) covers every r. L1-AC: for r = 50 and any gain, (10) still allows {short(bound)}; the run's error is {left:.0e}, by Barbalat's lemma and C(0) = 1.",
-        measured=f"for the MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. The missing steps: the integral of |x_tilde|^2 is at most V(0), so x_tilde -> 0 "
+        measured=f"for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. The missing steps: the integral of |x_tilde|^2 is at most V(0), so x_tilde -> 0 "
         "(Barbalat); x_hat - x_m is then driven through W_b (1 - C) by a signal that tends to a constant, and (1 - C)(0) = 0",
         how=f"certified norm and model bounds, kappa = {section_v.KAPPA:g} s; run: Gamma = 1, RK4, h = 1e-3 s, 120 s",
         listings=(table("For r = 50: the error that part (ii) allows, and the error of a run", {"": ("bound (10), Gamma -> infinity", "|e|, tail of a run"), "|e|": (bound, left)}),),
@@ -186,8 +188,8 @@ V_TOLERANCE = 1e-6
 UNSTABLE_KAPPA, UNSTABLE_GAIN = 1.0, 0.1
 """[s]: twenty times what Theorem 1's condition admits, where the limit of fast adaptation is unstable; the gain, small since |x| grows."""
 FILTERS = {section_v.KAPPA: (1e4, 1e-6), UNSTABLE_KAPPA: (UNSTABLE_GAIN, 2e-5)}
-"""By kappa: Section V's gain with a step that resolves it, h omega_a below 0.1, and beyond the condition a step below 2.3, where
-RK4 is stable."""
+"""Gain and step by kappa: Section V's gain with a step that resolves it, h omega_a below 0.1; beyond the condition, one with h
+omega_a below 2.3, where RK4 is stable."""
 V_T_END = 20.0
 
 
@@ -204,14 +206,14 @@ def same_lyapunov() -> Claim:
             sentence.reads(rises[0] < V_TOLERANCE, f"the largest rise is {rises[0]:.1g} of V(0)"),
             sentence.reads(found.holds and errors[0] < bound, f"||W_b (1 - C)||_1 theta_max is {found.value_upper:.3g}, and |e| at most {errors[0]:.3g}, {errors[0] / bound:.2g} of the bound", 1),
             Reading(
-                f"V alone bounds the state, as it does with the MRAC, even with kappa = {UNSTABLE_KAPPA:g} s, beyond the condition",
+                f"V alone bounds the state, as it does with MRAC, even with kappa = {UNSTABLE_KAPPA:g} s, beyond the condition",
                 rises[1] >= V_TOLERANCE or reached[1] < 10 * reached[0],
                 f"the largest rise is {rises[1]:.1g} of V(0), and |x| reaches {reached[1]:.2g} in {V_T_END:g} s: V bounds x_tilde, and the small-gain theorem bounds x",
                 "beside",
             ),
         ),
         shows=f"{f'V rises by {rises[0]:.0e} of V(0)' if rises[0] > 0 else 'V never rises'}, but x is bounded by the small-gain theorem: beyond its condition |x| reaches {reached[1]:.0e} although V falls too.",
-        measured=f"with Section V's kappa V rises by at most {rises[0]:.1g} of V(0) and |x| reaches {reached[0]:.3g}; with {UNSTABLE_KAPPA:g} s these are {rises[1]:.1g} and {reached[1]:.2g}. The proof of part (ii) names the small-gain theorem beside V",
+        measured=f"with Section V's kappa V rises by at most {rises[0]:.1g} of V(0) and |x| reaches {reached[0]:.3g}; with {UNSTABLE_KAPPA:g} s these are {rises[1]:.1g} and {reached[1]:.2g}. The proof of part (ii) names the small-gain theorem as well as V",
         how=f"Section V, Gamma = {FILTERS[section_v.KAPPA][0]:g}, RK4, h = {FILTERS[section_v.KAPPA][1]:g} s; kappa = {UNSTABLE_KAPPA:g} s: Gamma = {UNSTABLE_GAIN:g}, h = {FILTERS[UNSTABLE_KAPPA][1]:g} s; {V_T_END:g} s, V at 10000 instants; (10) by certified norms",
         listings=(
             table(
@@ -246,7 +248,7 @@ def constant_command() -> Claim:
             sentence.reads(max(tails[:2]) < 1e-4, f"MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g}"),
             Reading("the condition on the DC gain is needed", max(tails[2:]) >= 1e-4, f"with a DC gain of 13.3 MRAC {tails[2]:.1g}, L1-AC {tails[3]:.1g}", "beside"),
         ),
-        shows=f"max |e| in the tail is {tails[0]:.0e} with the MRAC and {tails[1]:.0e} with L1-AC; it is also small with a DC gain of 13.3, at most {max(tails[2:]):.0e}.",
+        shows=f"max |e| in the tail is {tails[0]:.0e} with MRAC and {tails[1]:.0e} with L1-AC; it is also small with a DC gain of 13.3, at most {max(tails[2:]):.0e}.",
         measured=        f"max |e| in the tail: MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g} with DC gain 1; {tails[2]:.1g} and {tails[3]:.1g} with DC gain "
         "13.3: the condition is not needed, C(0) = 1 is sufficient",
         how="Section V with r = 50, k_0 = 0.3 and 4, Gamma = 1, RK4, h = 1e-4 s, 120 s",
@@ -280,7 +282,7 @@ def is_mrac() -> Claim:
     readings = (
         sentence.reads(bool((np.abs(shares[own] - 1) < SAME_SHARE).all()), literal),
         Reading(
-            "the MRAC has the predictor (8) in place of the model (2), to which it is equal without a filter",
+            "MRAC has the predictor (8) in place of the model (2), to which it is equal without a filter",
             difference < 1e-9,
             f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) differ by {difference:.1g} of themselves; with C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any MRAC",
             "beside",
@@ -295,7 +297,7 @@ def is_mrac() -> Claim:
         readings=readings,
         shows=f"With the filter, (3)-(4) as printed, driven by e, have tail errors of only {shares[own][0]:.2g} and {shares[own][1]:.2g} times those of (5)-(8).",
         measured=f"a filter of kappa = {section_v.KAPPA:g} s before the error-driven MRAC is another scheme: {literal}. The difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and the "
-        f"errors are those of the MRAC within {difference:.1g} of themselves",
+        f"errors are those of MRAC within {difference:.1g} of themselves",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; weaker readings: Gamma = {numbers(FILTERED_GAINS)}, h down to {min(FILTERED_KAPPAS.values()):g} s; a test confirms the step-by-step agreement with C = 1 to rounding",
         listings=(
             by_component(
@@ -309,7 +311,7 @@ def is_mrac() -> Claim:
                 | {f"|e_{i + 1}|": [share[i] for share in shares.values()] for i in range(2)},
             ),
         ),
-        would_change="holds: a filtered, error-driven MRAC that behaves as (5)-(8) do; holds if: such an MRAC with a faster filter. The supplementary reading is for readers who count the predictor (8) as part of the MRAC",
+        would_change="holds: a filtered, error-driven MRAC that behaves as (5)-(8) do; holds if: such an MRAC with a faster filter. The supplementary reading is for readers who count the predictor (8) as part of MRAC",
     )  # fmt: skip
 
 

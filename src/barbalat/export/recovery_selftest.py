@@ -1,0 +1,225 @@
+"""The self-test of recovery: after a result or a state out of range the controller begins again by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.export.contents import Contents
+from barbalat.export.layout import StatePart
+from barbalat.export.shell_selftest import alone_of, fallen
+from barbalat.export.texts import Printed, indented
+from barbalat.loop.around import MOST_COUNTED, Around
+
+
+def recovery_tests(printed: Printed) -> str:
+    """The text of ``test_recovery``."""
+    return _WHOLE.format(
+        name=printed.name,
+        macro=printed.macro,
+        real=printed.real,
+        x=printed.measured,
+        u=printed.contents.layout.u.name,
+        given=_given(printed),
+        fade=f"{printed.macro}_FADE" if _ends(printed.contents.around) else "0L",
+        measures=int(printed.contents.measures_state),
+        refused=indented(_refused(printed)),
+        without=indented(_without_measurement(printed)),
+    )
+
+
+def _ends(around: Around | None) -> bool:
+    return around is not None and around.longest is not None
+
+
+def checked_values(contents: Contents) -> list[StatePart | None]:
+    """The last good values from which a rate is checked: a state with one out of range is refused, and a new one is too fast."""
+    around, layout = contents.around, contents.layout
+    if around is None:
+        return []
+    return [*([layout.measured] if around.rated else []), *([layout.r] if around.command_rated else [])]
+
+
+def _given(printed: Printed) -> str:
+    return f"in.{printed.measured}, " if printed.contents.measures_state else ""
+
+
+def poked_parts(contents: Contents, *, kept: bool) -> list[StatePart]:
+    """Parts of the state whose values at the end of the range give a result out of range; learnt values are left out if they
+    are ``kept``."""
+    layout, around = contents.layout, contents.around
+    spared = [layout.theta_hat, layout.started, layout.measured, layout.part("held.baseline")]
+    spared += [layout.r] if around is not None and around.command_rated else []  # or the command would be too fast
+    learnt = [part for part in layout.parts if kept and not contents.learnt.isdisjoint(part.rows)]
+    return [part for part in layout.parts if part not in (*spared, *learnt)]
+
+
+def leads_out_of_range(contents: Contents, poked: list[range]) -> tuple[bool, bool]:
+    """Whether the result of a good sample, and that of a lost one, is out of range if these entries are at the end of their
+    range."""
+    layout, state = contents.layout, contents.vectors.states[3].copy()
+    for rows in poked:
+        state[rows] = contents.range
+    with np.errstate(all="ignore"):
+        after = contents.evaluated(state, contents.vectors.measured[4], contents.vectors.commands[4])
+        held = contents.evaluated(state, state[layout.measured.rows], state[layout.r.rows], contents.lost)
+    held[layout.u.rows] = 0.0
+    good, lost = (bool((np.abs(one[layout.rows]) > contents.range).any()) for one in (after, held))
+    return good, lost
+
+
+def _without_measurement(printed: Printed) -> list[str]:
+    """A bad state, and no measurement: u is held, and after the longest outage the fallback acts."""
+    around, name, M = printed.contents.around, printed.name, printed.macro
+    step, told = f"{name}_step(&c, &in, &out)", '"a bad state is not reported, or the last control is not held"'
+    if not _ends(around) or not printed.contents.measures_state:
+        return [f"require({step} == {M}_STATE_REFUSED && same(out.u, other.last_u, {M}_INPUTS), {told});"]
+    assert around is not None
+    held = ["c.outage = -1L;", f"require({step} == {M}_STATE_REFUSED && c.outage == 1L && same(out.u, other.last_u, {M}_INPUTS),"]
+    zero = f"0.0{printed.contents.real.suffix}"
+    after = zero if around.baseline is not None else fallen(printed, "u")
+    return [
+        *([*held, f"    {told});"] if around.longest else []),
+        f"memcpy(u, c.last_u, sizeof u); c.outage = {M}_LONGEST_OUTAGE;",
+        f"for (i = 0; i < {M}_INPUTS; ++i) {{ u[i] = {after}; }}",
+        f"require({step} == ({M}_STATE_REFUSED | {M}_FALLBACK) && c.outage == {M}_LONGEST_OUTAGE + 1L",
+        f"        && same(out.u, u, {M}_INPUTS),",
+        '    "no fallback acts in a bad state without a measurement");',
+        f'c.outage = {MOST_COUNTED}L; require({step} != {M}_OK && c.outage == {MOST_COUNTED}L, "an outage is counted too far");',
+        f"memcpy(other.last_u, c.last_u, sizeof u); c.outage = {MOST_COUNTED}L + 1L;",
+        f'require({step} != {M}_OK && c.outage == 1L, "a bad count is kept"); memcpy(other.last_u, c.last_u, sizeof u);',
+    ]
+
+
+def _refused(printed: Printed) -> list[str]:
+    """States whose result is out of range at every sample: at first nothing changes, then the controller begins again and
+    returns."""
+    sides: list[int | None] = [*sorted({side for _, side in printed.limits()})] or [None]
+    lines = [line for side in sides for line in _begun_again(printed, kept=1, beyond=side)]
+    lines += _begun_again(printed, kept=0)
+    return [line.format(n=printed.name, M=printed.macro, x=printed.measured) for line in lines]
+
+
+def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> list[str]:
+    """The test with the learnt values kept or reset; empty if no such state gives a result out of range.
+
+    beyond  the limit, 0 for the lower one, that the held control exceeds; None for a control of the run
+    """
+    contents, layout, around = printed.contents, printed.contents.layout, printed.contents.around
+    poked = poked_parts(contents, kept=bool(kept))
+    good, lost = leads_out_of_range(contents, [part.rows for part in poked])
+    if not good:
+        return []
+    ends, longest, rated = _ends(around), None if around is None else around.longest, around is not None and bool(around.rated)
+    status = "({M}_RESULT_REFUSED | {M}_FALLBACK)" if ends else "{M}_RESULT_REFUSED"
+    others = [part for part in layout.parts if part not in (layout.u, layout.part("held.baseline"))]
+    same = "\n        && ".join(f"same(c.{part.name}, other.{part.name}, {part.size})" for part in others)
+    at_rest = [
+        "c.fade = 5L; c.fade_left = 3L; c.matching = 1; before = c; before.refused = 1;"
+        + " before.outage = 1L;" * ends
+        + " before.age = 1L;" * rated,
+        "require({n}_step(&c, &in, &out) == {M}_RESULT_REFUSED && same_state(&c, &before),",
+        '    "a first result out of range changes the state");',
+    ]
+    tolerated = [
+        "c.outage = {M}_LONGEST_OUTAGE - 1L; before.outage = {M}_LONGEST_OUTAGE; before.refused = 2;"
+        + " before.age = 2L;" * rated,
+        "require({n}_step(&c, &in, &out) == {M}_RESULT_REFUSED && same_state(&c, &before),",
+        '    "the controller begins again too early");',
+    ]
+    first = [*(at_rest if longest != 0 else []), *(tolerated if longest else [])]
+    return [
+        "{n}_init(&c); (void)replay(&c, 4); in = sample(4);",
+        *(f"for (i = 0; i < {part.size}; ++i) {{{{ c.{part.name}[i] = {{M}}_RANGE; }}}}" for part in poked),
+        *(first if kept else ["c.refused = {M}_REFUSALS - 1;"]),
+        *(
+            ["c.outage = {M}_LONGEST_OUTAGE; c.fade = 0L; c.fade_left = 0L; c.matching = 0;"]
+            if ends
+            else ["c.matching = 1; c.fade = 5L; c.fade_left = 3L;"]
+        ),
+        *(_BEYOND[beyond] if beyond is not None and not ends else []),
+        "other = c; before = c;",
+        "memcpy(u, c.last_u, sizeof u);" if kept else "for (i = 0; i < {M}_INPUTS; ++i) {{ u[i] = 0; }}",
+        f"(void){{n}}_start(&other, {_given(printed)}u, 0L, {kept}); (void){{n}}_step(&other, &in, &out);",
+        f"require({{n}}_step(&c, &in, &out) == {status}"
+        + " && c.outage == {M}_LONGEST_OUTAGE + 1L" * ends
+        + " && c.age == 0L" * rated
+        + ",",
+        '    "the status differs after results out of range");',
+        f"require({same},",
+        f'    "the controller does not begin again {"with" if kept else "without"} what was learnt");',
+        _fallen(printed),
+        'require(same(out.u, u, {M}_INPUTS) && same(c.last_u, u, {M}_INPUTS), "u differs after results out of range");',
+        *([] if ends else _NO_FADE),
+        *(_COUNTED if kept else []),
+        *(_NOT_COUNTED if kept and lost else []),
+        *(_AT_WRONG_TIME if kept and lost and around is not None and around.band is not None else []),
+        "in = sample(5);",
+        "require({n}_step(&c, &in, &out) == {M}_OK && c.refused == 0" + " && c.outage == 0L" * ends + ",",
+        '    "the controller does not return after results out of range");',
+        *(
+            ['require(close_to(out.u, u, {M}_INPUTS), "this return causes a bump");']
+            if around is not None and around.fades
+            else []
+        ),
+    ]
+
+
+def _fallen(printed: Printed) -> str:
+    """C that turns ``u``, the last control, into the output: the first control of the fallback, or the held one within its
+    limits."""
+    acts = _ends(printed.contents.around)
+    alone = alone_of(printed).replace("{", "{{").replace("}", "}}") if acts else ""
+    inside = "u[i] = u[i] < limits[i][0] ? limits[i][0] : u[i] > limits[i][1] ? limits[i][1] : u[i];"
+    found = fallen(printed, "u") if acts else "u[i]"
+    return f"{{{{ {alone} for (i = 0; i < {{M}}_INPUTS; ++i) {{{{ u[i] = {found}; {inside} }}}} }}}}"
+
+
+_BEYOND = [
+    ["for (i = 0; i < {M}_INPUTS; ++i) {{ if (limits[i][1] <= {M}_RANGE) {{ c.last_u[i] = limits[i][0] - 1; }} }}"],
+    ["for (i = 0; i < {M}_INPUTS; ++i) {{ if (limits[i][1] <= {M}_RANGE) {{ c.last_u[i] = limits[i][1] + 1; }} }}"],
+]
+_NO_FADE = ['require(c.fade_left == 0L && c.matching == 0, "a fade goes on after results out of range");']
+_COUNTED = [
+    "other = before; other.refused = {M}_REFUSALS;",
+    "require(({n}_step(&other, &in, &out) & {M}_RESULT_REFUSED) != 0u && other.refused == {M}_REFUSALS,",
+    '    "refused results are counted too far");',
+]
+_NOT_COUNTED = [
+    "other = before; other.refused = 3; in.{x}[0] = nothing / nothing;",
+    "require(({n}_step(&other, &in, &out) & {M}_RESULT_REFUSED) != 0u && other.refused == 3,",
+    '    "a lost sample counts as a refused result");',
+    "in = sample(4);",
+]
+"""For a lost sample."""
+_AT_WRONG_TIME = [
+    "other = before; other.outage = 0L; in.sample_time = 0;",
+    "require({n}_step(&other, &in, &out) == ({M}_RESULT_REFUSED | {M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)",
+    "        && other.outage == {M}_LONGEST_OUTAGE + 1L,",
+    '    "a result out of range at a wrong time is not followed by the fallback at once");',
+]
+_WHOLE = """
+/* The controller begins again by itself after results out of range, and from a state out of range at a good measurement. */
+static void test_recovery(void)
+{{
+    {name}_controller c, other, before;
+    {name}_input in;
+    {name}_output out;
+    {real} u[{macro}_INPUTS];
+    const {real} nothing = 0;
+    int i;
+    (void)before; (void)u; (void)i;
+    {name}_init(&c);
+    (void)replay(&c, 4);
+    other = c;
+    c.{u}[0] = nothing / nothing;
+    c.refused = 1;
+    in = sample(4);
+    in.{x}[0] = nothing / nothing;
+{without}    in = sample(4);
+    require({measures} == 0 || ({name}_step(&c, &in, &out) == {macro}_STATE_REFUSED && same(out.u, other.last_u, {macro}_INPUTS)),
+        "the controller begins again without a measurement");
+    (void){name}_start(&other, {given}other.last_u, {fade}, 0);
+    require(same_state(&c, &other), "the controller does not begin again from a bad state");
+    require({name}_step(&c, &in, &out) == {macro}_OK, "the controller does not return from a bad state");
+{refused}}}
+"""

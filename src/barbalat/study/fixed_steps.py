@@ -1,0 +1,97 @@
+"""Fixed steps for contests and pages of a case with a tolerance: the longest that show what its own runs show with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import gcd, lcm
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+
+FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u")
+"""The figures that must agree: not a trajectory, since an oscillating loop repeats its amplitude and not its phase."""
+AGREES = 0.01
+"""Relative difference up to which two figures, or two times of a divergence, agree."""
+SMALL = 0.05
+"""Errors in the tail are compared relative to at least this share of the largest error, since a tolerance may not resolve
+smaller ones."""
+FEWEST_STEPS, MOST_STEPS = 20_000, 10_000_000
+"""Fewest steps of a run, so that delays, filters and gains well beyond the motion's own times can be tried."""
+
+
+@dataclass(frozen=True)
+class FixedSteps:
+    """A simulation with fixed steps, and a sentence on how they were found; None for those of the case itself."""
+
+    simulation: Simulation
+    sentence: str | None = None
+
+
+def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> FixedSteps:
+    """The simulation itself if its steps are fixed; InputError if none up to ``MOST_STEPS`` agree with its tolerance."""
+    if simulation.tolerance is None:
+        return FixedSteps(simulation)
+    loops = [ClosedLoop.of(problem, controller) for controller in controllers]
+    if any(loop.around is not None and loop.around.jitters for loop in loops):
+        raise InputError.of(
+            "simulation.tolerance", "does not fix a step, and none can be found for samples that jitter: give simulation.dt"
+        )
+    sampled = [loop.sample_time for loop in loops] + ([] if problem.noise is None else [problem.noise.sample_time])
+    t_end = Fraction(str(simulation.t_end))
+    longest = _divisor([t_end, *(Fraction(str(time)) for time in sampled if time is not None)])
+    most = min(t_end / FEWEST_STEPS, Fraction(str(problem.delay)) if problem.delay else t_end)
+    expected = [_figures(problem, controller, simulation) for controller in controllers]
+    for dt in _round_parts(longest, most, t_end / MOST_STEPS):
+        tried = Simulation(simulation.t_end, float(dt), fused=simulation.fused)
+        found = (_figures(problem, controller, tried) for controller in controllers)
+        if all(_agree(one, other) for one, other in zip(found, expected, strict=True)):
+            return FixedSteps(
+                tried,
+                f"all runs here use fixed steps, {tried.how}: the longest tried at which the case's own runs have the errors and "
+                f"controls of simulation.tolerance = {simulation.tolerance:g} within {100 * AGREES:.0f} %",
+            )
+    raise InputError.of(
+        "simulation.tolerance",
+        f"= {simulation.tolerance:g} does not fix a step, and with up to {MOST_STEPS:.0e} fixed steps the errors and controls of "
+        f"the case's own runs do not come within {100 * AGREES:.0f} % of those of the tolerance: give simulation.dt",
+    )
+
+
+def _divisor(periods: Sequence[Fraction]) -> Fraction:
+    """The longest time that divides all of these [s]."""
+    common = lcm(*(one.denominator for one in periods))
+    return Fraction(gcd(*(int(one * common) for one in periods)), common)
+
+
+def _round_parts(whole: Fraction, most: Fraction, least: Fraction) -> Iterator[Fraction]:
+    """The first, second, fifth, tenth, ... parts between ``most`` and ``least``, in decreasing order."""
+    power = 1
+    while whole / power >= least:
+        for count in (power, 2 * power, 5 * power):
+            if least <= whole / count <= most:
+                yield whole / count
+        power *= 10
+
+
+def _figures(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Metrics:
+    return simulate_ensemble([(problem, controller)], simulation).metrics
+
+
+def _agree(one: Metrics, other: Metrics) -> bool:
+    if np.isfinite(other.diverged_at[0]) or np.isfinite(one.diverged_at[0]):
+        return bool(abs(one.diverged_at[0] - other.diverged_at[0]) <= AGREES * other.diverged_at[0])
+    for name in FIGURES:
+        found, expected = (np.ravel(getattr(metrics, name)) for metrics in (one, other))
+        small = SMALL * float(np.max(other.max_abs_e)) if name == "tail_max_abs_e" else 0.0
+        if not (np.abs(found - expected) <= AGREES * np.maximum(np.abs(expected), small)).all():
+            return False
+    return True

@@ -1,0 +1,57 @@
+"""Mutants of the C around ``advance``: the self-test finds those that are known to be faults."""
+
+from __future__ import annotations
+
+import pytest
+
+from barbalat.export.c99.files import files, made_of
+from barbalat.export.texts import Printed
+from barbalat.lowering.c99 import DOUBLE
+from export.around_mutation import FULL, KINDS, found_around
+from export.examples import SIMULATION
+from export.targets import ISO, STRICT, needs_gcc, run_selftest, write
+from export.test_shell import surrounded
+
+PLANTED = (
+    ("c->outage = {M}_LONGEST_OUTAGE;", "c->outage = {M}_FADE;"),
+    ("} else if (missed > 0L) {", "} else if (missed > 1L) {"),
+    ("if (c->outage < 1000000000L) {", "if (c->outage < 1000L) {"),
+    ("&& c->outage >= 0L && c->outage <= 1000000000L", "&& c->outage >= 0L && c->outage <= 1000L"),
+    ("in_range(c->held_r, 1)", "1"),
+    ("*status |= {M}_COMMAND_LOST;", "*status = {M}_COMMAND_LOST;"),
+    ("status |= {M}_RESULT_REFUSED;", "status = {M}_RESULT_REFUSED;"),
+    ("c->refused = 0;\n    c->outage = 0L;\n    c->age = 1", "c->refused = 0;\n    c->outage = 1L;\n    c->age = 1"),
+    ("> 0 && c->refused < {M}_REFUSALS", "> -5 && c->refused < {M}_REFUSALS"),
+    ("> 0 && c->refused < {M}_REFUSALS", "> 0 && c->refused <= {M}_REFUSALS"),
+    ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples > 1L ? samples : 0L;"),
+)
+"""A statement and what replaces it: faults that the self-test once missed."""
+
+
+@needs_gcc
+@pytest.mark.parametrize(("was", "becomes"), PLANTED)
+def test_planted_faults_are_found(was, becomes, tmp_path) -> None:
+    made = files(*surrounded("Mrac-state-midpoint", FULL), SIMULATION, name="p")
+    source, (was, becomes) = made["p_controller.c"], (one.replace("{M}", "P") for one in (was, becomes))
+    assert was in source
+    write(tmp_path, {name.removeprefix("p_"): text.replace('"p_', '"') for name, text in made.items()})
+    assert run_selftest(tmp_path, "gcc", *ISO, "-O0", "-w").returncode == 0
+    write(tmp_path, {"controller.c": source.replace('"p_', '"').replace(was, becomes)})
+    assert run_selftest(tmp_path, "gcc", *ISO, "-O0", "-w").returncode == 1
+
+
+@needs_gcc
+@pytest.mark.parametrize(("beginning", "shell"), KINDS)
+@pytest.mark.parametrize("float32", [False, True])
+def test_the_self_test_passes_with_each_shell(beginning, shell, float32, tmp_path) -> None:
+    write(tmp_path, files(*surrounded(beginning, shell), SIMULATION, float32=float32))
+    told = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O1")
+    assert told.returncode == 0, told.stdout
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize(("beginning", "shell"), KINDS)
+def test_known_faults_around_the_arithmetic_are_found(beginning, shell, tmp_path) -> None:
+    found = found_around(Printed(made_of(*surrounded(beginning, shell), SIMULATION, DOUBLE, parameters=False)), tmp_path)
+    assert found.score >= 0.97, found.missed
