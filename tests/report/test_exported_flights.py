@@ -11,22 +11,22 @@ EQUAL = Agreement(flights=2, samples=6000)
 WRONG = Agreement(flights=2, samples=6000, difference="x_hat[1] differs from sample 3 of a flight on")
 HELD = Agreement(flights=1, samples=1200, refused=7, difference="held_u[0] differs from sample 90 of a flight on")
 BROKEN = Agreement(flights=0)
-WHOLE = "compiled on this machine: every bit of u and of the state equals the simulated list's at all"
+WHOLE = "was compiled on this machine and flown: u and the state equal the simulation's, bit for bit, at all"
 
 
 @pytest.mark.parametrize(
     ("agreements", "said"),
     [
         (None, []),
-        ({"a": EQUAL}, [f"the C of a flew, {WHOLE} 6,000 samples of 2 flights"]),
-        ({"a": Agreement(samples=300)}, [f"the C of a flew, {WHOLE} 300 samples of 1 flight"]),
-        ({"a": EQUAL, "b": EQUAL}, [f"the C of every controller flew, {WHOLE} 12,000 samples of 4 flights"]),
+        ({"a": EQUAL}, [f"the C of a {WHOLE} 6,000 samples of 2 flights"]),
+        ({"a": Agreement(samples=300)}, [f"the C of a {WHOLE} 300 samples of 1 flight"]),
+        ({"a": EQUAL, "b": EQUAL}, [f"the C of every controller {WHOLE} 12,000 samples of 4 flights"]),
         (
             {"a": EQUAL, "b": WRONG, "c": EQUAL, "d": HELD, "e": BROKEN},
             [
-                f"the C of 2 of 5 controllers flew, {WHOLE} 12,000 samples of 4 flights",
-                "the C of b does not equal the simulated list: x_hat[1] differs from sample 3 of a flight on",
-                "the C of d does not equal the simulated list: held_u[0] differs from sample 90 of a flight on, "
+                f"the C of 2 of 5 controllers {WHOLE} 12,000 samples of 4 flights",
+                "the C of b does not equal the simulation: x_hat[1] differs from sample 3 of a flight on",
+                "the C of d does not equal the simulation: held_u[0] differs from sample 90 of a flight on, "
                 "and it refused 7 of 1,200 samples",
                 "nothing is known about the C of e: the simulator failed in every flight",
             ],

@@ -111,7 +111,7 @@ def test_the_command_says_so_everywhere(tmp_path, capsys):
     assert main([*arguments, "--out", str(tmp_path)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     sentence = (
-        "the C of every controller flew, compiled on this machine: every bit of u and of the state equals the simulated list's "
+        "the C of every controller was compiled on this machine and flown: u and the state equal the simulation's, bit for bit, "
         "at all 6,000 samples of 2 flights"
     )
     assert sentence in said

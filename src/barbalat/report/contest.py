@@ -18,7 +18,7 @@ SUMMARY = ("entrant", "failed", "median error", "delay [s]", "gain")
 MARGINS = ("entrant", "meets", "error", "delay [s]", "gain up", "gain down", "slack")
 ERRORS = ("entrant", "median", "nine in ten", "worst", "max |u|")
 PAIRS = ("first", "second", "ratio", "from", "to", "better", "worse")
-OWN = ("entrant", "tuning", "its own objective", "changed by the second half")
+OWN = ("entrant", "tuning", "its own objective", "change by the second half of the trials")
 
 
 def rule(found: Contest) -> str:
@@ -26,10 +26,10 @@ def rule(found: Contest) -> str:
     asked = found.rule
     until = "the loop begins to oscillate" if asked.until is Criterion.ONSET else "the motion is lost"
     return (
-        f"each scheme has the tuning with the smallest RMS |e| among those that tolerate {asked.delay_margin:g} s of added delay "
-        f"and the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise "
-        f"and with it; both on the worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most "
-        "each, the same plants, command and noise for all"
+        f"each scheme takes the tuning with the smallest RMS |e| among those that tolerate {asked.delay_margin:g} s of added "
+        f"delay and an input gain multiplied or divided by {asked.gain_margin:g} before {until}, without noise and with it. "
+        f"Error and margins are those of the worst of {counted(len(found.thetas), 'plant')}. Each scheme tries at most "
+        f"{counted(asked.trials, 'tuning')}, on the same plants, command and noise"
     )
 
 
@@ -37,13 +37,13 @@ def held_out(found: Contest) -> str:
     """A sentence on the validation runs of the tuned schemes."""
     sizes, paces = found.draws.commands.T
     return (
-        f"{counted(len(found.draws), 'plant')} of the known set, used by no tuning; the command {sizes.min():.2g} to "
-        f"{sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, new noise"
+        f"{counted(len(found.draws), 'plant')} of the known set that no tuning used, with a command {sizes.min():.2g} to "
+        f"{sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, and new noise"
     )
 
 
 def verdicts(found: Contest) -> list[tuple[str, str, bool]]:
-    """For each entrant its name, one sentence on its tuning, and whether that meets the rule."""
+    """Return for each entrant its name, one sentence on its tuning, and whether the tuning meets the rule."""
     rows = []
     for one in found.entrants:
         held = found.held_out.get(one.name)
@@ -54,8 +54,8 @@ def verdicts(found: Contest) -> list[tuple[str, str, bool]]:
 
 
 def summary(found: Contest) -> list[list[str]]:
-    """Return rows for all: validation runs that failed, the median of the error, and the margins measured on the worst tuning
-    plant."""
+    """Return a row for each entrant: failed validation runs, the median of the error, and the margins measured on the worst
+    tuning plant."""
     rows = []
     for one in found.entrants:
         held = found.held_out.get(one.name)
@@ -65,8 +65,8 @@ def summary(found: Contest) -> list[list[str]]:
 
 
 def failures(found: Contest) -> list[list[str]]:
-    """Return rows for those that meet the rule: runs that failed, with the upper end of their share; runs that diverged; those
-    that do not tolerate what the rule requires."""
+    """Return a row for each entrant that meets the rule: failed runs, with the upper end of their share; diverged runs; runs
+    that do not tolerate the delay and gains of the rule."""
     rows = []
     for name, held in found.held_out.items():
         counted = held.failures
@@ -77,7 +77,8 @@ def failures(found: Contest) -> list[list[str]]:
 
 
 def margins(found: Contest) -> list[list[str]]:
-    """Return rows for all: the error on the worst tuning plant relative to the model's motion, margins there, smallest slack."""
+    """Return a row for each entrant: on the worst tuning plant the error relative to the model's motion, the margins, and the
+    smallest slack."""
     rows = []
     for one in found.entrants:
         kept = one.margins[found.rule.until]
@@ -89,7 +90,8 @@ def margins(found: Contest) -> list[list[str]]:
 
 
 def errors(found: Contest) -> list[list[str]]:
-    """Return rows for those that meet the rule, over all validation runs: quantiles of the error, median of max |u|."""
+    """Return a row for each entrant that meets the rule: quantiles of the error and the median of max |u| over all validation
+    runs."""
     rows = []
     for name, held in found.held_out.items():
         of = held.quantiles
@@ -98,21 +100,21 @@ def errors(found: Contest) -> list[list[str]]:
 
 
 def pairs(found: Contest, *, neighbours: bool) -> list[list[str]]:
-    """Each pair with every later one, or with the next one only."""
+    """Return a row for each pair of entrants, or with ``neighbours`` for each entrant and the next one only."""
     names = [one.name for one in found.entrants]
     chosen = [one for one in found.pairs if not neighbours or names.index(one.second) == names.index(one.first) + 1]
     return [[one.first, one.second, *_ratio(one), str(one.better.count), str(one.worse.count)] for one in chosen]
 
 
 def own(found: Contest) -> list[list[str]]:
-    """Return rows for all: the tuning, the quantities that its designers look at, and by how much the second half of the
-    trials changed the error."""
+    """Return a row for each entrant: the tuning, the quantities that its designers use, and by how much the second half of
+    the trials changed the error."""
     return [[one.name, tuning(one), _own(one), _settled(one)] for one in found.entrants]
 
 
 def tuning(one: Qualified) -> str:
     """The numbers that were chosen for an entrant, by name."""
-    return ", ".join(f"{name} {value:.4g}" for name, value in one.tuning.items()) or "as it is"
+    return ", ".join(f"{name} {value:.4g}" for name, value in one.tuning.items()) or "not tuned"
 
 
 def _ratio(one: Paired) -> list[str]:
@@ -124,7 +126,9 @@ def _own(one: Qualified) -> str:
 
 
 def _settled(one: Qualified) -> str:
-    return "met only then" if one.settled is None and one.meets else "-" if one.settled is None else f"{100 * one.settled:.2g} %"
+    if one.settled is None:
+        return "rule met only then" if one.meets else "-"
+    return f"{100 * one.settled:.2g} %"
 
 
 def _number(value: float) -> str:
@@ -137,13 +141,13 @@ def _in_order(found: Contest, rows: list[list[str]]) -> list[list[str]]:
 
 
 def show(screen: Screen, found: Contest) -> None:
-    """Print the tables; the first one's columns are explained last, by the rule above it."""
+    """Print the verdicts, the summary, the rule, and the further tables."""
     screen.line(f"{found.problem.name}: {counted(len(found.entrants), 'scheme')} tuned by one rule", "bold")
     for name, sentence, meets in verdicts(found):
         screen.line(f"{screen.name(name)}: {sentence}", "green" if meets else "red", indent="    ", start="  ")
     screen.table(SUMMARY, [[screen.name(name), *cells] for name, *cells in summary(found)])
     screen.line("")
-    screen.line(f"The rule: {rule(found)}.")
+    screen.line(f"Rule: {rule(found)}.")
     screen.line(f"Validation: {held_out(found)}.")
     for heading, columns, rows in (
         ("Validation runs that failed, or do not tolerate the delay and gains of the rule", FAILURES, failures(found)),

@@ -11,20 +11,21 @@ COLUMNS = (
     "scheme",
     "requirement",
     "asked",
-    "on the worst of all plants",
+    "on the worst plant",
     "share of the limit used",
-    "validation plants that fail it",
+    "validation plants that violate it",
 )
 
 
 def title(found: Design) -> str:
     """Which schemes meet the specification, or that none does."""
     first = found.recommended
-    return "None of them meets the specification" if first is None else f"{first.name} meets the specification"
+    return "No scheme meets the specification" if first is None else f"{first.name} meets the specification"
 
 
 def rows(found: Design) -> list[list[str]]:
-    """Scheme, requirement, required value, reached value, share of it that is used, failures on validation plants."""
+    """Return a row for each scheme and requirement: the required value, the reached value, the share of the limit that is
+    used, and the number of validation plants that violate it."""
     return [_row(found, one, name) for one in found.candidates for name in one.factor]
 
 
@@ -46,16 +47,17 @@ def _row(found: Design, one: Candidate, name: str) -> list[str]:
 
 
 def sentences(found: Design) -> list[tuple[str, str, bool]]:
-    """For each candidate its name, what it meets or misses, and whether it meets everything."""
+    """Return for each candidate its name, a sentence on the requirements that it meets or violates, and whether it meets all
+    of them."""
     return [(one.name, one.sentence, one.meets) for one in found.candidates]
 
 
 def show(screen: Screen, found: Design) -> None:
-    """The recommendation, its reasons, every candidate's sentence."""
+    """Print the recommendation, its reasons and a sentence on every candidate."""
     screen.title(title(found))
     for said in found.reasons:
         screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")
-    screen.title("All that competed")
+    screen.title("All candidates")
     for name, said, meets in sentences(found):
         screen.line(f"{name} {'meets it: it ' if meets else ''}{said}.", start="- ")
     for said in grouped_omissions(found.contest.left_out):

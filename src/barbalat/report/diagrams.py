@@ -1,6 +1,6 @@
 """Block diagrams: the L1 output-feedback controller as in the paper's Figure 1, and its equivalent linear controllers.
 
-They are SVG with its texts as text, so that a page shows them in its own font and colours.
+They are SVG in which text remains text, so that a page shows them in its own font and colours.
 """
 
 from __future__ import annotations
@@ -41,14 +41,15 @@ Fraction = tuple[str, str]
 
 def of_controller(controller: Controller, problem: TrackingProblem) -> str | None:
     """The block diagram of a scheme that has one, of L1 output feedback, as SVG."""
-    # drawn by hand for this one scheme, block by block
+    # only this scheme has a diagram, which is drawn block by block
     if isinstance(controller, L1Output) and isinstance(problem, OutputProblem):
         return l1_output(controller, problem.plant)
     return None
 
 
 def l1_output(controller: L1Output, plant: OutputPlant) -> str:
-    """Three loops, one below the other: the scheme, its equivalent inside the bounds of sigma, the limit of fast adaptation."""
+    """Draw three loops, one below the other: the scheme, its equivalent inside the bounds of sigma, and its limit of fast
+    adaptation. Return the SVG."""
     inside = "inside the bounds of sigma" if controller.sigma_bound is not None else "everywhere, because sigma has no bounds"
     scheme = BlockDiagram(f"{controller.name}: the closed loop, as in Figure 1", top=4.1)
     equivalent = BlockDiagram(f"Its equivalent {inside}: a linear controller with a pole at s = 0", top=2.7)
@@ -67,7 +68,7 @@ def l1_output(controller: L1Output, plant: OutputPlant) -> str:
 
 
 def _scheme(drawing: BlockDiagram, controller: L1Output, plant: OutputPlant) -> None:
-    """(18)-(21); the predictor and its law in colour."""
+    """Draw (18)-(21), with the predictor and its law in colour."""
     m, gamma = number_math(controller.m), number_math(controller.gamma)
     drawing.sum((1.0, 3.0))
     drawing.arrow((0.0, 3.0), (1.0 - RADIUS, 3.0), "r")
@@ -91,7 +92,7 @@ def _scheme(drawing: BlockDiagram, controller: L1Output, plant: OutputPlant) -> 
 
 
 def _equivalent(drawing: BlockDiagram, linear: LinearEquivalent, plant: OutputPlant) -> None:
-    """u = F[r] - K[y] around the plant."""
+    """Draw u = F[r] - K[y] around the plant."""
     drawing.block((2.8, 1.6), 4.2, transfer_function_text(linear.feedforward))
     drawing.arrow((0.0, 1.6), (0.7, 1.6), "r")
     drawing.sum((5.8, 1.6))
@@ -105,7 +106,7 @@ def _equivalent(drawing: BlockDiagram, linear: LinearEquivalent, plant: OutputPl
 
 
 def _plant(drawing: BlockDiagram, x: float, y: float, plant: OutputPlant) -> None:
-    """The sum at (x, y) where d enters, and G(s) up to x + 4.8; an input path and f(y) are named."""
+    """Draw the sum at (x, y), where d enters, and G(s) up to x + 4.8. An input path and f(y) are labelled."""
     entering = "d" if plant.nonlinear is None else "d + f(y)"
     drawing.sum((x, y))
     drawing.line([(x, y + 0.8), (x, y + RADIUS)], arrow=True, sign="+", label=entering)
@@ -115,7 +116,7 @@ def _plant(drawing: BlockDiagram, x: float, y: float, plant: OutputPlant) -> Non
 
 @dataclass(frozen=True)
 class BlockDiagram:
-    """Blocks, sums and lines, in units of length from the lower left, below a title."""
+    """A drawing of blocks, sums and lines below a title. Coordinates are in units of length from the lower left."""
 
     title: str
     top: float
@@ -125,7 +126,7 @@ class BlockDiagram:
 
     @property
     def height(self) -> float:
-        """Pixels, with the title's."""
+        """The height in pixels, including the title."""
         return (self.top - self.BOTTOM) * UNIT + 2 * FONT
 
     @property
@@ -133,7 +134,7 @@ class BlockDiagram:
         return f'<text class="title" x="0" y="{1.3 * FONT:g}">{escape(self.title)}</text>{"".join(self.parts)}'
 
     def block(self, centre: Point, width: float, text: Fraction, colour: str = "", beside: str = "") -> None:
-        """A box with a fraction, and with a text to its right."""
+        """Draw a box with a fraction in it and a text to its right."""
         x, y = self._at(centre)
         wide, high = width * UNIT, BLOCK_HEIGHT * UNIT
         self._add(f'<rect x="{x - wide / 2:g}" y="{y - high / 2:g}" width="{wide:g}" height="{high:g}"/>', colour)
@@ -160,7 +161,7 @@ class BlockDiagram:
         self.line([start, end], arrow=True, label=label, colour=colour, sign=sign)
 
     def line(self, points: Sequence[Point], *, arrow: bool, label: str = "", colour: str = "", sign: str = "") -> None:
-        """A line through the points; the label at the middle of the first segment, the sign at the end of the arrow."""
+        """Draw a line through the points, with the label at the middle of the first segment and the sign at the arrow's end."""
         pixels = [self._at(point) for point in points]
         self._add(f'<path class="line" d="M{"L".join(f"{x:g} {y:g}" for x, y in pixels)}"/>', colour)
         (x_0, y_0), (x_1, y_1) = pixels[-2], pixels[-1]
@@ -190,18 +191,18 @@ class BlockDiagram:
 
 
 def _length(text: str) -> int:
-    """Number of characters that have a width."""
+    """The number of characters that take up width."""
     return len(text.replace(HAT, ""))
 
 
 def transfer_function_text(system: TransferFunction) -> Fraction:
-    """Numerator and denominator with four digits; a denominator of 1 is empty."""
+    """Return numerator and denominator with four digits. A denominator of 1 is returned as an empty text."""
     num, den = polynomial_text(system.num), polynomial_text(system.den)
     return num, "" if den == "1" else den
 
 
 def polynomial_text(coefficients: Array) -> str:
-    """In s, highest power first: 3 s² − s + 0.5."""
+    """Format a polynomial in s, highest power first: 3 s² − s + 0.5."""
     terms: list[str] = []
     degree = len(coefficients) - 1
     for power, value in zip(range(degree, -1, -1), coefficients.tolist(), strict=True):
@@ -216,6 +217,6 @@ def polynomial_text(coefficients: Array) -> str:
 
 
 def number_math(value: float) -> str:
-    """Four digits; powers of ten as such."""
+    """Format a number with four digits, with an exponent as a power of ten."""
     mantissa, _, exponent = number_text(value).partition("e")
     return times_power(mantissa, int(exponent)) if exponent else mantissa

@@ -18,7 +18,7 @@ from barbalat.vehicles.vehicle import Vehicle
 
 LARGE = 9.995
 NOTES = (
-    "Lost: the number of lost draws, and the resulting probability of loss as a Clopper-Pearson interval",
+    "lost: the number of lost draws, and Clopper and Pearson's interval of the probability of loss",
     "a lost flight counts as an infinite error in the median; the median's interval is from order statistics and needs at "
     "least six draws",
 )
@@ -33,9 +33,9 @@ def headings(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def notes(found: DispersedComparison) -> tuple[str, ...]:
-    """How to read the tables."""
+    """Return sentences that explain the tables."""
     chance = (
-        f"beyond chance: all flew the same draws, so an exact sign test compares each pair of controllers through each "
+        f"beyond chance: all controllers flew the same draws, so an exact sign test compares each pair of them through each "
         f"failure by error and by losses; with Holm's correction over all {found.evidence.comparisons} comparisons that "
         f"some draw decides, no result is due to chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %"
     )
@@ -50,7 +50,7 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
-    """All controllers through one failure: fewest losses first, then the smallest error."""
+    """Return a row for each controller through one failure, sorted by losses and then by error."""
     return [
         [
             one.controller,
@@ -82,7 +82,7 @@ def _interval(ends: Iterable[float], digits: int = 0) -> str:
 
 
 def _bounds(one: Median) -> str:
-    """The bounds of a median; a dash if there are too few draws for them."""
+    """The bounds of a median, or a dash if there are too few draws."""
     return _interval(one.interval, 2) if one.interval[0] > -math.inf else "-"
 
 
@@ -92,7 +92,7 @@ def _number(value: float, digits: int = 2) -> str:
 
 
 def losses(found: DispersedComparison) -> list[list[str]]:
-    """Controller, and the number of its flights that were lost, in total and for each failure."""
+    """Return a row for each controller: the number of its lost flights, in total and for each failure."""
     counted = {one: dict.fromkeys(found.evidence.by_failure, 0) for one in found.evidence.lost}
     for failure, several in found.evidence.by_failure.items():
         for flown in several:
@@ -106,8 +106,8 @@ def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def verdicts(found: DispersedComparison) -> list[str]:
-    """For each failure which controller loses least, and which are significantly better or worse than the PI, by losses and by
-    error."""
+    """Return a sentence for each failure: the controller with the fewest losses, and the controllers that are significantly
+    better or worse than the vehicle's reference controller, by losses and by error."""
     said, beside = [], found.campaign.vehicle.drawing.beside[0]
     for failure, several in found.evidence.by_failure.items():
         least = several[0].lost.count
@@ -131,25 +131,25 @@ def verdicts(found: DispersedComparison) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """The names separated by commas, which are removed within a name."""
+    """The names separated by commas. Commas within a name are removed."""
     return ", ".join(name.replace(",", "") for name in names)
 
 
 def _least(several: tuple[Flown, ...]) -> str:
-    """Return the smallest by its median, with those whose paired difference from it may be chance."""
+    """Return the controller with the smallest median error, and those whose paired difference from it may be due to chance."""
     best = min(several, key=lambda one: one.error.value)
     alike = [pairing.other for pairing in best.pairings if pairing.follows != 1]
     return best.controller + (f" (not beyond chance against {_listed(alike)})" if alike else "")
 
 
 def facts(found: DispersedComparison) -> list[tuple[str, str]]:
-    """What was drawn, the flight condition, and the settings."""
+    """Return labelled facts: the draws, the flight condition and the settings."""
     drawing, conditions = found.campaign.vehicle.drawing, found.campaign.conditions
     draws = ", ".join(_range(name, one, drawing.units.get(name, "")) for name, one in drawing.drawn.items())
-    where = f"taking turns at {'; '.join(conditions)}" if len(conditions) > 1 else conditions[0]
-    timing = f"{drawing.timing.duration:g} s each, the failure at {drawing.timing.fails_at:g} s"
+    where = f"alternately at {'; '.join(conditions)}" if len(conditions) > 1 else conditions[0]
+    timing = f"{drawing.timing.duration:g} s each, with the failure at {drawing.timing.fails_at:g} s"
     return [
-        ("flown", f"{counted(found.members, 'draw')} by seed {found.campaign.plan.seed}, {where}; {timing}"),
+        ("flown", f"{counted(found.members, 'draw')} with seed {found.campaign.plan.seed}, {where}; {timing}"),
         ("drawn", f"uniformly: {draws}"),
         ("set by", drawing.set_by),
     ]
@@ -185,7 +185,7 @@ def as_document(found: DispersedComparison) -> dict[str, Any]:
 
 
 def _numbers(vehicle: Vehicle[Any, Any, Any]) -> Mapping[str, object]:
-    """The schemes' numbers; by the loops on which they were found, if there are several."""
+    """The tuned numbers of the schemes, grouped by the loops on which they were found if there are several."""
     return next(iter(vehicle.numbers.values())) if len(vehicle.numbers) == 1 else vehicle.numbers
 
 
@@ -209,7 +209,7 @@ def _share(one: Share | None) -> dict[str, Any] | None:
 
 
 def show(screen: Screen, found: DispersedComparison) -> None:
-    """Print the campaign, losses first."""
+    """Print the campaign, beginning with the losses."""
     screen.line(f"{found.campaign.name} on {counted(found.members, 'random vehicle')}", "bold")
     for label, text in facts(found):
         screen.fact(label, text, 8)

@@ -1,4 +1,4 @@
-"""The JSON documents of the commands, by the contract; without drawing."""
+"""The JSON documents of the commands, as the contract defines them. This module draws nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.run.results.result import Result
 
 
 def as_json(document: dict[str, Any]) -> str:
-    """JSON text, with null for values that are not finite."""
+    """Return JSON text in which values that are not finite are null."""
     return json.dumps(_finite(document), indent=2, allow_nan=False, ensure_ascii=False)
 
 
@@ -30,7 +30,7 @@ def _finite(part: Any) -> Any:
 
 
 def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
-    """The paper sentence by sentence, with the finding of its row, or of the part of it that the sentence states."""
+    """Return the sentences of the paper, each with the finding of its row or of that part of the row that the sentence states."""
     measured, found = {claim.id: claim for claim in claims}, []
     for one in paper.coverage:
         claim, finding = measured.get(one.row or ""), None
@@ -43,7 +43,7 @@ def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
 
 
 def by_side(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
-    """For each side of the dispute, by the beginning of its lines, the findings of its rows."""
+    """Return, for the beginning of the lines of each side of the dispute, the findings of its rows."""
     found: dict[str, Counter[Finding]] = {}
     for claim in claims:
         side = "statements of ours" if claim.ours else claim.sentence.source.side
@@ -67,9 +67,10 @@ def reproduction_document(
 def run_document(
     case: str, results: Sequence[Result], certified: Certified | None, in_the_loop: Mapping[str, Mapping[str, Any]] | None = None
 ) -> dict[str, Any]:
-    """The contract's document of ``run --json``; numerics, and certificates if they were made, are further keys.
+    """Return the contract's document of ``run --json``.
 
-    So are the derived known set, the differences of a truth from the design, and the results of ``--sil`` for each controller.
+    Further keys are the numerics, the certificates if they were made, the derived known set, the differences of a truth from
+    the design, and the results of ``--sil`` for each controller.
     """
     return {
         "case": case,

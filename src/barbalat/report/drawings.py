@@ -1,4 +1,4 @@
-"""Drawn pictures, in the form for pages, and those that a second process may draw."""
+"""Drawn pictures in the form for pages, and functions that a second process may call to draw them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from barbalat.report.file_names import NARROW
 
 @dataclass(frozen=True)
 class DrawnFile:
-    """An SVG and the file that it is in."""
+    """An SVG and the name of its file."""
 
     file: str
     svg: str
 
     def address(self, alone: bool) -> str:
-        """Its file's address, or a data URL with all of it; characters that would end the URL or its attribute are replaced."""
+        """The address of its file or, if ``alone``, a data URL with its content. Characters that would end the URL or its
+        attribute are escaped."""
         if not alone:
             return self.file
         text = self.svg
@@ -33,17 +34,17 @@ class DrawnFile:
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A drawn figure, and its version for phones if that differs."""
+    """A drawn figure, and its version for phones if there is one."""
 
     wide: DrawnFile
     narrow: DrawnFile | None = None
 
 
 def svg_of(name: str, drawing: Figure) -> DrawnFile:
-    """A figure as an SVG of that name."""
+    """Return the figure as an SVG with this name."""
     return DrawnFile(f"{name}.svg", render(drawing, "svg").decode())
 
 
 def narrow_panels(name: str, shown: Sequence[Panel], t_end: float) -> DrawnFile:
-    """Panels for a phone."""
+    """Draw panels for a phone."""
     return svg_of(f"{name}{NARROW}", draw_panels(shown, t_end, narrow=True))

@@ -8,28 +8,28 @@ from collections.abc import Sequence
 from pathlib import Path
 
 PAGE, RUN, CERTIFICATES = "report.html", "run.json", "certify.json"
-"""A command's first page, and the documents of ``run`` and ``certify``."""
+"""The first page of a command, and the documents of ``run`` and ``certify``."""
 TUNED_CASE = "tuned.toml"
 """The case file that ``tune`` writes."""
 COLUMNS = "datapackage.json"
-"""The description of the CSVs' columns; the name is that of the standard."""
+"""The description of the CSVs' columns. The standard defines this name."""
 PICTURE, LOOPS = "comparison", "loops"
 """Names without suffixes: each picture exists in several formats."""
 NARROW = "-narrow"
 """Suffix of a picture's name for phones."""
 
 LONGEST_NAME = 80
-"""Largest number of characters of a controller's name in a file name; file systems allow 255 bytes, and shorter names are
-readable."""
+"""Largest number of characters of a controller's name in a file name. File systems allow 255 bytes, but shorter names are
+more readable."""
 
 
 def table_names(names: Sequence[str]) -> list[str]:
-    """Return the names of the controllers' CSV files; the number makes them unique."""
+    """Return the names of the controllers' CSV files. A number makes them unique."""
     return [f"{i}-{file_name(name)}.csv" for i, name in enumerate(names, start=1)]
 
 
 def diagram_names(names: Sequence[str]) -> list[str]:
-    """A diagram's name for each controller."""
+    """Return the name of each controller's diagram."""
     chosen: list[str] = []
     for name in names:
         plain = f"diagram-{file_name(name)}"
@@ -44,7 +44,8 @@ def loop_names(count: int) -> list[str]:
 
 
 def files_of_run(folder: Path) -> set[str]:
-    """The files that ``barbalat run`` may have left in a folder, according to its ``run.json``; none without one."""
+    """Return the files that ``barbalat run`` may have left in a folder, according to its ``run.json``. Without that file the
+    set is empty."""
     try:
         names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
     except (OSError, ValueError, LookupError, TypeError):
@@ -55,5 +56,5 @@ def files_of_run(folder: Path) -> set[str]:
 
 
 def file_name(name: str) -> str:
-    """The part of a name that every file system accepts."""
+    """Reduce a name to characters that every file system accepts."""
     return re.sub(r"[^A-Za-z0-9]+", "-", name)[:LONGEST_NAME].strip("-").lower() or "controller"

@@ -22,11 +22,11 @@ CSV_EVERY = 10
 """Samples between rows of a CSV: ten rows per second, so a failure's flights take some 100 kB."""
 
 NAMED_FAILURES = 3
-"""Largest number of failures in a title: all failures of a vehicle would take two lines."""
+"""Largest number of failures that a title names. All failures of a vehicle would take two lines."""
 
 
 def title(found: FlightComparison) -> str:
-    """The controllers and the failures: few failures by their names, more by their number."""
+    """Return a title with the controllers and the failures. It names a few failures and counts more."""
     names = [one.name for one in found.failures]
     if len(names) <= NAMED_FAILURES:
         return f"{found.name} through {', '.join(names)}"
@@ -35,7 +35,8 @@ def title(found: FlightComparison) -> str:
 
 
 def verdicts(found: FlightComparison) -> list[str]:
-    """The judge's verdicts on each controller's flights, a sentence each; none for a vehicle without judged signals."""
+    """Return a sentence for each controller with the judge's verdicts on its flights; none for a vehicle without judged
+    signals."""
     return [f"{several[0].controller}: {said}" for several in found.flights if (said := _judged_flights(several))]
 
 
@@ -54,13 +55,14 @@ def _is_judged(found: FlightComparison) -> bool:
 
 
 def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
-    """The controllers through one failure, the best first: name, verdict, then figures, or why control was lost."""
+    """Return a row for each controller through one failure, the best first: name, verdict, and the figures or the reason why
+    control was lost."""
     judged = _is_judged(found)
     return [[one.controller, *([_verdict(one)] if judged else []), *_cells(found, one)] for one in found.through(failure)]
 
 
 def _verdict(flight: Flight) -> str:
-    """The class, and the error as a share of the scale."""
+    """The verdict's class, and the error as a share of the scale."""
     one = flight.verdict
     if one is None or one.error is None or one.kind is Class.LOST:
         return "-" if one is None else str(one.kind)
@@ -68,7 +70,7 @@ def _verdict(flight: Flight) -> str:
 
 
 def suspects(found: FlightComparison, failure: Failing) -> list[str]:
-    """Suspected limit cycles, in sentences."""
+    """Return sentences on suspected limit cycles."""
     judged = [(one.controller, one.verdict.suspect) for one in found.through(failure) if one.verdict is not None]
     return [f"{name} {said}" for name, said in judged if said]
 
@@ -88,7 +90,7 @@ def _cells(found: FlightComparison, flight: Flight) -> list[str]:
 
 
 def reasons(found: FlightComparison, failure: Failing) -> list[str]:
-    """A sentence for each way in which control was lost, with the controllers and times."""
+    """Return a sentence for each way in which control was lost, with the controllers and times."""
     lost = [flight for flight in found.through(failure) if flight.lost]
     whys = dict.fromkeys(flight.lost for flight in lost)
     who = {why: [f"{one.controller} at {one.duration:.2f} s" for one in lost if one.lost == why] for why in whys}
@@ -96,7 +98,7 @@ def reasons(found: FlightComparison, failure: Failing) -> list[str]:
 
 
 def losses(found: FlightComparison) -> list[list[str]]:
-    """Controller, number of lost flights, and, if requested, the delay up to which it loses none."""
+    """Return a row for each controller: the number of lost flights and, if requested, the delay up to which it loses none."""
     delays = found.delays
     return [
         [name, f"{count} of {len(found.failures)}", *([] if delays is None else [_delay(found, delays[name])])]
@@ -115,10 +117,10 @@ def _delay(found: FlightComparison, seconds: float) -> str:
 
 
 def best_and_worst(found: FlightComparison, failure: Failing) -> str:
-    """Return the best and the worst of the flights that kept control."""
+    """Return a text that names the best and the worst controller of those that kept control."""
     kept = [flight for flight in found.through(failure) if not flight.lost]
     if not kept:
-        return "nobody kept control"
+        return "no controller kept control"
     count = len(found.controllers)
     survived = "all kept control" if len(kept) == count else f"{len(kept)} of {count} kept control"
     if len(kept) == 1:
@@ -127,19 +129,19 @@ def best_and_worst(found: FlightComparison, failure: Failing) -> str:
 
 
 def facts(found: FlightComparison) -> list[tuple[str, str]]:
-    """The facts before the tables: controllers and vehicle, and the agreement of flown and simulated code."""
+    """Return the labelled facts that precede the tables: controllers, vehicle, and whether flown and simulated code agree."""
     return [*found.facts(), *(("exported", sentence) for sentence in _in_the_loop(found))]
 
 
 def _in_the_loop(found: FlightComparison) -> list[str]:
-    """Return a sentence on all exported controllers that equal their lists, and one on each that does not."""
+    """Return one sentence on all exported controllers that equal their simulation, and one on each that does not."""
     agreements = found.agreements or {}
     equal = {name: one for name, one in agreements.items() if one.equal and not one.refused}
     several = "every controller" if len(equal) == len(agreements) else f"{len(equal)} of {len(agreements)} controllers"
     who, together = next(iter(equal)) if len(equal) == 1 else several, Agreement.together(equal.values())
     flights = counted(together.flights, "flight")
     said = (
-        f"the C of {who} flew, compiled on this machine: every bit of u and of the state equals the simulated list's at all "
+        f"the C of {who} was compiled on this machine and flown: u and the state equal the simulation's, bit for bit, at all "
         f"{together.samples:,} samples of {flights}"
     )
     return [*([said] if equal else []), *(_unequal(name, one) for name, one in agreements.items() if name not in equal)]
@@ -149,7 +151,7 @@ def _unequal(name: str, one: Agreement) -> str:
     if one.equal is None:
         return f"nothing is known about the C of {name}: the simulator failed in every flight"
     held = f", and it refused {one.refused:,} of {one.samples:,} samples" if one.refused else ""
-    return f"the C of {name} does not equal the simulated list{f': {one.difference}' if one.difference else ''}{held}"
+    return f"the C of {name} does not equal the simulation{f': {one.difference}' if one.difference else ''}{held}"
 
 
 def as_document(found: FlightComparison) -> dict[str, Any]:
@@ -191,7 +193,7 @@ def _judged(found: FlightComparison, failure: Failing) -> dict[str, Any]:
 
 
 def table_of(found: FlightComparison, failure: Failing) -> str:
-    """A CSV of all flights through one failure."""
+    """Return a CSV of all flights through one failure."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(["controller", *(f"{name} [{unit}]" for name, unit in found.vehicle.columns.items())])
@@ -202,12 +204,12 @@ def table_of(found: FlightComparison, failure: Failing) -> str:
 
 
 def notes(found: FlightComparison) -> list[str]:
-    """What a reader of the tables must know."""
+    """Return sentences that explain the tables."""
     return [*found.vehicle.notes, *([NOT_TAKEN_FURTHER] if _is_judged(found) else [])]
 
 
 def show(screen: Screen, found: FlightComparison) -> None:
-    """Print the comparison, losses first."""
+    """Print the comparison, beginning with the losses."""
     screen.line(title(found), "bold")
     for label, text in facts(found):
         screen.fact(label, text, 8)

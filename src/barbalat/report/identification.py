@@ -11,7 +11,7 @@ from barbalat.report.terminal.layout import Screen
 
 
 def rows(found: Identification) -> list[list[str]]:
-    """State, coefficient, nominal value, confidence interval, known set."""
+    """Return rows of state, coefficient, nominal value, confidence interval and known set."""
     told = []
     for row in found.rows:
         for j, name in enumerate(found.coefficient_names):
@@ -22,7 +22,7 @@ def rows(found: Identification) -> list[list[str]]:
 
 
 def residual_rows(found: Identification) -> list[list[str]]:
-    """State, fit, RMS and largest residual."""
+    """Return rows of state, fit, RMS and largest residual."""
     told = []
     for (name, fit), values in zip(found.fit.items(), found.residuals.T, strict=True):
         sizes = (
@@ -35,7 +35,7 @@ def residual_rows(found: Identification) -> list[list[str]]:
 
 
 def sentence(found: Identification) -> str:
-    """The validation samples of the nominal plant, and how well it fits them."""
+    """Return a sentence on how well the nominal plant fits the validation samples."""
     fits = ", ".join(f"{name} {'diverged' if fit is None else f'{100 * fit:.1f} %'}" for name, fit in found.fit.items())
     apart = found.trained < len(found.recording.times)
     where = "the validation samples" if apart else "the same samples, since there are no validation samples"
@@ -43,18 +43,18 @@ def sentence(found: Identification) -> str:
         return f"Simulated over {where}, the nominal plant fits {fits}."
     held = ", ".join(f"{name} {100 * fit:.1f} %" for name, fit in (found.held_fit or {}).items())
     return (
-        f"Over {where}, the nominal plant predicts up to {found.horizon:.3g} s ahead and fits {fits}; holding the measured state "
-        f"for as long fits {held}. The plant is unstable: a longer simulation would amplify the error of its initial state."
+        f"Over {where}, the nominal plant predicts up to {found.horizon:.3g} s ahead and fits {fits}; a measured state that is "
+        f"held for as long fits {held}. The plant is unstable: a longer simulation would amplify the error of its initial state."
     )
 
 
 def equation(found: Identification) -> str:
-    """The equation of the printed coefficients; with an offset, its constants are those at the means of the samples."""
+    """Return the equation of the printed coefficients. With an offset, its constants are those at the means of the samples."""
     return "x' = A x + B u" if found.reference is None else "x' = A (x - mean) + B (u - mean) + constant"
 
 
 def operating(found: Identification) -> str:
-    """The dead time, the means and the operating point, empty without all of these."""
+    """Return sentences on the dead time, the means and the operating point, or an empty text if there are none."""
     said = [f"The inputs arrive after a dead time of {found.delay:g} s."] if found.delay else []
     if found.means is not None:
         said.append(f"The means are {point_text(found.means)}.")
@@ -68,7 +68,7 @@ def operating(found: Identification) -> str:
 
 
 def caption(found: Identification) -> str:
-    """How the simulation in the picture begins, and when it restarts from the measurement."""
+    """Return a sentence on how the simulation in the picture begins, and when it restarts from the measurement."""
     if found.horizon is None:
         return "The simulation begins at the state that fits these samples best and is not corrected by them later."
     every = "every sample" if found.restarted == 1 else f"every {found.restarted} samples ({found.horizon:.3g} s)"
@@ -80,7 +80,7 @@ def _interval(low: float, high: float) -> str:
 
 
 def show(screen: Screen, found: Identification) -> None:
-    """The table, the evidence, the findings."""
+    """Print the table, the evidence and the findings."""
     count = len(found.recording.times)
     screen.title(f"{equation(found)} from {found.trained} of {count} samples")
     known = [] if found.noise is None else ["known set"]

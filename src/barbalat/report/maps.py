@@ -1,4 +1,5 @@
-"""Drawings of maps: a quantity in colour over two settings, lost runs hatched in grey, predicted boundaries as lines."""
+"""Drawings of maps, which show a quantity in colour over two settings. Lost runs are hatched in grey, and predicted boundaries
+are lines."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ MARKS = ("o", "s", "^", "D", "v")
 
 
 def draw(shown: Map, *, narrow: bool = False) -> Figure:
-    """The map as a figure, for a page or for a phone."""
+    """Draw the map as a figure for a page, or with ``narrow`` for a phone."""
     figure = Figure(figsize=(NARROW, 3.9) if narrow else (7, 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
@@ -59,7 +60,7 @@ def draw(shown: Map, *, narrow: bool = False) -> Figure:
 
 
 def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
-    """A line, or marks for a set of points; both with a white rim, to be visible on dark cells."""
+    """Draw a line, or marks for a set of points. Both have a white rim, which makes them visible on dark cells."""
     style = MARKS[k % len(MARKS)] if curve.marks else DASHES[k % len(DASHES)]
     rim = [withStroke(linewidth=3, foreground="white"), Normal()]
     (line,) = axes.plot(curve.x, curve.y, style, color="black", linewidth=1.4, label=curve.label, path_effects=rim)
@@ -78,7 +79,7 @@ PALETTE = (*COLOURS, "black")
 
 
 def draw_chart(shown: Chart, *, narrow: bool = False) -> Figure:
-    """The chart as a figure, for a page or for a phone."""
+    """Draw the chart as a figure for a page, or with ``narrow`` for a phone."""
     figure = Figure(figsize=(NARROW, 4.8) if narrow else (7, 5.2), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -1,6 +1,7 @@
-"""The notation of terminals as mathematics on a page: letters with accents, sub- and superscripts for theta_hat'Gamma^-1.
+"""Converts the notation of terminals, such as theta_hat'Gamma^-1, to mathematics on a page: letters with accents, subscripts and
+superscripts.
 
-Names of values in Python and in the JSON, such as error_bound or step_max, stay as they are written, set as code.
+Names of values in Python and in the JSON, such as error_bound or step_max, are not converted but set as code.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _TOKEN = re.compile(
 
 
 def mathematics(text: str) -> Markup:
-    """Text of a page: its names, numbers, powers, roots and signs as mathematics, everything else escaped."""
+    """Return the text for a page: names, numbers, powers, roots and signs as mathematics, everything else escaped."""
     parts: list[Markup] = []
     end = 0
     for token in _TOKEN.finditer(text):
@@ -57,7 +58,7 @@ def mathematics(text: str) -> Markup:
 
 
 def naming(text: str, names: Collection[str]) -> Markup:
-    """Text in which these names, such as tau-error, are set as they are typed."""
+    """Return the text for a page, with these names, such as tau-error, set as code."""
     if not names:
         return mathematics(text)
     known = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
@@ -89,7 +90,7 @@ def _typeset(token: re.Match[str]) -> Markup:
 
 
 def _number(token: re.Match[str]) -> Markup:
-    """1e-4 s as ten to its power, on one line."""
+    """Set a number such as 1e-4 s with a power of ten, and its unit on the same line."""
     digits, ten = token["digits"].replace("-", "−"), token["ten"]
     unit = (token["unit"] or "").replace(" ", "\u00a0")
     if ten is None:
@@ -99,7 +100,7 @@ def _number(token: re.Match[str]) -> Markup:
 
 
 def _name(name: str) -> Markup:
-    """A letter with its accents and its subscripts; a name with more than two of these is not a symbol."""
+    """Set a letter with its accents and subscripts. A name with more than two of these is not a symbol."""
     base, *parts = re.sub(rf"({'|'.join(ACCENTS)})(\d+)$", r"\1_\2", name).split("_")
     accents = [unicodedata.lookup(ACCENTS[part]) for part in parts if part in ACCENTS]
     below = [_GREEK.get(part, part) for part in parts if part not in ACCENTS]
@@ -110,5 +111,5 @@ def _name(name: str) -> Markup:
 
 
 def _code(name: str) -> Markup:
-    """A Python name, which may break after an underscore."""
+    """Set a Python name as code, which may break after an underscore."""
     return Markup("<code>{}</code>").format(Markup("_<wbr>").join(name.split("_")))

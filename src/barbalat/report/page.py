@@ -1,7 +1,7 @@
 """HTML pages that load nothing from elsewhere.
 
-A page contains its pictures, so that it can be sent alone, unless it would exceed the limit for a page. A larger one, such as the
-claims with their dozen maps, links to them as files and says so in its last line.
+A page contains its pictures, so that it can be sent alone, unless it would exceed the limit for a page. A larger page, such as
+the claims with their dozen maps, links to its pictures as files and says so in its last line.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.dispersed import DispersedComparison
 
 REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "coverage.html": "Coverage", "guarantees.html": "Guarantees"}
-"""The pages of ``barbalat reproduce``: file -> its title in links."""
+"""The pages of ``barbalat reproduce``: the file of each and its title in links."""
 EXPLORER = "explorer.html"
 """The page of lessons in the same folder."""
 
@@ -61,9 +61,11 @@ def reproduction(
     seconds: dict[str, float],
     tried: Mapping[str, str],
 ) -> dict[str, str]:
-    """The pages of ``barbalat reproduce`` for a paper, by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part.
+    """Return the pages of ``barbalat reproduce`` for a paper, by file name.
 
-    tried  addresses of lessons by the names of claims and of figures, as "figure-2"; empty without explorers
+    pictures, maps  by key
+    seconds         by part
+    tried           addresses of lessons by the names of claims and of figures, such as "figure-2"; empty without explorers
     """
     tally = Counter(claim.finding for claim in claims)
     described = [figure for figure in figures if figure.key != ADDED_FIGURE]
@@ -93,35 +95,35 @@ def trade_off(found: TradeOff, picture: ReportFigure) -> str:
 
 
 def linked(text: Markup, names: Sequence[str]) -> Markup:
-    """The text with links to other claims that it names; a claim whose name is an English word is not linked."""
+    """Return the text with links to the claims that it names. A claim whose name is an English word is not linked."""
     told = sorted((name for name in names if "-" in name), key=len, reverse=True)
     pattern = rf"(?<![\w#-])({'|'.join(map(re.escape, told))})(?![\w-])"
     return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
 
 
 def sweep(found: SweepResult, pictures: Mapping[str, ReportFigure], worst: Sequence[WorstMember] = ()) -> str:
-    """The page of ``barbalat sweep``; ``worst`` are members with explorers, or the reasons why there are none."""
+    """Return the page of ``barbalat sweep``. ``worst`` are the members with explorers, or the reasons why there are none."""
     tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
     return _rendered("sweep.html", found=found, meanings=meanings(found), pictures=pictures, worst=worst, varied=varied, **tables)
 
 
 @dataclass(frozen=True)
 class Film:
-    """A film's file, its description, and its bytes."""
+    """A film: its file, its description and its bytes."""
 
     file: str
     meaning: str
     gif: bytes
 
     def address(self, alone: bool) -> str:
-        """Its file's address, or a data URL with all of it."""
+        """The address of its file or, if ``alone``, a data URL with its content."""
         return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
 
 
 def flight(
     found: FlightComparison, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None
 ) -> str:
-    """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
+    """Return the page of ``barbalat fly``. The pictures over time and in space are given by the names of the failures."""
     told = {
         "title": flights.title,
         "facts": flights.facts,
@@ -191,8 +193,9 @@ def suite(found: Standings) -> str:
 def design(found: Design, picture: ReportFigure | None, *, explorer: str | None, files: Sequence[str], text: str | None) -> str:
     """The page of ``barbalat design``.
 
-    explorer  why there is no page with sliders, None if there is one
-    files     sentences on the further files; ``text`` is that of the case file
+    explorer  the reason why there is no page with sliders, or None if there is one
+    files     sentences on the further files
+    text      the text of the case file
     """
     made = (design_rows.title, design_rows.rows, design_rows.sentences)
     return _rendered(
@@ -202,7 +205,7 @@ def design(found: Design, picture: ReportFigure | None, *, explorer: str | None,
 
 
 def identification(found: Identification, picture: ReportFigure, source: str, text: str) -> str:
-    """The identified plant: coefficients, residuals on validation samples, the case file."""
+    """Return the page of an identified plant: coefficients, residuals on validation samples and the case file."""
     return _rendered(
         "identification.html",
         found=found,
@@ -219,8 +222,8 @@ def identification(found: Identification, picture: ReportFigure, source: str, te
 
 
 def replay(found: Mapping[str, Replay], problem: Problem, picture: ReportFigure, source: str, case: str) -> str:
-    """A recording through the estimators of a case: their values, their motion, and the controls compared with the recorded
-    one."""
+    """Return the page of a recording that was replayed through the estimators of a case: the estimates, and the controls
+    compared with the recorded one."""
     made = (replayed.title, replayed.rows, replayed.sentences)
     return _rendered(
         "replayed.html", found=found, problem=problem, picture=picture, source=source, case=case, COLUMNS=replayed.COLUMNS,
@@ -229,7 +232,7 @@ def replay(found: Mapping[str, Replay], problem: Problem, picture: ReportFigure,
 
 
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Each row's first entry with symbols in place of names."""
+    """Return the rows with symbols in place of names in the first entry."""
     return [[in_symbols(first), *rest] for first, *rest in rows]
 
 

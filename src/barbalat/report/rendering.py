@@ -1,7 +1,7 @@
-"""Templates of pages, filled in; few imports, for it is part of every run.
+"""Fills in the templates of pages. It imports little, because it is part of every run.
 
-A page holds its pictures itself, so that it can be sent alone, as long as it is no larger than a page may be. A larger one, such
-as the claims with their dozen maps, has them as files beside it and says so in its last line.
+A page contains its pictures, so that it can be sent alone, unless it would exceed the limit for a page. A larger page, such as
+the claims with their dozen maps, links to its pictures as files and says so in its last line.
 """
 
 from __future__ import annotations
@@ -37,26 +37,27 @@ FIGURE_COLUMNS = {
 
 
 def figure_columns(results: Iterable[Result]) -> dict[str, str]:
-    """The columns of a table of runs, with the units that their case gives."""
+    """Return the columns of a table of runs, with the units of the case."""
     units = units_of(next(iter(results)).problem.labels)
     return {name: f"{heading} {units.get(name, '')}".rstrip() for name, heading in FIGURE_COLUMNS.items()}
 
 
 def told(results: Iterable[Result]) -> list[Told]:
-    """The findings of runs, each once."""
+    """Return the findings of the runs, each once."""
     return together({result.name: result.findings for result in results})
 
 
 LARGEST_PAGE_BYTES = 500_000
-"""Largest size in bytes of a page with its pictures, which mail programs show and phones load at once."""
+"""Largest size in bytes of a page with its pictures. Mail programs show such a page, and phones load it at once."""
 LARGER_PAGES_BYTES = {"flights.html": 4_000_000}
-"""Largest size of pages that always contain their pictures: flights are shared as one file, with a picture for each failure."""
-PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
+"""Largest size in bytes of pages that always contain their pictures. Flights are shared as one file, with a picture for each
+failure."""
+PICTURES_BESIDE = " Its pictures are separate files in the same folder; send them together with the page."
 
 
 @cache
 def templates() -> Environment:
-    """All templates of the package's pages."""
+    """Return the environment with all templates of the package's pages."""
     environment = Environment(
         loader=PackageLoader("barbalat.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -77,7 +78,8 @@ def templates() -> Environment:
 
 @cache
 def parts_of_charts() -> tuple[Markup | str, ...]:
-    """The parts of a page with charts except their data: uPlot, its style, colours on light and dark, the script, the licence."""
+    """Return the parts of a page with charts, without the data: uPlot, its style, the colours on light and on dark, the script
+    and the licence."""
     own = resources.files("barbalat.report") / "templates" / "charts.js"
     light, dark = ("; ".join(f"--line-{k}: {one}" for k, one in enumerate(palette)) for palette in (COLOURS, ON_DARK))
     script = "\n".join(map(script_of, [*CHARTS, own]))
@@ -88,7 +90,7 @@ def parts_of_charts() -> tuple[Markup | str, ...]:
 def render(
     template: str | Template, values: Mapping[str, object], filters: Mapping[str, Callable[..., object]] | None = None
 ) -> str:
-    """The page; ``filters`` are needed by its template in addition to the common ones."""
+    """Return the page. ``filters`` are those that its template needs in addition to the common ones."""
     environment = templates().overlay()
     environment.filters = environment.filters | dict(filters or {})
     found = environment.get_template(template)
@@ -100,12 +102,12 @@ def render(
 
 
 PHONE = 326
-"""Pixels inside a card on a screen of 390."""
+"""Width in pixels inside a card on a screen that is 390 pixels wide."""
 CHARACTER, PADDING = 9.2, 11.2
-"""Pixels: the width of a digit of DejaVu Sans at a table's 14.4, and the padding of a cell."""
+"""In pixels: the width of a digit of DejaVu Sans at a table's size of 14.4, and the padding of a cell."""
 
 
 def fits_a_phone(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Whether the columns fit next to one another if their texts are broken between words."""
+    """Whether the columns fit side by side if their texts are broken between words."""
     longest = (max(len(word) for text in column for word in text.split() or [""]) for column in zip(columns, *rows, strict=True))
     return sum(count * CHARACTER + PADDING for count in longest) <= PHONE

@@ -1,4 +1,4 @@
-"""A recorded flight through the estimators of a case: on the screen, as JSON, as panels of a page."""
+"""A recording that was replayed through the estimators of a case: on the screen, as JSON and as panels of a page."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from barbalat.validate import Array
 
 
 def known_ends(problem: Problem, size: int) -> tuple[Array, Array] | None:
-    """The known set's ends for this number of estimates; None without a box of them."""
+    """Return the ends of the known set for this number of estimates, or None if the set is not a box of that size."""
     known = problem.known.estimate_set
     return (np.asarray(known.lower), np.asarray(known.upper)) if isinstance(known, ParameterBox) and known.size == size else None
 
 
 def as_json(found: Mapping[str, Replay], problem: Problem) -> dict[str, Any]:
-    """For each controller the block on its estimates from ``run --json``, and its control compared with the flown one."""
+    """Return for each controller the block of ``run --json`` on its estimates, and its control compared with the recorded one."""
     told = {}
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
@@ -47,7 +47,7 @@ COLUMNS = ("controller", "estimate", "at the end", "last quarter", "known set")
 
 
 def rows(found: Mapping[str, Replay], problem: Problem) -> list[list[str]]:
-    """Each controller's estimates at the end and over the last quarter, with the known set."""
+    """Return rows with each controller's estimates at the end and over the last quarter, and with the known set."""
     told = []
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
@@ -59,12 +59,12 @@ def rows(found: Mapping[str, Replay], problem: Problem) -> list[list[str]]:
 
 
 def title(found: Mapping[str, Replay], problem: Problem) -> str:
-    """The case, and how many samples were replayed."""
-    return f"{problem.name}: {len(next(iter(found.values())).times)} recorded samples through its estimators"
+    """Return a title with the case and the number of replayed samples."""
+    return f"{problem.name}: {len(next(iter(found.values())).times)} recorded samples replayed through its estimators"
 
 
 def sentences(found: Mapping[str, Replay]) -> list[str]:
-    """How far each controller's control is from the recorded one, and warnings on the estimates."""
+    """Return sentences on the distance of each controller's control from the recorded one, and warnings on the estimates."""
     apart = [
         f"The u of {name} differs from the recorded u by {one.apart:.3g} (RMS; that of the recorded u is {_rms(one.flown):.3g})."
         for name, one in found.items()
@@ -77,7 +77,7 @@ def _rms(values: Array) -> float:
 
 
 def show(found: Mapping[str, Replay], problem: Problem, screen: Screen) -> None:
-    """The estimates at the end, their last quarter, the known set; then the controls."""
+    """Print the estimates at the end and over the last quarter with the known set, and then the sentences on the controls."""
     screen.title(title(found, problem))
     screen.table(list(COLUMNS), rows(found, problem), leads=2)
     *apart, last = sentences(found)
@@ -87,7 +87,7 @@ def show(found: Mapping[str, Replay], problem: Problem, screen: Screen) -> None:
 
 
 def panels(found: Mapping[str, Replay], problem: Problem) -> list[Panel]:
-    """For each controller its estimates, each on its own axes, and its controls with the recorded ones."""
+    """Return the panels: for each controller its estimates, each on its own axes, and its controls with the recorded ones."""
     shown = []
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
@@ -106,7 +106,7 @@ def panels(found: Mapping[str, Replay], problem: Problem) -> list[Panel]:
 
 
 def _estimate(name: str, of: str, i: int, t: Array, values: Array, known: tuple[float, float] | None) -> Panel:
-    """One estimate, with those ends of the known set that are near its motion, or with a note on all."""
+    """Return the panel of one estimate, with those ends of the known set that are near its motion, or with a note on both."""
     near, beyond = reachable([] if known is None else list(known), span_of([values]))
     label = label_of(of)
     return Panel(

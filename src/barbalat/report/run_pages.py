@@ -1,6 +1,6 @@
 """The pages of ``run`` and ``certify``, whose charts the browser draws from data.
 
-Matplotlib, which takes longer than most runs, draws only the pictures that are requested as PNG and SVG.
+Matplotlib takes longer than most runs, so it draws only pictures that are requested as PNG and SVG.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def write_comparison(
     folder: Folder, case: str, results: Sequence[Result], certified: Certified, *, pictures: bool = False
 ) -> None:
-    """The page of ``barbalat run``; with ``pictures`` also its charts and block diagrams as files."""
+    """Write the page of ``barbalat run``, and with ``pictures`` also its charts and block diagrams as files."""
     shown, t_end = panels(results), ends_at(results)
     drawn = [of_controller(result.controller, result.problem) for result in results]
     diagrams = {
@@ -47,7 +47,7 @@ def write_comparison(
 
 
 def write_certificates(folder: Folder, case: str, certified: Certified, document: str, *, pictures: bool = False) -> None:
-    """The page of ``barbalat certify`` and the JSON document; with ``pictures`` also the loops as files."""
+    """Write the page of ``barbalat certify`` and the JSON document, and with ``pictures`` also the loops as files."""
     folder.write(CERTIFICATES, document)
     folder.write(PAGE, render("certified.html", {"name": case, **_certified(certified)}))
     if pictures:
@@ -55,12 +55,12 @@ def write_certificates(folder: Folder, case: str, certified: Certified, document
 
 
 def _certified(certified: Certified) -> dict[str, Any]:
-    """The values of a template that shows certificates, with the responses of the loops whose margins they give."""
+    """Return the values of a template that shows certificates, with the responses of the loops behind their margins."""
     return {"certified": certified, "loops": loops_data(certified.certificates)}
 
 
 def loops_data(certificates: Mapping[str, Certificate]) -> list[dict[str, Any]]:
-    """The loops whose margins the certificates give, in the form for a page's charts."""
+    """Return the loops behind the margins of the certificates, in the form for a page's charts."""
     return [responses_data(responses_of(some)) for some in grouped(distinct(certificates))]
 
 

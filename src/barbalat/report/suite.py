@@ -13,23 +13,23 @@ PAGE_COLUMNS = (*COLUMNS[:-1], "tuning; * at an end of its range")
 
 
 def identity(found: Standings) -> str:
-    """Which suite it is, with its hash."""
+    """Return a text that identifies the suite, with its hash."""
     kind = "the public suite" if found.suite.is_public else "another suite, not the public one:"
     return f"{kind} {found.suite.name}, SHA-256 {found.suite.sha256}"
 
 
 def rebuilt(found: Standings) -> str:
-    """How the measured rows compare with the stored ones, in a sentence."""
+    """Return a sentence that compares the measured rows with the stored ones."""
     agree, differ = found.compared["agree"], found.compared["differ"]
     if not agree and not differ:
         return "none of the measured rows is stored"
     said = f"{len(agree)} of {len(agree) + len(differ)} measured rows agree with the stored ones to nine digits"
-    said += f", {len(found.compared['in_every_bit'])} in every bit"
-    return f"{said}; others: {', '.join(differ)}" if differ else said
+    said += f", {len(found.compared['in_every_bit'])} of them bit for bit"
+    return f"{said}; the others are {', '.join(differ)}" if differ else said
 
 
 def rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """The rows in the form of a table."""
+    """Return the rows of the table for the terminal."""
     return [
         [
             row["case"], row["entry"], row["settings"], _yes(row["meets_rule"]), _yes(row["meets_specification"]),
@@ -42,13 +42,13 @@ def rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def page_rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """The rows as a page has them, with the tunings."""
+    """Return the rows of the table for the page, which include the tunings."""
     every = list(given)
     return [[*cells[:-1], _tuning(row)] for row, cells in zip(every, rows(every), strict=True)]
 
 
 def without(stored: Mapping[str, Any]) -> list[str]:
-    """For each case of the stored table a sentence on its missing entries, by the reason."""
+    """Return for each case of the stored table a sentence on its missing entries, grouped by the reason."""
     return [
         f"{case} is without {'; '.join(group['entries'])}: each {group['reason']}"
         for case, groups in stored["left_out"].items()
@@ -57,7 +57,7 @@ def without(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _tuning(row: Mapping[str, Any]) -> str:
-    """Each number by its name, marked if it is at an end of its range."""
+    """The numbers by their names. A number at an end of its range is marked."""
     return ", ".join(f"{name} {value:.3g}{'*' if name in row['at_edge'] else ''}" for name, value in row["tuning"].items()) or "-"
 
 
@@ -72,6 +72,6 @@ def show(screen: Screen, found: Standings) -> None:
     for name in found.empty:
         screen.line(f"{name}: no scheme takes part; {'; '.join(found.left_out[name])}.")
     if found.beside:
-        screen.title("Beside them, stored")
+        screen.title("Stored rows")
         screen.table(COLUMNS, rows(found.beside), leads=2)
     screen.line(f"{capitalized(rebuilt(found))}.")

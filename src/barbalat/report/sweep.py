@@ -18,12 +18,12 @@ from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import counted
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
-"""Displayed figures, without their components; the others are in the JSON and in a store."""
+"""Names of the displayed figures, without component numbers. The other figures are in the JSON and in a store."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorstMember:
-    """A controller's worst member by a figure: the ``file`` of a page that simulates it, or the reason why there is none."""
+    """A controller's worst member by a figure, with the ``file`` of its explorer or the reason why there is none."""
 
     controller: str
     figure: str
@@ -33,7 +33,7 @@ class WorstMember:
 
 
 def varied(found: SweepResult) -> list[tuple[str, str]]:
-    """What varies, and how; the entries of a vector that is drawn from a ball together once."""
+    """Return what varies, and how. The entries of a vector that is drawn from a ball are one row."""
     rows = [(str(path), f"over {axis}") for path, axis in found.plan.axes.items()]
     for path, drawn in found.plan.draws.items():
         if not isinstance(drawn, InBall):
@@ -45,7 +45,7 @@ def varied(found: SweepResult) -> list[tuple[str, str]]:
 
 
 def shares(found: SweepResult) -> list[list[str]]:
-    """What is judged, the controller, number of members, their share, the ends of its interval."""
+    """Return rows with the judged property, the controller, the number of members, their share and its interval."""
     own = [one for one in found.evidence.shares.items() if not found.judged or one[0] not in (DIVERGED, OSCILLATED)]
     return [
         [
@@ -61,7 +61,7 @@ def shares(found: SweepResult) -> list[list[str]]:
 
 
 def _unsettled(share: Share) -> str:
-    """The number of members that may belong to it in addition."""
+    """A text with the number of members that are not settled and may belong to the share as well."""
     unsettled = share.unsettled if isinstance(share, SplitShare) else 0
     return f", {unsettled} not settled" if unsettled else ""
 
@@ -73,7 +73,7 @@ def _judged(name: str) -> str:
 
 
 def meanings(found: SweepResult) -> list[str]:
-    """What the names of shares mean, in sentences without their full stops."""
+    """Return sentences, without full stops, on the meaning of the shares' names."""
     unexamined = found.evidence.unexamined.items()
     lacking = [f"Whether the estimates of {one} ring is not examined: {why}" for one, why in unexamined]
     if not found.judged:
@@ -81,7 +81,7 @@ def meanings(found: SweepResult) -> list[str]:
     return [
         "Lost: diverged, or a component left its limit, by default 100 times its scale, which is normally the model's "
         "largest motion; limit cycle: the control oscillates permanently; off: the tail's error is outside its band, by "
-        "default 5 % of the scale; [judge] sets limits and bands",
+        "default 5 % of the scale; the table [judge] sets limits and bands",
         "Not settled: within the budget no step distinguishes the plant from the solver; the intervals allow either verdict "
         "for these members",
         *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
@@ -90,7 +90,7 @@ def meanings(found: SweepResult) -> list[str]:
 
 
 def extremes(found: SweepResult) -> list[list[str]]:
-    """Figure, controller, least, median, largest, worst member."""
+    """Return rows with the figure, the controller, the smallest, median and largest value, and the worst member."""
     return [
         [name, controller, *map(number_text, (one.min, one.median, one.max)), str(one.worst_member)]
         for name, by in found.evidence.metrics.items()
@@ -107,11 +107,11 @@ SYMBOLS = {
     "max_abs_y": "max |y|",
     "diverged_at": "diverged at [s]",
 }
-"""Names of figures in the JSON and their display; a longer name precedes its parts."""
+"""Names of figures in the JSON and their displayed form. A longer name precedes the names that it contains."""
 
 
 def in_symbols(text: str) -> str:
-    """A figure's name, or a requirement with one, in the notation of terminals, which pages set as mathematics."""
+    """Return the text with names of figures in the notation of terminals, which pages set as mathematics."""
 
     def symbol(found: re.Match[str]) -> str:
         return SYMBOLS[found["name"]].format("" if found["index"] is None else f"_{int(found['index']) + 1}")
@@ -120,7 +120,7 @@ def in_symbols(text: str) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in per cent, with three digits."""
+    """Format a share in per cent with three digits."""
     return f"{100 * share:.3g} %"
 
 

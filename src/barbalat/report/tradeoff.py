@@ -1,4 +1,4 @@
-"""A trade-off in words and numbers: tables, a sentence on the ranking, the JSON document."""
+"""A trade-off in words and numbers: tables, a sentence on the ranking and the JSON document."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ERRORS = (1e-3, 1e-2, 3e-2, 0.1, 0.3)
 
 
 def as_document(found: TradeOff) -> dict[str, Any]:
-    """Everything measured, in plain numbers; None for values that are not finite."""
+    """Return everything that was measured as plain numbers, with None for values that are not finite."""
     return {
         "case": found.problem.name,
         "simulation": found.simulation.as_json(),
@@ -41,7 +41,7 @@ def as_document(found: TradeOff) -> dict[str, Any]:
 
 
 def rows(found: TradeOff, which: str, criterion: str) -> list[tuple[str, ...]]:
-    """For a table: the ends and the middle of each front."""
+    """Return table rows with the ends and the middle of each front."""
     lines: list[tuple[str, ...]] = []
     for cloud in found.clouds:
         error, margin = cloud.at(which, criterion)
@@ -59,7 +59,7 @@ def rows(found: TradeOff, which: str, criterion: str) -> list[tuple[str, ...]]:
 
 
 def at_equal_error(found: TradeOff, which: str) -> list[tuple[str, ...]]:
-    """For a table: the largest delay tolerated by each scheme with at most the errors of ``ERRORS``, by both criteria."""
+    """Return table rows with the largest delay that each scheme tolerates at each error of ``ERRORS``, by both criteria."""
     return [
         (f"{error:g}", *(_borne(found, cloud, which, name, error) for name in ("onset", "loss") for cloud in found.clouds))
         for error in ERRORS
@@ -74,7 +74,7 @@ def _borne(found: TradeOff, cloud: Cloud, which: str, criterion: str, error: flo
 
 
 def ranking(found: TradeOff, which: str) -> str:
-    """A sentence: at which errors the order of the schemes depends on the criterion."""
+    """Return a sentence that lists the errors at which the order of the schemes depends on the criterion."""
     head, parts = orders(found, which)
     return f"{head}: {'; '.join(parts)}." if parts else f"{head}."
 
@@ -95,7 +95,8 @@ def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
 
 
 def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[list[str]]:
-    """The schemes by the tolerated delay, the largest first; those within the bisection's resolution together."""
+    """Return the schemes sorted by the tolerated delay, the largest first. Schemes within the bisection's resolution are one
+    group."""
     delays = {cloud.scheme: cloud.bears(which, criterion, error) for cloud in found.clouds}
     groups: list[list[str]] = []
     last = np.nan
@@ -109,7 +110,7 @@ def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[li
 
 
 EQUAL_DELAYS_RATIO = 1.05
-"""Ratio within which two delays count as equal: two brackets of 2 %."""
+"""Ratio within which two delays count as equal. It corresponds to two brackets of 2 %."""
 
 
 def _text(order: list[list[str]]) -> str:
@@ -117,11 +118,11 @@ def _text(order: list[list[str]]) -> str:
 
 
 def show(screen: Screen, found: TradeOff) -> None:
-    """A table, the order of the schemes, and what was left out."""
+    """Print a table, the order of the schemes, and the omissions."""
     schemes = [cloud.scheme for cloud in found.clouds]
     screen.line(f"{found.problem.name}: the delay [s] that the plant's input tolerates", "bold")
     screen.line(
-        "Each scheme's best tuning with a relative error, RMS |e| / RMS |x_m|, of at most ...: until the loop begins to "
+        "The largest delay of any tuning whose relative error, RMS |e| / RMS |x_m|, is at most ...: until the loop begins to "
         f"oscillate (onset), and until its error grows by {found.by.lost.share:g} max |x_m| or it is lost (loss); either may "
         "come first."
     )
@@ -136,6 +137,6 @@ def show(screen: Screen, found: TradeOff) -> None:
                 part = part.replace(scheme, held(scheme))  # noqa: PLW2901
             screen.line(part, indent="    ", start="  ")
     if len(found.thetas) == 1:
-        screen.line("All this is for the case's own plant; --plants takes the worst of several.")
+        screen.line("All numbers are for the case's own plant; --plants takes the worst of several.")
     for sentence in grouped_omissions(found.notes):
         screen.line(f"Note: {sentence}.", "yellow", "  ")

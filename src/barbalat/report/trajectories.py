@@ -18,14 +18,14 @@ from barbalat.report.file_names import file_name, table_names
 from barbalat.run.results.result import Result
 
 MOST_NUMBERS = 60_000
-"""Largest number of entries in all CSVs of a folder: 17 bytes each, some 1 MB of its 2 MB. Results in Python contain
-everything that was recorded."""
+"""Largest number of entries in all CSVs of a folder. At 17 bytes each they take some 1 MB of the folder's 2 MB. Results in
+Python contain everything that was recorded."""
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
-    """One CSV for each controller with the recorded instants as rows, or every second, third, ... of them if there are too many.
+    """Write one CSV for each controller, with the recorded instants as rows.
 
-    With ``whole`` every recorded instant.
+    If there are too many, every second, third, ... instant is written, unless ``whole`` is set.
     """
     tables = [{"t": result.t} | result.columns() for result in results]
     numbers = sum(len(columns) * len(columns["t"]) for columns in tables)
@@ -45,15 +45,16 @@ MEANINGS = {
     "x_m": "the reference model's state",
     "e": "tracking error",
     "theta_hat": "estimate",
-    "u": "control, as the controller gives it",
+    "u": "control, as computed by the controller",
     "r": "command",
     "y": "output",
 }
-"""Meanings of columns by the part before their number; those of a controller's own columns follow from their roles."""
+"""Meanings of columns by the part of their name before the number. The meanings of a controller's own columns follow from
+their roles."""
 
 
 def data_package(case: str, results: Sequence[Result]) -> dict[str, Any]:
-    """One resource for each CSV. A unit that the case does not state is left out, not guessed."""
+    """Return the description of the CSVs, with one resource for each. A unit that the case does not state is left out."""
     files = table_names([result.name for result in results])
     return {
         "profile": "tabular-data-package",
@@ -87,7 +88,7 @@ def _field(column: str, result: Result) -> dict[str, str]:
 
 
 def _label(symbol: str, place: int, result: Result) -> tuple[str, str]:
-    """The case's label and unit."""
+    """Return the case's label and unit."""
     if symbol == "t":
         return "", "s"
     labels = result.problem.labels or UNLABELLED

@@ -10,7 +10,7 @@ from barbalat.validate import counted
 
 
 def verdicts(found: Tuning) -> list[tuple[str, str, bool]]:
-    """For each controller its name, one sentence on the tuning that was found, and whether that meets every constraint."""
+    """Return for each controller its name, one sentence on the chosen tuning, and whether it meets every constraint."""
     rows = []
     for name, one in found.controllers.items():
         point, meets = (one.nearest, False) if one.chosen is None else (one.chosen, True)
@@ -23,7 +23,8 @@ def verdicts(found: Tuning) -> list[tuple[str, str, bool]]:
 
 
 def points(found: Tuning) -> list[list[str]]:
-    """Controller, which tuning, its numbers, the objective reached, the constraints' values, whether it meets them."""
+    """Return rows with the controller, the kind of tuning, its numbers, the value of the objective, the values of the
+    constraints, and whether it meets them."""
     rows = []
     for name, one in found.controllers.items():
         last = ("tuned", one.chosen) if one.chosen is not None else ("nearest", one.nearest)
@@ -42,7 +43,7 @@ def numbers(point: Point) -> str:
 
 
 def changes(one: Tuned) -> list[str]:
-    """A line for each field of the chosen tuning: its path, and its old and new number."""
+    """Return a line for each field of the chosen tuning: its path, its new number and its old number."""
     if one.chosen is None:
         return []
     before = one.start.tuning
@@ -53,9 +54,10 @@ def changes(one: Tuned) -> list[str]:
 
 
 def held_out(found: Tuning) -> list[list[str]]:
-    """Controller, the median and the worst value on validation plants, the worst plant, and how many violate which constraint.
+    """Return rows with the controller, the median and the worst value on validation plants, the worst plant, and the number of
+    plants that violate each constraint.
 
-    Next to a count, the share of the known set for which it is evidence: Clopper and Pearson's interval.
+    Each number has Clopper and Pearson's interval of the share in the known set beside it.
     """
     rows = []
     for name, one in found.controllers.items():
@@ -70,7 +72,7 @@ def held_out(found: Tuning) -> list[list[str]]:
                 number_text(new["median"]),
                 number_text(new["worst"]["value"]),
                 f"[{theta}]",
-                "; ".join(broken) or "none of those that runs decide",
+                "; ".join(broken) or "none that a run can check",
             ]
         )
     return rows
@@ -83,7 +85,7 @@ def _broken(share: Share, requirement: str) -> str:
 
 
 def front(one: Tuned, found: Tuning) -> list[list[str]]:
-    """The numbers of each tuning on the front, the objective reached, the first constraint's quantity."""
+    """Return rows with the numbers of each tuning on the front, the value of the objective and that of the first constraint."""
     first = found.aim.constraints[0]
     return [
         [numbers(point), number_text(_known(point.value)), number_text(_known(point.found.get(first)))] for point in one.front
@@ -91,7 +93,7 @@ def front(one: Tuned, found: Tuning) -> list[list[str]]:
 
 
 def judged(found: Tuning) -> str:
-    """A sentence on the plants used."""
+    """Return a text with the objective and the plants on which it is evaluated."""
     aim, count = found.aim, max(len(found.thetas), 1)
     share = "the worst of" if aim.quantile == 1 else f"the {100 * aim.quantile:g} % quantile over"
     return (
@@ -111,7 +113,7 @@ def _known(value: float | None) -> float | None:
 
 
 def show(screen: Screen, found: Tuning) -> None:
-    """Print a table, the changes, and the validation plants."""
+    """Print a table, the changes and the results on validation plants."""
     screen.line(f"{found.case.name}: {judged(found)}", "bold")
     for name, sentence, meets in verdicts(found):
         screen.line(f"{screen.name(name)}: {sentence}", "green" if meets else "red", indent="    ", start="  ")

@@ -1,4 +1,4 @@
-"""The files that commands write: pictures, pages, JSON, trajectories."""
+"""Writes the files of the commands: pictures, pages, JSON and trajectories."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Drawn(Protocol):
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, ReportFigure]:
-    """Draw every figure except those for phones into the folder; ``drawn`` receives the share of each."""
+    """Draw every figure, except those for phones, into the folder. ``drawn`` is called after each with its share of the work."""
     pictures = {}
     for figure in figures:
         pictures[figure.key] = _draw(folder, f"figure-{figure.key}", figure_of(figure.shown))
@@ -58,20 +58,20 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Cal
 
 
 class NarrowPictures:
-    """The figures for phones, which another process begins with the first while this one does other work."""
+    """The figures for phones. Another process draws them, beginning with the first, while this one does other work."""
 
     def __init__(self, figures: Sequence[PaperFigure], beside: Executor) -> None:
         self.given = {figure.key: (f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
         self.asked = {key: beside.submit(narrow_panels, *given) for key, given in self.given.items()}
 
     def joined(self, pictures: Mapping[str, ReportFigure]) -> dict[str, ReportFigure]:
-        """Both versions as one, by key; those that have not been started are drawn here, the last one first."""
+        """Return both versions of each figure, by key. Figures that have not been started are drawn here, the last one first."""
         found = {key: answer_of(self.asked[key], narrow_panels, *self.given[key]) for key in reversed(self.given)}
         return {key: replace(picture, narrow=found[key]) for key, picture in pictures.items()}
 
 
 def keep(folder: Folder, pictures: Sequence[ReportFigure]) -> None:
-    """Write the SVGs of pictures that were drawn elsewhere."""
+    """Write the SVGs of pictures that another process has drawn."""
     for picture in pictures:
         for drawing in (picture.wide, picture.narrow):
             if drawing is not None:
@@ -79,7 +79,7 @@ def keep(folder: Folder, pictures: Sequence[ReportFigure]) -> None:
 
 
 def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, ReportFigure]:
-    """Draw every map and chart of the claims into the folder; pictures by their keys."""
+    """Draw every map and chart of the claims into the folder. Return the pictures by key."""
     return {shown.key: _draw_both(folder, f"map-{shown.key}", partial(_map, shown)) for claim in claims for shown in claim.maps}
 
 
@@ -88,7 +88,7 @@ def _map(shown: Map | Chart, *, narrow: bool) -> Figure:
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
-    """Picture and page of a trade-off."""
+    """Write the picture and the page of a trade-off."""
     picture = _draw_both(folder, "tradeoff", partial(draw_trade_off, found))
     folder.write(PAGE, page.trade_off(found, picture))
 
@@ -96,9 +96,10 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
 def write_sweep(
     folder: Folder, found: SweepResult, worst: Sequence[WorstMember] = (), runs: Mapping[str, tuple[int, Result]] | None = None
 ) -> None:
-    """Members by verdict, histograms, a map over two axes, what each number accounts for, and the page; see ``page.sweep``.
+    """Write the page of a sweep (see ``page.sweep``) and its pictures: members by verdict, histograms, a map over two axes, and
+    sensitivities.
 
-    runs  by controller, the worst member's number and its run
+    runs  the worst member's number and its run, by controller
     """
     pictures = {"histograms": _draw_both(folder, "histograms", partial(of_sweep.histograms, found))}
     if runs:
@@ -118,7 +119,7 @@ def write_sweep(
 
 
 def _worst_run(found: SweepResult, controller: str, member: int, result: Result) -> of_sweep.WorstRun:
-    """The run with the first panel of its page; a diverging run is cut off, so that the model remains visible."""
+    """Return the run with the first panel of its page. A diverging run is cut off, so that the model remains visible."""
     panel, *_ = panels([result])
     title = f"{controller}, the worst: member {member}, {found.kind_of(controller, member)}"
     motion, *others = panel.series
@@ -128,12 +129,12 @@ def _worst_run(found: SweepResult, controller: str, member: int, result: Result)
 
 
 RUNAWAY_SHOWN = 4.0
-"""Multiple of the model's and the command's largest value up to which a lost run is shown."""
+"""A lost run is shown up to this multiple of the largest value of model and command."""
 
 
 def write_flights(folder: Folder, found: FlightComparison) -> None:
-    """For each failure pictures over time and in space and a CSV, a film of one of them, and the page, which contains them
-    all."""
+    """Write for each failure the pictures over time and in space and a CSV, a film of one failure, and the page, which contains
+    all pictures."""
     pictures, paths = {}, {}
     for failure in found.failures:
         name = f"flight-{failure.name}"
@@ -154,20 +155,20 @@ FILM = "flight.gif"
 
 
 def _within(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
-    """The wide version as PNG; both as SVG, only inside the page."""
+    """Write the wide version as PNG. Both versions are returned as SVG, for the page only."""
     wide, narrow = (figure(narrow=narrow) for narrow in (False, True))
     folder.write(f"{name}.png", render(wide, "png"))
     return ReportFigure(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
 
 
 def files_of_flights() -> set[str]:
-    """The files that ``barbalat fly`` may have left in a folder, other than those that it always writes."""
+    """Return the names of files that ``barbalat fly`` may have left in a folder, besides those that it always writes."""
     names = {failure.name for vehicle in vehicles().values() for failure in vehicle.failures}
     return {FILM, *(f"{what}-{name}.{kind}" for name in names for what in ("flight", "path") for kind in ("png", "csv"))}
 
 
 def write_tuning(folder: Folder, found: Tuning) -> None:
-    """The case file if there is one, the picture of the fronts, and the page."""
+    """Write the case file if there is one, the picture of the fronts, and the page."""
     if found.text is not None:
         folder.write(TUNED_CASE, found.text)
     picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
@@ -175,27 +176,27 @@ def write_tuning(folder: Folder, found: Tuning) -> None:
 
 
 def write_contest(folder: Folder, found: Contest) -> None:
-    """The picture of the validation runs, if there are any, and the page."""
+    """Write the picture of the validation runs, if there are any, and the page."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found)) if found.held_out else None
     folder.write(PAGE, page.contest(found, picture))
 
 
 def write_design(folder: Folder, found: Design, *, explorer: str | None, files: Sequence[str], text: str | None) -> None:
-    """The page, with the contest's page and picture."""
+    """Write the page, and the contest's page and picture."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found.contest)) if found.contest.held_out else None
     folder.write("contest.html", page.contest(found.contest, picture))
     folder.write(PAGE, page.design(found, picture, explorer=explorer, files=files, text=text))
 
 
 def write_identification(folder: Folder, found: Identification, *, stem: str, source: str, text: str) -> None:
-    """The page with its picture, both named as the case file."""
+    """Write the page and its picture, both named after the case file."""
     folder.write(
         f"{stem}.html", page.identification(found, _draw_both(folder, stem, partial(draw_identification, found)), source, text)
     )
 
 
 def write_replay(folder: Folder, found: Mapping[str, Replay], problem: Problem, *, stem: str, source: str, case: str) -> None:
-    """The page of a replay with its picture, both with this stem."""
+    """Write the page of a replay and its picture, both with this stem."""
     shown, t_end = replayed.panels(found, problem), float(next(iter(found.values())).times[-1])
     drawn = _draw_both(folder, stem, partial(draw_panels, shown, t_end))
     folder.write(f"{stem}.html", page.replay(found, problem, drawn, source, case))
@@ -210,7 +211,7 @@ def _draw(folder: Folder, name: str, drawing: Figure) -> ReportFigure:
 
 
 def _draw_both(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
-    """The wide version as PNG and SVG, the narrow one as SVG."""
+    """Write the wide version as PNG and SVG and the narrow one as SVG."""
     narrow = svg_of(f"{name}{NARROW}", figure(narrow=True))
     folder.write(narrow.file, narrow.svg)
     return replace(_draw(folder, name, figure(narrow=False)), narrow=narrow)

@@ -1,4 +1,4 @@
-// The setting in the page's address: what differs from the beginning of the case, or of the lesson that is named there.
+// Stores the setting in the page's address, as the differences from the initial setting of the case or of the named lesson.
 
 import { delayRefusal, exclusion, gridRefusal, refusal, taken } from "./setting.js";
 import { beginningOf } from "./lessons.js";
@@ -14,7 +14,7 @@ export function toHash(data, setting) {
   return said.toString();
 }
 
-// What a link does not give keeps its initial value.
+// Values that the link does not contain keep their initial value.
 export function fromHash(data, text) {
   const said = new URLSearchParams(text);
   const setting = beginningOf(data, said.get("lesson"));

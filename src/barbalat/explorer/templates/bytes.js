@@ -1,4 +1,4 @@
-// Numbers and modules as they stand in the page.
+// Decodes the numbers and modules that the page contains in Base64.
 
 export function bytesOf(text) {
   const letters = atob(text);

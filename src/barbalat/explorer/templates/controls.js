@@ -1,4 +1,4 @@
-// A slider and a field for each number, switches for the rest; all are labelled form controls.
+// Makes a slider and a field for each number, and switches for the other settings. All are labelled form controls.
 
 import { delayRefusal, exclusion, gridRefusal, refusal, taken } from "./setting.js";
 
@@ -15,7 +15,7 @@ function nearest(values, value) {
   return best;
 }
 
-// The slider's positions are the number's known values: evenly spread, or by decades.
+// The positions of the slider are the given values, which are spaced evenly or logarithmically.
 function row(id, label, values, read, offer) {
   const slider = made("input", { type: "range", id: `${id}-slider`, min: 0, max: values.length - 1, step: 1, "aria-label": label });
   const field = made("input", { type: "text", inputmode: "decimal", id, autocomplete: "off", "aria-describedby": `${id}-said` });
@@ -70,7 +70,7 @@ function gridValues(data, setting) {
   return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting)) };
 }
 
-// From a tenth of the case's own delay to ten times it, as far as its step tolerates them.
+// Delays from a tenth to ten times the case's own delay, none shorter than its step.
 function delayValues(data) {
   const { delay, simulation: { dt } } = data;
   const found = [];
@@ -81,7 +81,7 @@ function delayValues(data) {
   return found;
 }
 
-// While a finger or a mouse holds a slider less is recorded; all of it once it is let go.
+// Fewer points are recorded while a slider is held. The full record is made when it is released.
 function holding(root, setting, changed) {
   root.addEventListener("pointerdown", (event) => { setting.held = event.target.type === "range"; });
   for (const name of ["pointerup", "pointercancel"]) {
@@ -93,7 +93,7 @@ function holding(root, setting, changed) {
   }
 }
 
-// changed() is called after every change of the setting.
+// Builds the controls. changed() is called after every change of the setting.
 export function built(root, data, setting, changed) {
   holding(root, setting, changed);
   const groups = new Map();

@@ -1,6 +1,6 @@
-// A setting as the text of a case file, and as Python: what simulates the same run, bit for bit.
+// Writes a setting as a case file and as Python code; each simulates the same run, bit for bit.
 
-// The shortest text that is read as the same number; a number with a point stays one.
+// The shortest text that is read as the same number. A float keeps its decimal point.
 export function numberText(value, whole) {
   const text = String(value);
   return !whole && Number.isInteger(value) && !text.includes("e") ? `${text}.0` : text;

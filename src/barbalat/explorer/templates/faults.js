@@ -1,14 +1,14 @@
-// What goes wrong with samples, at times: as problem/faults.py, with the same numbers drawn.
+// The faults of the samples over time, as in problem/faults.py and with the same random numbers.
 
 import { roundHalfEven } from "./grid.js";
 
-// What draws, with the constants of the package's hash.
+// Draws random numbers with the constants of the package's hash.
 export class Drawing {
   constructor(kernel, { grid, signs }) {
     Object.assign(this, { kernel, grid, signs });
   }
 
-  // Numbers from 0 to 1, one for each slot.
+  // Returns a number between 0 and 1 for each slot.
   uniform(seed, place, slots) {
     const [from, out] = this.kernel.laidOut([slots.length, slots.length]);
     this.kernel.view(from, slots.length).set(slots);
@@ -17,7 +17,7 @@ export class Drawing {
   }
 }
 
-// Whether the fault is there, at ticks of the grid of times.
+// Whether the fault is present (1 or 0) at each tick of the time grid.
 function there(drawing, { seed, place, share, burst, times }, ticks) {
   if (share !== null) {
     const long = burst === null ? 1 : Math.max(1, roundHalfEven(burst / drawing.grid));

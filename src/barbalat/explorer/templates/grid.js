@@ -1,7 +1,7 @@
-// A run's steps, cut into calls of the kernel as the simulator cuts them, and the table of commands on them.
+// Divides a run's steps into calls of the kernel, as the simulator does, and makes the table of commands for them.
 
 export const CHUNK_STEPS = 32768;
-const MOST_KEPT = 8e6; // numbers of the table that a worker keeps for the next run: 64 MB
+const MOST_KEPT = 8e6; // largest number of table entries that a worker keeps for the next run: 64 MB
 
 export function roundHalfEven(value) {
   const below = Math.floor(value);
@@ -30,7 +30,7 @@ export function tailStart(steps) {
   return steps - Math.floor(steps / 4);
 }
 
-// The first index in 0 ... count at which past(index) holds, which then holds up to the end.
+// The first index in 0 ... count for which past(index) holds. past must hold for all later indices as well.
 function firstOf(count, past) {
   let [low, high] = [0, count];
   while (low < high) {
@@ -41,7 +41,7 @@ function firstOf(count, past) {
   return low;
 }
 
-// smooth: times -> values, a row for each time. nodes: the fractions of a step at which a method needs the commands.
+// smooth(times) returns the values, one row per time. nodes are the fractions of a step at which a method needs the commands.
 export class Table {
   constructor(grid, smooth, signals, nodes, pieces) {
     Object.assign(this, { grid, smooth, nodes, pieces, count: signals.smooth.length });
@@ -53,7 +53,7 @@ export class Table {
     this.kept = 0;
   }
 
-  // The number of rows before a step: one for each earlier step, and one more for each break inside one.
+  // The number of rows before a step: one for each earlier step and one more for each break inside such a step.
   rowsBefore(step) {
     return step + firstOf(this.cuts, (i) => this.grid.cuts[3 * i] >= step);
   }
@@ -68,7 +68,7 @@ export class Table {
     return found;
   }
 
-  // Where rows begin, in steps and in time, and whether a step does; a row ends where the next one begins.
+  // The start of each row, in steps and in time, and whether a step starts there. A row ends where the next one starts.
   placed(start, stop) {
     const { steps, tEnd } = this.grid;
     const count = this.rowsBefore(stop) - this.rowsBefore(start);
@@ -138,7 +138,7 @@ export class Table {
     }
   }
 
-  // The signals at steps, a row for each.
+  // The values of the signals at the given steps, one row per step.
   at(steps) {
     const { grid, count, smoothAt, keptAt } = this;
     const found = new Float64Array(steps.length * count);

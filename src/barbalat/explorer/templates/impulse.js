@@ -1,12 +1,12 @@
-// An estimate of ||W_b (1 - C)||_1 theta_max: the integral of the largest component of the impulse response, simulated.
+// Estimates ||W_b (1 - C)||_1 theta_max by simulating the impulse response and integrating the modulus of each component.
 
 import { bytesOf } from "./bytes.js";
 import { Kernel } from "./kernel.js";
 
-const STEP = 0.02; // of the reciprocal of the matrix's norm
-const BLOCK = 4096; // steps between two looks
+const STEP = 0.02; // as a fraction of the reciprocal of the matrix's norm
+const BLOCK = 4096; // steps between two checks of the decay
 const MOST_BLOCKS = 1000;
-const DECAYED = 1e-7; // of the first state, after which nothing is added
+const DECAYED = 1e-7; // fraction of the first state at which the integration ends
 
 export function conditionOf({ module, parameters, states, filter, kernels }) {
   if (!kernels.has(module)) kernels.set(module, new Kernel(bytesOf(module)));
@@ -35,7 +35,7 @@ export function conditionOf({ module, parameters, states, filter, kernels }) {
     const now = kernel.view(state, first.length);
     if (largest(now) <= DECAYED * largest(first)) return largest(sums) * thetaMax;
   }
-  return null; // it has not died out: a time constant far beyond the fastest one
+  return null; // the response has not decayed: the slowest time constant is far longer than the fastest one
 }
 
 function norm({ Am, b, A, C }, states, filter) {

@@ -1,10 +1,11 @@
-// The judge of barbalat run: from what a kernel kept behind the loop's states to a verdict and its sentence. The list that keeps it
-// is the kernel's own (judge/beside.py); the rules are those of judge/judged.py and run/engine/judging.py, the numbers the page's data.
+// The judge of barbalat run. It turns the memory that a kernel keeps behind the loop's states into a verdict and its sentence.
+// The kernel's own operations update the memory (judge/beside.py). The rules are those of judge/judged.py and
+// run/engine/judging.py; their numbers are in the page's data.
 
 import { eigenvalues } from "./spectrum.js";
 import { CHUNK_STEPS, tailStart } from "./grid.js";
 
-// What is kept of a run before its tail and of all of it, by the names of the rows.
+// The judge's memory before the tail and after the whole run, accessed by the names of its rows.
 export class Kept {
   constructor(judge, beforeTail, whole) {
     Object.assign(this, { judge, places: placesOf(judge.rows), beforeTail, whole });
@@ -19,12 +20,12 @@ export class Kept {
     return Array.from(this.of(name), (value, i) => value - before[i]);
   }
 
-  // Of each control, in whose shares swings are judged.
+  // The range of each control; swings are judged as shares of it.
   ranges() {
     return Array.from(this.of("range"), (one, j) => Math.max(one, this.roundings(j)));
   }
 
-  // Of the tail; none of a control that does not move but for roundings.
+  // The reversals of each control in the tail; 0 for a control that moves only by rounding errors.
   reversals() {
     return this.inTail("reversals").map((count, j) => (this.of("range")[j] > this.roundings(j) ? count : 0));
   }
@@ -40,13 +41,13 @@ export function placesOf(rows) {
   return Object.fromEntries(rows.map(([name, size]) => [name, [start, start += size]]));
 }
 
-// The memory with the rows that begin anew with a tail, or a window, as they begin.
+// Resets the given rows of the memory to their initial values, as at the start of a tail or a window.
 export function renew(judge, memory, rows) {
   for (const row of rows) memory[row] = judge.begins[row];
 }
 
-// Of each component, as judge/scale.py, with the answer to the disturbances that the case was written with.
-// initial: of each component the rows of the states that it is made of, with their factors; empty where an output is measured.
+// The scale of each component, as in judge/scale.py, with the response to the disturbances of the case file.
+// judge.initial lists, for each component, the rows of its states and their factors; it is empty if an output is measured.
 function scaleOf({ judge, states }, kept) {
   const model = Array.from(kept.of("largest y_m"));
   const most = Math.max(0, ...model);
@@ -59,7 +60,7 @@ function scaleOf({ judge, states }, kept) {
   return found.map((one, i) => (one > 0 ? one : found.reduce((sum, other, j) => sum + judge.spread[i][j] * other, 0)));
 }
 
-// held: the signals' values when everything is held. cyclesOf(band, held) is asked for suspects alone.
+// held: the values of the signals when everything is held. cyclesOf(band, held) is called only for suspected limit cycles.
 export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   const { judge, grid } = task;
   const scale = scaleOf(task, kept);
@@ -82,7 +83,7 @@ export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   return { ...said, sentence: sentenceOf(said) };
 }
 
-// The component of a verdict and the one beside it, or null, as Judged._told.
+// The component that the verdict names and the one that it adds, or null, as in Judged._told.
 function toldOf(judge, kind, error, follows) {
   const worst = worstOf(error, follows, error.map((_, i) => i));
   if (!judge.declared.length || kind === "lost") return [worst, null];
@@ -106,7 +107,7 @@ function earliest(times) {
   return known.length ? Math.min(...known) : null;
 }
 
-// When a component had left its limit, at a recorded instant [s].
+// The first recorded instant at which a component had exceeded its limit [s], or null.
 function lostAt({ shape, judge, grid, own }, kept, { rows, starts }, limits) {
   const [first] = kept.places["largest y"];
   const size = shape.states + shape.accumulators;
@@ -116,7 +117,7 @@ function lostAt({ shape, judge, grid, own }, kept, { rows, starts }, limits) {
   return null;
 }
 
-// As judge/held.py, at steps of the tail; a clock is not held, and faults that come and go end.
+// The held values of the signals, as in judge/held.py, from steps of the tail. A clock keeps running; intermittent faults end.
 export function heldIn(task, commands) {
   const { judge, grid } = task;
   const begin = tailStart(grid.steps);
@@ -130,7 +131,7 @@ export function heldIn(task, commands) {
   });
 }
 
-// The longest period of the model's modes [s], 0 where it has none; its matrix stands in the loop's Jacobian.
+// The longest period of the model's modes [s], 0 if it has none. The model's matrix is a block of the loop's Jacobian.
 export function slowestPeriod({ model, own, judge }, jacobian) {
   if (!jacobian) return judge.slowest;
   const { rows } = model;
@@ -141,7 +142,8 @@ export function slowestPeriod({ model, own, judge }, jacobian) {
   return rates.length ? (2 * Math.PI) / Math.min(...rates) : 0;
 }
 
-// Windows of the run with everything held, as judge/cycles.py: the cycle that is the largest against its range, or null.
+// Continues the run in windows with everything held, as in judge/cycles.py. Returns the limit cycle that is largest relative
+// to its control's range, or null.
 export function cycleOf(task, kept, slowest, going, band) {
   const { judge, grid, dt } = task;
   const tail = grid.tEnd - (tailStart(grid.steps) * grid.tEnd) / grid.steps;
@@ -200,7 +202,7 @@ function cycling(judge, seen, band) {
   });
 }
 
-// How often a control passes from below a quarter of its swing to above three [rad/s].
+// The frequency at which a control rises from the lowest to the highest quarter of its swing [rad/s].
 function frequencyOf(times, values) {
   const [low, high] = values.reduce(([least, most], v) => [Math.min(least, v), Math.max(most, v)], [Infinity, -Infinity]);
   const up = [];
@@ -279,7 +281,7 @@ export class Continued {
   }
 }
 
-// So many decimal digits of a number and the power of ten of the first; an exact half goes to the even digit, as in Python.
+// The given number of decimal digits, and the power of ten of the first one. An exact half is rounded to even, as in Python.
 function digitsOf(value, digits) {
   const [mantissa, exponent] = Math.abs(value).toExponential(90).split("e");
   const exact = mantissa.replace(".", "");
@@ -297,7 +299,7 @@ function positional(found, power) {
   return `${all.slice(0, point)}.${all.slice(point)}`.replace(/\.?0+$/, "");
 }
 
-// A number with this many digits, in the form of Python's %g.
+// Formats a number with this many digits, as Python's %g does.
 export function brief(value, digits = 3) {
   if (!Number.isFinite(value)) return Number.isNaN(value) ? "nan" : value < 0 ? "-inf" : "inf";
   if (value === 0) return "0";
@@ -307,7 +309,7 @@ export function brief(value, digits = 3) {
   return `${sign}${positional(found, 0)}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
 }
 
-// Two digits, without a power of ten.
+// Formats a share as a percentage with two digits, without an exponent.
 export function percent(share) {
   return share === 0 ? "0 %" : `${positional(...digitsOf(100 * share, 2))} %`;
 }

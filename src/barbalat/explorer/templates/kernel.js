@@ -1,17 +1,17 @@
 import { faultValues } from "./faults.js";
 
-// A module's time loop, called as the native kernel is: arrays lie one after another in its memory.
+// Calls a module's time loop as the native kernel is called. The arrays are stored one after another in the module's memory.
 
 const PAGE_BYTES = 65536;
-const TAPS = 3; // remembered values that a step gets back of each delayed channel
+const TAPS = 3; // stored values of each delayed channel that a step reads
 
 export class Kernel {
   constructor(bytes) {
     this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes)).exports;
-    this.free = this.exports.memory.buffer.byteLength; // up to there the memory is the module's own
+    this.free = this.exports.memory.buffer.byteLength; // the memory below this address belongs to the module
   }
 
-  // Addresses of arrays with these numbers of doubles.
+  // Returns the addresses of arrays of the given sizes, in doubles.
   laidOut(sizes) {
     const at = [];
     let end = this.free;
@@ -28,7 +28,7 @@ export class Kernel {
     return new Float64Array(this.exports.memory.buffer, address, size);
   }
 
-  // What is on its way at t = 0: the history, for as many steps as a lag needs; returns the ring's mask.
+  // Fills the delay's ring with the history before t = 0, for as many steps as the lag needs. Returns the ring's mask.
   remember(lag, at, history) {
     new BigInt64Array(this.exports.memory.buffer, at.lags, 1)[0] = BigInt(lag);
     const rows = ringRows(lag);
@@ -46,12 +46,12 @@ export class Kernel {
   }
 }
 
-// Steps that a ring for this lag holds: a power of two, and the first ones again.
+// The number of rows of a ring for this lag: a power of two, and copies of its first rows.
 export function ringRows(lag) {
   return 2 ** Math.ceil(Math.log2(lag + TAPS)) - 1 + TAPS;
 }
 
-// Linear between the points of a record, as NumPy's interp has it, and constant outside; times increase.
+// Interpolates a record linearly between its points, as NumPy's interp does, and holds it constant outside. at must increase.
 export function interpolated({ times, values }, at) {
   const last = times.length - 1;
   const found = new Float64Array(at.length);
@@ -64,7 +64,7 @@ export function interpolated({ times, values }, at) {
   return found;
 }
 
-// The computed signals' values at times, a row for each: those of formulas, of records, and of faults.
+// The values of the computed signals (formulas, records and faults) at the given times, one row per time.
 export function computedValues(kernel, drawing, signals, times) {
   const computed = signals.points.map((points, i) => ({ points, fault: signals.faults[i] })).filter((_, i) => signals.smooth[i]);
   const formulas = computed.filter(({ points, fault }) => !points && !fault).length;
@@ -80,7 +80,7 @@ export function computedValues(kernel, drawing, signals, times) {
   return found;
 }
 
-// The formulas' values at times, a row for each.
+// The values of the formulas at the given times, one row per time.
 export function smoothValues(kernel, parameters, channels, times) {
   const most = 65536;
   const found = new Float64Array(times.length * channels);

@@ -1,4 +1,4 @@
-// Lessons: a setting to begin from, a goal that is checked after every run, and the claims that it is about.
+// Lessons. Each has an initial setting, a goal that is checked after every run, and the claims that it illustrates.
 
 import { caseSetting } from "./setting.js";
 
@@ -26,7 +26,7 @@ function short(value) {
   return value === null ? "none: the run diverged" : String(Number(value.toPrecision(3)));
 }
 
-// Whether a check holds, and what was found.
+// Returns whether a check holds, and a text with the value found.
 function judged(data, setting, figures, started, check) {
   if ("unprojected" in check) return [setting.projection[check.unprojected] === "off", "projection is on again"];
   if ("bounded" in check) {
@@ -63,7 +63,7 @@ export function withNumbers(data, setting, numbers) {
   return setting;
 }
 
-// The setting that a page, or one of its lessons, begins with.
+// The initial setting of the page or of one of its lessons.
 export function beginningOf(data, key) {
   const setting = caseSetting(data);
   const lesson = lessonOf(data, key);
@@ -92,7 +92,7 @@ function claimOf(claim) {
   return row;
 }
 
-// The chooser above the figures. begin(key) sets a lesson up, show(lesson) its example; told() is what the last runs came to.
+// The list of lessons above the settings. begin(key) starts a lesson and example(lesson) sets its solution.
 export class Lessons {
   constructor(root, data, begin, example) {
     this.root = root;
@@ -109,7 +109,7 @@ export class Lessons {
     this.parts.example.addEventListener("click", () => example(lessonOf(data, this.parts.choice.value)));
   }
 
-  // Another lesson, or the same one from its beginning; its first runs are what shares are of.
+  // Starts a lesson from its beginning. Its first runs are the reference for goals that are shares of a starting value.
   begun(key) {
     this.started = null;
     this.lesson = lessonOf(this.data, key);
@@ -125,7 +125,7 @@ export class Lessons {
     claims.replaceChildren(...this.lesson.claims.map(claimOf));
   }
 
-  // After runs: figures by controller, null where one is not simulated.
+  // Checks the goal after runs. figures are those of each controller, null for one that is not simulated.
   told(setting, figures) {
     if (!this.lesson) return;
     const needed = this.lesson.shown.flatMap((shown, i) => (shown ? [i] : []));

@@ -1,6 +1,6 @@
-// Measurement noise: rows of standard Gaussian numbers, the simulator's stream, kept for the next run as far as they go.
+// Measurement noise: rows of standard Gaussian numbers from the simulator's stream, kept for the next run up to a limit.
 
-const MEMBER = 0n; // barbalat run gives every controller this member's stream
+const MEMBER = 0n; // barbalat run uses the stream of this member for every controller
 const MOST_DRAWN = 8e6; // numbers: 64 MB
 
 export class Noise {

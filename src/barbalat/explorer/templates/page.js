@@ -1,4 +1,4 @@
-// The page: keeps the setting, hands what changed to workers, shows what comes back.
+// The page: stores the setting, sends changed simulations to the workers and shows their results.
 
 /* global document, location, history, navigator, Blob, Worker, URL */
 
@@ -22,8 +22,8 @@ const costs = data.controllers.map(() => 0);
 let pinned = null;
 let drawn = 0;
 let drawnAt = 0;
-const PATIENCE = 150; // ms without a picture, after which one run is drawn before the others are there
-let following = null; // what is set once a lesson's beginning was simulated
+const PATIENCE = 150; // ms without a picture, after which finished runs are drawn before the others have arrived
+let following = null; // the setting that follows once the lesson's initial setting has been simulated
 
 const source = URL.createObjectURL(new Blob([JSON.parse(byId("worker").textContent)], { type: "text/javascript" }));
 const count = Math.max(1, Math.min(data.controllers.length, navigator.hardwareConcurrency || 1));
@@ -61,7 +61,7 @@ function waiting() {
   return [...busy, ...wanted].some(Boolean);
 }
 
-// To workers that are free, what took longest the last time first.
+// Sends tasks to the free workers, beginning with the one that took longest last time.
 function send() {
   while (idle.length) {
     const free = wanted.flatMap((one, i) => (one && !busy[i] ? [i] : []));
@@ -98,7 +98,7 @@ function show() {
   });
 }
 
-// Whether a run has left all proportion, so that panels show what stays.
+// Whether a run is so large that the panels are scaled to the other runs.
 function beyondAll({ figures, verdict }) {
   return figures.diverged_at !== null || (verdict.kind === "lost" && !(figures.max_abs_e[verdict.worst] <= data.judge.lostShare * verdict.scale));
 }
@@ -120,7 +120,7 @@ function draw() {
   figures.show([...live, ...kept]);
   byId("conditions").replaceChildren(...[...live, ...kept].filter(({ run }) => data.controllers[run.index].condition).map(conditionText));
   byId("verdicts").replaceChildren(...[...live, ...kept].map(verdictLine), ...heldText(data, setting.tEnd).map((text) => line(text, "note")));
-  byId("coarse").style.visibility = live.some(({ run }) => run.coarse) ? "visible" : "hidden"; // its place stays: nothing jumps
+  byId("coarse").style.visibility = live.some(({ run }) => run.coarse) ? "visible" : "hidden"; // it keeps its space, so that the layout does not jump
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
   if (!waiting()) settled(live);
@@ -150,7 +150,7 @@ function conditionText({ run, label }) {
   return found;
 }
 
-// All runs of the setting are there and drawn.
+// Called when all runs of the setting have arrived and are drawn.
 function settled(live) {
   const { dataset } = document.body;
   dataset.milliseconds = Math.min(Infinity, ...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
@@ -165,7 +165,8 @@ function settled(live) {
   request();
 }
 
-// From an address: a lesson's beginning is simulated first, what stands in the address beside it then.
+// Reads the setting from the address. If the address names a lesson and changes its setting, the lesson's initial setting is
+// simulated first and the changed one after it.
 function entered() {
   const given = fromHash(data, location.hash.slice(1));
   const beginning = beginningOf(data, given.lesson);
@@ -187,7 +188,7 @@ function copied(text) {
   byId("copied").value = text;
   byId("copy").showModal();
   byId("copied").select();
-  navigator.clipboard?.writeText(text).catch(() => undefined); // a page from disk may not; the text is selected
+  navigator.clipboard?.writeText(text).catch(() => undefined); // a page opened from disk may be refused; the text is selected anyway
 }
 
 const figures = new Figures(byId("figures"));

@@ -1,7 +1,7 @@
-// Panels as in barbalat run: motion with model and command, error, control, estimates.
+// The panels of barbalat run: motion with model and command, error, control and estimates.
 
-// The panels' series, from the runs that are shown; each is {t, label, low, high?, colour, dash}, a run's with
-// its name and whether it has gone, that is diverged.
+// The panels of the runs that are shown. A series is {t, label, low, high?, colour, dash}; that of a run also has the run's
+// name and ``gone``, true if the run has diverged.
 export function panelsOf(data, shown, moved) {
   const errors = shown.map((part) => ({ ...part, t: part.run.t, low: largestError(data, part.run) }));
   return [
@@ -37,7 +37,7 @@ function motion(data, shown, moved, panel) {
   } else model = rows(run, at.x_m[panel.state]);
   series.push({ t: run.t, low: model, colour: "ink", dash: [6, 4], label: "model" });
   for (const { index, gain } of panel.commands) {
-    const scale = moved ? 1 : gain; // the model's gain at rest is the case's
+    const scale = moved ? 1 : gain; // the gain is that of the case's own model
     const value = run.t.map((_, i) => scale * run.r[i * run.timed + index]);
     const label = Math.abs(scale - 1) < 1e-3 ? "command" : `${Number(scale.toPrecision(4))} × command`;
     series.push({ t: run.t, low: value, colour: "quiet", dash: [2, 3], label });
@@ -54,7 +54,7 @@ function estimates(data, own, moved, controller) {
   ]);
   const known = controller.true && controller.true.length === names.length ? controller.true : names.map(() => null);
   const { t } = own[0].run;
-  let said = moved; // with other numbers others are true
+  let said = moved; // a changed plant has other true values, which are not known here
   [...known, ...beside.map((one) => one.true)].forEach((value, i) => {
     if (moved || value === null) return;
     series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: said ? null : "true values" });
@@ -74,7 +74,7 @@ function largestError(data, run) {
   return found;
 }
 
-// One recorded row at every instant.
+// The values of one recorded row at all instants.
 function rows(run, row) {
   const found = new Float64Array(run.t.length);
   for (let i = 0; i < found.length; i++) found[i] = run.recorded[i * run.size + row];

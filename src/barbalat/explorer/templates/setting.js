@@ -1,8 +1,8 @@
-// Which values the sliders have, and what follows from them for the modules: numbers are copied, or looked up.
+// The values of the sliders, and the parameters of the modules that follow from them, which are copied or looked up.
 
 import { doublesOf } from "./bytes.js";
 
-const HELD_POINTS = 300; // that are recorded while a slider is held: some pixels each; every solver step is computed all the same
+const HELD_POINTS = 300; // points recorded while a slider is held, a few pixels apart; every solver step is still computed
 
 export function readData(text) {
   const data = JSON.parse(text);
@@ -31,7 +31,7 @@ export function readData(text) {
   return data;
 }
 
-// The case as it is given.
+// The setting of the case itself.
 export function caseSetting(data) {
   const { t_end: tEnd, dt, solver } = data.simulation;
   return {
@@ -41,7 +41,7 @@ export function caseSetting(data) {
   };
 }
 
-// A sentence where the value can't be taken, else "".
+// A sentence that says why the value is refused, or "" if it is admissible.
 export function refusal(number, value) {
   const { values, label, without } = number;
   const [low, high] = [values[0], values[values.length - 1]];
@@ -51,26 +51,26 @@ export function refusal(number, value) {
   return "";
 }
 
-// Two numbers that move one entry of a loop: a sentence where another one stands elsewhere already, else "".
+// Two numbers may change the same entry of a loop. Returns a sentence if the other one has been moved already, else "".
 export function exclusion(data, setting, i, value) {
   const number = data.numbers[i];
   const { t_end: tEnd, dt } = data.simulation;
   if (number.grids && value !== number.value && (setting.dt !== dt || setting.tEnd !== tEnd)) {
-    return `Where the command jumps for another ${number.label} is known only for h = ${dt} s and a horizon of ${tEnd} s: restore those first.`;
+    return `For another ${number.label}, the times of the command's jumps are known only for h = ${dt} s and a horizon of ${tEnd} s: restore those first.`;
   }
   const other = data.numbers[number.excludes.find((k) => setting.values[k] !== data.numbers[k].value)];
   if (!other || value === number.value) return "";
   return `${number.label} changes the same entries of the loop as ${other.label} (${other.group}): put that one back to ${other.value} first.`;
 }
 
-// The value that is taken: any that is copied, the nearest known one where others follow from it.
+// The value that is set: the given one if it is only copied, else the nearest value whose consequences are tabulated.
 export function taken(number, value) {
   if (number.copied && !(number.whole && !Number.isInteger(value))) return value;
   const apart = (one) => Math.abs(number.log ? Math.log(one / value) : one - value);
   return number.values.reduce((best, one) => (apart(one) < apart(best) ? one : best), number.values[0]);
 }
 
-// Whole steps of a delay and the fraction that is left of one; within rounding of a whole number it is that number.
+// Splits a delay into whole steps and a fraction of a step. A number of steps within rounding of an integer is that integer.
 function stepsOf(delay, dt) {
   const steps = delay / dt;
   const nearest = Math.round(steps);
@@ -86,13 +86,13 @@ export function delayRefusal(data, setting, delay) {
   return "";
 }
 
-// What happens at instants of its own, and how often [s].
+// The parts of the loop that act at sample times of their own, each as [name, sample time in s].
 function clocksOf(data) {
   const sampled = data.controllers.filter(({ rhythm }) => rhythm).map(({ name, rhythm }) => [name, rhythm]);
   return data.noise ? [...sampled, ["the noise", data.noise.sample_time]] : sampled;
 }
 
-// The places of jumps in the grid of such a run; none where nothing jumps.
+// The grid with the command's jumps for this horizon and step; undefined if none is known.
 function gridOf(data, { values, tEnd, dt }) {
   const own = data.simulation;
   const j = data.numbers.findIndex((number, i) => number.grids && values[i] !== number.value);
@@ -100,7 +100,7 @@ function gridOf(data, { values, tEnd, dt }) {
   return data.signals.grids.find((grid) => grid.dt === dt && grid.t_end === tEnd);
 }
 
-// setting is what stands beside the horizon and the step.
+// Why this horizon and step are refused, or "". The last argument gives the other values of the setting.
 export function gridRefusal(data, tEnd, dt, { values, delay }) {
   if (![tEnd, dt, tEnd / dt].every((one) => one > 0 && one < Infinity)) return "Horizon and step must be positive numbers.";
   const steps = Math.round(tEnd / dt);
@@ -118,7 +118,7 @@ export function gridRefusal(data, tEnd, dt, { values, delay }) {
   return "";
 }
 
-// What the impulse response behind a condition is simulated with; null where there is none at this setting.
+// The module and the parameters with which a condition's impulse response is simulated; null if this setting has no condition.
 function conditionTask(data, setting, controller, side) {
   const { condition } = controller;
   if (!condition || side !== controller.projection) return null;
@@ -133,7 +133,7 @@ function conditionTask(data, setting, controller, side) {
   return { module: condition.module, parameters, states: condition.states, filter: condition.filter };
 }
 
-// The rows of signals that jump, with the numbers that they are multiples of as the setting has them.
+// The rows of the signals that jump, rescaled by the setting's values of the numbers that they are proportional to.
 function scaledGrid(data, setting, grid) {
   const moved = data.numbers.flatMap((number, j) => (number.scales.length && setting.values[j] !== number.value ? [j] : []));
   if (!grid || !moved.length) return grid;
@@ -150,7 +150,7 @@ function scaledGrid(data, setting, grid) {
   return found;
 }
 
-// The faults, with the numbers that they are drawn by as the setting has them.
+// The faults, drawn with the numbers of this setting.
 function drawnFaults(data, { values }) {
   const faults = structuredClone(data.signals.faults);
   data.numbers.forEach(({ drawn, value }, j) => {
@@ -165,9 +165,9 @@ function drawnFaults(data, { values }) {
 function jumpRefusal(data, values) {
   const { t_end: tEnd, dt } = data.simulation;
   const moved = data.numbers.find((number, i) => number.grids && values[i] !== number.value);
-  if (moved) return `Where the command jumps or bends is known only for the case's step and horizon: set ${moved.label} back to ${moved.value} first.`;
+  if (moved) return `The times of the command's jumps and bends are known only for the case's step and horizon: set ${moved.label} back to ${moved.value} first.`;
   const of = (key, other) => data.signals.grids.filter((grid) => grid[other] === data.simulation[other]).map((grid) => grid[key]).sort((a, b) => a - b);
-  return `The command jumps or bends; the places are known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
+  return `The command jumps or bends; the times are known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
     + `${of("t_end", "dt").join(", ")} s with h = ${dt} s.`;
 }
 

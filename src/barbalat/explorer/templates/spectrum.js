@@ -1,6 +1,6 @@
-// Whether a solver's step carries a run at an instant of it: eigenvalues of the exact Jacobian there.
+// Checks whether a solver's step is stable at an instant of a run, by the eigenvalues of the exact Jacobian at that instant.
 
-// Eigenvalues of a real matrix (size * size, row by row) as {re, im}; null where the iteration does not end.
+// Eigenvalues of a real matrix (size * size, row by row) as {re, im}; null if the iteration does not converge.
 export function eigenvalues(matrix, size) {
   const re = balanced(matrix, size);
   const im = new Float64Array(size * size);
@@ -23,7 +23,7 @@ export function eigenvalues(matrix, size) {
   return found;
 }
 
-// Rows and columns scaled by powers of two until they are of one size.
+// Balances the matrix: scales rows and columns by powers of two until their norms are about equal.
 function balanced(matrix, size) {
   const a = Float64Array.from(matrix);
   for (let again = true; again;) {
@@ -41,7 +41,7 @@ function balanced(matrix, size) {
   return a;
 }
 
-// To Hessenberg form by elimination with pivots, in place.
+// Reduces the matrix to Hessenberg form in place, by elimination with pivoting.
 function reduced(a, size) {
   for (let m = 1; m < size - 1; m++) {
     let pivot = m;
@@ -69,7 +69,7 @@ function root([a, b]) {
   return [re, Math.sign(b || 1) * Math.sqrt(Math.max((size - a) / 2, 0))];
 }
 
-// The eigenvalue of the last two rows that is nearer to the corner; another number where that does not lead on.
+// The shift: the eigenvalue of the trailing 2 by 2 block nearer to its last entry. Every tenth round takes an exceptional shift.
 function shiftOf(re, im, at, last, rounds) {
   const entry = (i, j) => [re[at(i, j)], im[at(i, j)]];
   if (rounds % 10 === 0) return [re[at(last, last)] + Math.abs(re[at(last, last - 1)]), im[at(last, last)]];
@@ -82,7 +82,7 @@ function shiftOf(re, im, at, last, rounds) {
   return [d[0] + half[0] + sign * s[0], d[1] + half[1] + sign * s[1]];
 }
 
-// A step of the QR iteration on the rows and columns first ... last.
+// Makes one step of the QR iteration on the rows and columns first ... last.
 function turned(re, im, size, first, last, [sRe, sIm]) {
   const turns = [];
   for (let k = first; k <= last; k++) [re[k * size + k], im[k * size + k]] = [re[k * size + k] - sRe, im[k * size + k] - sIm];
@@ -115,7 +115,7 @@ function turned(re, im, size, first, last, [sRe, sIm]) {
   for (let k = first; k <= last; k++) [re[k * size + k], im[k * size + k]] = [re[k * size + k] + sRe, im[k * size + k] + sIm];
 }
 
-// ln |R(z)| of the method's polynomial, less what the equations grow themselves.
+// ln |R(z)| of the method's polynomial, minus the growth of the exact solution.
 function spurious(polynomial, z) {
   let value = [0, 0];
   for (let k = polynomial.length - 1; k >= 0; k--) {
@@ -125,11 +125,11 @@ function spurious(polynomial, z) {
   return Math.log(Math.hypot(...value)) - Math.max(z[0], 0);
 }
 
-// Of a matrix's eigenvalues: the largest h |lambda|, and whether the method amplifies a mode that the equations don't.
+// The largest h |lambda| of a matrix's eigenvalues, and whether the method amplifies a mode that the equations do not amplify.
 export function look(matrix, size, task) {
-  if (!matrix.every(Number.isFinite)) return { largest: 0, outside: true }; // what overflows is far outside
+  if (!matrix.every(Number.isFinite)) return { largest: 0, outside: true }; // an overflow is far outside
   const found = eigenvalues(matrix, size);
-  if (found === null) return { largest: 0, outside: false }; // nothing is claimed of it
+  if (found === null) return { largest: 0, outside: false }; // no statement is made without eigenvalues
   let [largest, outside] = [0, false];
   for (let i = 0; i < size; i++) {
     const z = [found.re[i] * task.dt, found.im[i] * task.dt];

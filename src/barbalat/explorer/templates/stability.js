@@ -1,11 +1,13 @@
-// Whether a run stayed inside its solver's region of stability, and from which step on it did not: found as barbalat run finds it.
+// Checks, as barbalat run does, whether a run stayed inside its solver's region of stability, and finds the step at which it
+// left it.
 //
-// While a run is simulated, its kernel keeps in each of some two thousand windows the state at which the modes are about the
-// fastest; the spectrum is taken there. A window that shows an exit is simulated again in ever shorter ones, down to the step.
+// The kernel divides a run into some two thousand windows and keeps, for each, the state at which the modes are about the
+// fastest. The spectrum is computed at these states. A window with an exit is simulated again in shorter windows, until the
+// step is found.
 
 import { look } from "./spectrum.js";
 
-// What a kernel with a quantity to watch keeps: a row for each window, of the largest value, the state and the step.
+// The record of a kernel that watches a quantity: for each window a row with the largest value, the state and the step.
 export class Watch {
   constructor(states, first, stop, window) {
     Object.assign(this, { first, window, width: states + 2 });
@@ -17,7 +19,7 @@ export class Watch {
     return new Watch(task.shape.states, 0, steps + 1, windowOf(steps, task.watching.windows, task.watching.every));
   }
 
-  // Steps and states, and how large the quantity was there, of the windows in which it was kept before the step ``stop``.
+  // The steps, the states and the values of the quantity, of those windows whose row was kept before the step ``stop``.
   kept(stop) {
     const found = { steps: [], states: [], values: [] };
     for (let at = 0; at < this.rows.length; at += this.width) {
@@ -36,7 +38,7 @@ export function windowOf(steps, count, every) {
   return every * Math.ceil(steps / (count * every));
 }
 
-// run: lookedAt(steps, states) -> Jacobians' matrices; again: see ``Replay``; stop: the step of the divergence, or Infinity.
+// matricesAt(steps, states) returns the Jacobians. stop is the step of the divergence, or Infinity. again is a ``Replay``.
 export function stabilityOf(task, watch, stop, matricesAt, again) {
   const { looks } = task.watching;
   const looked = ({ steps, states }) => matricesAt(steps, states).map((matrix) => look(matrix, task.own, task));
@@ -54,7 +56,7 @@ function part({ steps, states }, which) {
   return { steps: which.map((k) => steps[k]), states: which.map((k) => states[k]) };
 }
 
-// Windows: half of the looks at the stiffest ones, half spread over the others.
+// The windows that are examined: half of them are the stiffest ones, the other half is spread over the rest.
 function chosenOf(values, looks) {
   const order = values.map((_, k) => k).sort((a, b) => values[b] - values[a] || a - b);
   const rest = order.slice(looks / 2).sort((a, b) => a - b);
@@ -64,7 +66,7 @@ function chosenOf(values, looks) {
   return [...order.slice(0, looks / 2), ...spread].sort((a, b) => a - b);
 }
 
-// The first step that is outside; the last of them is known to be.
+// The first of the steps that is outside the region. The last one is known to be outside.
 function firstOutside({ steps, states }, looks, looked) {
   for (let begin = 0; begin < steps.length; begin += looks) {
     const piece = { steps: steps.slice(begin, begin + looks), states: states.slice(begin, begin + looks) };
@@ -74,7 +76,7 @@ function firstOutside({ steps, states }, looks, looked) {
   return steps[steps.length - 1];
 }
 
-// The first step outside of the window whose stiffest one is given.
+// The first step outside the region, in the window that contains the given step.
 function firstStep(task, given, length, stop, looked, again) {
   const { looks, pieces, every } = task.watching;
   let [step, window] = [given, length];

@@ -1,4 +1,4 @@
-// The table of figures: a row for each run, in the same cells as long as the runs are the same ones.
+// The table of figures, one row per run. Its cells are reused as long as the runs stay the same.
 
 const NAMES = {
   max_abs_e: "max |e|", tail_max_abs_e: "max |e|, tail", rms_e: "RMS e", max_abs_u: "max |u|", theta_hat_final: "estimates at the end",
@@ -11,20 +11,20 @@ function brief(value) {
   return value === 0 ? "0" : String(Number(value.toPrecision(4)));
 }
 
-// What the step makes of the run: the largest h |eigenvalue| that was seen, and whether it stays in the method's region of stability.
+// The effect of the step on the run: the largest h |eigenvalue|, and whether the run stays in the method's region of stability.
 function carried(numerics) {
   if (!numerics) return "barbalat run judges it";
   const { hLambda, unstable } = numerics;
   return `${brief(hLambda)}: ${unstable === null ? "inside" : `outside the region of stability from ${brief(unstable)} s`}`;
 }
 
-// A run's verdict, and what of it the page leaves open: a frozen spectrum is no verdict.
+// A run's verdict, and whether it needs a finer step: the spectrum at single instants alone does not decide this.
 export function verdictText({ verdict, numerics }) {
   const open = numerics && numerics.unstable !== null;
   return `${verdict.sentence}${open ? `, outside the solver's region of stability from ${brief(numerics.unstable)} s: not settled without a finer step h` : ""}`;
 }
 
-// Recorded signals that end before the run does: the sentence of run/results/findings.py.
+// The sentences of run/results/findings.py for recorded signals that end before the run.
 export function heldText({ signals, controllers }, tEnd) {
   const { commands } = controllers[0].shape;
   return signals.points.flatMap((points, i) => {

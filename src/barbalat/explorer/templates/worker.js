@@ -1,4 +1,4 @@
-// Simulates one setting of one controller after another; kernels and the table of commands are kept.
+// Simulates one setting of one controller at a time. Kernels and the table of commands are kept for the next one.
 
 import { bytesOf } from "./bytes.js";
 import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";
@@ -11,7 +11,7 @@ import { conditionOf } from "./impulse.js";
 import { stabilityOf, Watch } from "./stability.js";
 
 const kernels = new Map();
-const conditions = new Map(); // by controller, the last one
+const conditions = new Map(); // the last condition of each controller
 let table = null;
 let noise = null;
 
@@ -42,7 +42,7 @@ function noiseFor(task) {
   return noise;
 }
 
-// Of a delay between two steps, by its fraction of one; they stand last among the parameters.
+// The interpolation weights of a delay that is not a whole number of steps. They are the last parameters.
 function weightsOf({ between, parameters }) {
   const kernel = kernelOf(between.name, between.module);
   const count = parameters.length - between.first;
@@ -52,7 +52,7 @@ function weightsOf({ between, parameters }) {
   return kernel.view(out, count).slice();
 }
 
-// Arrays in the kernel's memory, filled with what a run begins from.
+// Lays out the arrays in the kernel's memory and fills them with the initial values of a run.
 function begun(kernel, task, longest, most, noisy, windows) {
   const { shape, lag } = task;
   const remembered = lag ? ringRows(lag) * shape.delayed : 0;
@@ -67,7 +67,7 @@ function begun(kernel, task, longest, most, noisy, windows) {
   return { at, mask: lag ? kernel.remember(lag, at, history) : 0n, ringAt: remembered };
 }
 
-// What a scheme reports of its state at the end, after a sampled controller has acted there: by a step of no length.
+// The states that a scheme reports at the end, after a sampled controller has acted there. A step of zero length computes them.
 function reportedAtEnd(kernel, task, at, mask, finalState) {
   if (!Object.keys(task.reported).length) return {};
   kernel.view(at.state, finalState.length).set(finalState);
@@ -77,7 +77,7 @@ function reportedAtEnd(kernel, task, at, mask, finalState) {
   return Object.fromEntries(Object.entries(task.reported).map(([name, rows]) => [`${name}_final`, rows.map((row) => state[row])]));
 }
 
-// The loop's Jacobians at steps of the run with these states, a matrix for each.
+// The loop's Jacobian at each of these steps of the run, with the given states.
 function matricesAt(task, commands, steps, states) {
   const { spectrum } = task;
   const [size, timed, nonzeros] = [task.own, commands.count, spectrum.rows.length];
@@ -103,8 +103,8 @@ function matricesAt(task, commands, steps, states) {
   });
 }
 
-// Parts of a run simulated again, bit by bit the same: from a recorded step, or from t = 0 with a delay, of which no record holds
-// what is on its way. A place is {step, state, ring}.
+// Repeats parts of a run bit for bit. It starts from a recorded step or, with a delay, from t = 0, since the record does not
+// contain the delayed values. A place is {step, state, ring}.
 class Replay {
   constructor(task, kernel, commands, starts, recorded, size) {
     Object.assign(this, { task, kernel, commands, starts, recorded, size });
@@ -139,7 +139,7 @@ class Replay {
     return { step, state, ring };
   }
 
-  // All steps from begin to stop - 1, before a sampled controller acts there: no held control enters the Jacobian.
+  // All steps from begin to stop - 1, each before a sampled controller acts: the Jacobian does not depend on the held control.
   every(known, begin, stop) {
     const found = { steps: [], states: [] };
     for (let place = this.advance(known, begin); place.step < stop; place = this.advance(place, place.step + 1)) {
@@ -155,7 +155,7 @@ function watched(kernel, at, watch) {
   kernel.view(at.watched, watch.rows.length).set(watch.rows);
 }
 
-// Most sliders leave it as it is.
+// The condition of a controller. It is computed again only if its parameters have changed; most sliders do not change them.
 function conditionFor({ index, condition }) {
   const key = condition.parameters.join();
   if (conditions.get(index)?.key !== key) conditions.set(index, { key, value: conditionOf({ ...condition, kernels }) });
@@ -246,7 +246,7 @@ export function simulated(task) {
   };
 }
 
-// What the judge says of a run that ended in this state, with these rows on their way.
+// The verdict on a run that ended in this state and with this ring of delayed values.
 function verdictFor(task, kernel, commands, totals, kept, recorded, { state, ring }) {
   const { steps, tEnd } = task.grid;
   const diverged = totals.divergedStep === null ? null : (totals.divergedStep * tEnd) / steps;
@@ -258,7 +258,7 @@ function verdictFor(task, kernel, commands, totals, kept, recorded, { state, rin
   return verdictOf(task, kept, diverged, recorded, heldIn(task, commands), cyclesOf);
 }
 
-// Takes a loop further with a table of its own and without noise; what is on its way is kept from call to call.
+// Returns a function that continues the loop with a given table and without noise. It keeps the delayed values between calls.
 function furtherOf(task, kernel, ring) {
   const { shape } = task;
   let past = ring;
@@ -278,7 +278,7 @@ function furtherOf(task, kernel, ring) {
   };
 }
 
-// How many of the recorded blocks end before the divergence; the first one where none does.
+// The number of recorded blocks that end before the divergence.
 function keptBefore(stop, starts, segments) {
   if (stop === Infinity) return starts.length;
   let [count, at] = [0, 0];
@@ -288,7 +288,8 @@ function keptBefore(stop, starts, segments) {
   return count;
 }
 
-// What the step makes of the run: the largest h |lambda|, and when [s] the method first amplified what the equations don't.
+// The effect of the step on the run: the largest h |lambda|, and the time [s] at which the method first amplified a mode that
+// the equations do not amplify.
 function judged(task, kernel, commands, watch, stop, recorded, starts) {
   const again = new Replay(task, kernel, commands, starts, recorded, task.shape.states + task.shape.accumulators);
   const { largest, from } = stabilityOf(task, watch, stop, (steps, states) => matricesAt(task, commands, steps, states), again);

@@ -1,4 +1,4 @@
-// Panels on the page; all show the same interval. What is drawn is exchanged as long as the panels are the same ones.
+// The panels of a page, which all show the same interval. If only the data change, the existing plots are updated.
 
 /* global uPlot, document, getComputedStyle */
 
@@ -34,7 +34,7 @@ function legendOf(panel, theme) {
   return legend;
 }
 
-// Powers of ten alone: lines between them would hide what is drawn.
+// Ticks at powers of ten only; lines between them would hide the curves.
 function decades(_, __, low, high) {
   const first = Math.ceil(Math.log10(low));
   const every = Math.max(1, Math.ceil((Math.log10(high) - first) / 6));
@@ -43,13 +43,13 @@ function decades(_, __, low, high) {
   return found;
 }
 
-// The same on both sides of zero, for a scale that is logarithmic beyond 1.
+// The same ticks on both sides of zero, for a scale that is logarithmic beyond 1.
 function signedDecades(_, __, low, high) {
   const beyond = (end) => (end > 1 ? decades(null, null, 1, end).filter((v) => v > 1) : []);
   return [...beyond(-low).map((v) => -v).reverse(), 0, ...beyond(high)];
 }
 
-// The columns of a panel's series on one grid of times.
+// The columns of a panel's series on a common grid of times.
 function columnsOf(panel) {
   const columns = panel.series.flatMap((one) => (one.high ? [[one.t, one.high], [one.t, one.low]] : [[one.t, one.low]]));
   const first = panel.series[0]?.t ?? new Float64Array(1);
@@ -61,10 +61,10 @@ function sameTimes(one, two) {
   return one.length === two.length && one[one.length - 1] === two[two.length - 1] && one.every((t, i) => t === two[i]);
 }
 
-const BESIDE = 0.25; // of what the bounded runs need, above and below it, where another one diverges
-const LARGEST_SHOWN = 20; // times their largest value, on a logarithmic axis
+const BESIDE = 0.25; // space above and below the bounded runs, as a share of their range, if another run diverges
+const LARGEST_SHOWN = 20; // upper end of a logarithmic axis, as a multiple of the bounded runs' largest value
 
-// A panel's scale: its own limits; else of the runs that stay bounded; of none that does, logarithmic beyond 1.
+// A panel's scale: its own limits if it has any, else the range of the bounded runs; logarithmic beyond 1 if all runs diverge.
 export function scaleOf(panel) {
   if (panel.limits) return { distr: panel.log ? 3 : panel.signed ? 4 : 1, range: () => panel.limits };
   if (panel.signed) return { distr: 4 };
@@ -73,14 +73,14 @@ export function scaleOf(panel) {
   const lost = runs.filter(({ gone }) => gone);
   if (!lost.length || lost.length === runs.length) {
     const all = columns.map(() => false);
-    if (panel.log) return { distr: 3, range: (plot) => rangeOf(plot, all, true, 2) }; // an error of zero has no place on it
+    if (panel.log) return { distr: 3, range: (plot) => rangeOf(plot, all, true, 2) }; // zero is not on a logarithmic axis
     return lost.length ? { distr: 4 } : {};
   }
   return { distr: panel.log ? 3 : 1, range: (plot) => rangeOf(plot, columns, panel.log, LARGEST_SHOWN) };
 }
 
-// The range of the columns that belong to no run that diverges, over the interval that is shown; a logarithmic one reaches
-// `beyond` times as far as the largest value.
+// The range, over the interval that is shown, of all columns except those of runs that diverge. A logarithmic range extends
+// to `beyond` times the largest value.
 function rangeOf(plot, columns, log, beyond) {
   const [from, to] = plot.series[0].idxs ?? [0, plot.data[0].length - 1];
   let [low, high] = [Infinity, -Infinity];
@@ -98,13 +98,13 @@ function rangeOf(plot, columns, log, beyond) {
   return [low - room, high + room];
 }
 
-// What a panel looks like but for its numbers.
+// The appearance of a panel without its data.
 function lookOf(panel, theme) {
   const series = panel.series.map((one) => [one.label, one.colour, one.dash, Boolean(one.high), one.gone]);
   return JSON.stringify([panel.title, panel.note, panel.log, series, theme]);
 }
 
-// Which of the runs in a panel are lost, in words.
+// A text that names the lost runs of a panel.
 function goneFrom(panel) {
   const runs = panel.series.filter(({ gone }) => gone !== undefined);
   const lost = runs.filter(({ gone }) => gone);
@@ -113,7 +113,7 @@ function goneFrom(panel) {
   return `lost, beyond the edge: ${[...new Set(lost.map(({ label, name }) => name ?? label))].join(", ")}`;
 }
 
-// Panels over time, or over frequency on a logarithmic axis; the shown range is then given in decades.
+// Panels over time, or over frequency on a logarithmic axis, whose shown range is given in decades.
 export class Charts {
   constructor(root, onZoom = () => {}, overFrequency = false) {
     this.root = root;
@@ -143,7 +143,7 @@ export class Charts {
   rebuild(panels, theme) {
     for (const plot of this.plots) plot.destroy();
     this.root.textContent = "";
-    const boxes = panels.map((panel) => this.framed(panel, theme)); // all of them: the columns' width is known then
+    const boxes = panels.map((panel) => this.framed(panel, theme)); // all frames are made first, so that the width of the columns is known
     this.plots = panels.map((panel, i) => this.plotted(panel, theme, boxes[i]));
   }
 
@@ -157,7 +157,7 @@ export class Charts {
     box.className = "panel";
     box.tabIndex = 0;
     box.setAttribute("role", "group");
-    box.setAttribute("aria-label", `${panel.title}; its figures are in the table. Plus and minus zoom, arrows move, 0 shows the whole run`);
+    box.setAttribute("aria-label", `${panel.title}; its figures are in the table. Plus and minus zoom, the arrows move, and 0 shows the whole run`);
     gestures(box, this);
     if (panel.note) title.append(Object.assign(document.createElement("small"), { textContent: ` (${panel.note})` }));
     if (panel.whole) figure.className = "whole";
@@ -193,14 +193,14 @@ export class Charts {
     }, columnsOf(panel), box);
   }
 
-  // By dragging, or by a double click, which shows all.
+  // Called after a zoom by dragging, or after a double click, which shows the whole run.
   zoomed(from) {
     if (this.zooming) return;
     const { min, max } = from.scales.x;
     if (min !== null && max !== null) this.zoom(...this.along([min, max]));
   }
 
-  // From the axis to what is even on it, and back.
+  // Converts between values on the axis and positions along it (logarithms over frequency).
   along(ends) {
     return this.overFrequency ? ends.map(Math.log10) : ends;
   }
@@ -209,13 +209,13 @@ export class Charts {
     return this.overFrequency ? ends.map((end) => 10 ** end) : ends;
   }
 
-  // The ends of all that can be shown.
+  // The ends of the whole run.
   ends() {
     const whole = this.plots[0]?.data[0];
     return whole?.length ? this.along([whole[0], whole[whole.length - 1]]) : null;
   }
 
-  // What all panels show, within the run.
+  // Shows this interval, limited to the run, in all panels.
   zoom(min, max) {
     const ends = this.ends();
     if (!ends || !(max > min)) return;
@@ -231,10 +231,10 @@ export class Charts {
 
   told() {
     const ends = this.ends();
-    if (ends) this.onZoom(...ends); // a run that diverges within its first interval has no instants to show
+    if (ends) this.onZoom(...ends); // a run that diverges within its first recorded interval has no instants to show
   }
 
-  // The interval that is shown.
+  // The interval that the panels show.
   shown() {
     return this.window ?? this.ends() ?? [0, 1];
   }

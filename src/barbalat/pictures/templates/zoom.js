@@ -1,9 +1,10 @@
-// A panel's interval by keyboard and by touch; a mouse drags, which uPlot does itself.
+// Changes a panel's interval by keyboard and by touch. uPlot itself handles dragging with the mouse.
 
-const CLOSER = 0.7; // of the interval that a press of + leaves
-const MOVED = 0.2; // of the interval that an arrow moves it
+const CLOSER = 0.7; // share of the interval that is left after a press of +
+const MOVED = 0.2; // share of the interval by which an arrow moves it
 
-// charts: shown() is the interval [min, max], zoom(min, max) sets it, ends() are those of all, whole() shows it.
+// charts offers shown(), the interval [min, max]; zoom(min, max), which sets it; ends(), the ends of the run; and whole(), which
+// shows the whole run.
 export function gestures(box, charts) {
   box.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
@@ -21,7 +22,7 @@ export function gestures(box, charts) {
   touches(box, charts);
 }
 
-// Along by so much, but not beyond the run.
+// Moves the interval by this much, but not beyond the ends of the run.
 function moved(charts, by) {
   const [min, max] = charts.shown();
   const [first, last] = charts.ends();
@@ -29,7 +30,7 @@ function moved(charts, by) {
   if (free) charts.zoom(min + free, max + free);
 }
 
-// Two fingers zoom, each staying over its instant; one finger moves what is zoomed. Up and down scrolls the page.
+// Two fingers zoom, and each stays over its instant; one finger moves the zoomed interval. Vertical movement scrolls the page.
 function touches(box, charts) {
   let held = null;
   const places = (event) => {

@@ -1,4 +1,4 @@
-// The charts of a report, each from the data that follow its place in the page.
+// Draws the charts of a report, each from the data that follow its element in the page.
 
 /* global uPlot, document, window, getComputedStyle, atob */
 
@@ -26,9 +26,9 @@ function overTime(root, { groups, arrays }) {
   }
 }
 
-const MARKS = ["circle", "square"]; // where the phase margin is measured, and the gain margin
+const MARKS = ["circle", "square"]; // at the phase margin's frequency and at the gain margin's frequency
 
-// Loops L: from |L| and its phase also L itself, S = 1/(1 + L) and T = L/(1 + L).
+// Draws loop transfer functions L. L itself, S = 1/(1 + L) and T = L/(1 + L) are computed from |L| and the phase of L.
 function overFrequency(root, { loops, window: shown, arrays }) {
   const all = arraysOf(arrays);
   const known = loops.map((loop) => {
@@ -54,7 +54,7 @@ function overFrequency(root, { loops, window: shown, arrays }) {
   drawn.push(charts, nyquist(root, known, shown));
 }
 
-// Marks at the frequencies at which the margins are, whenever the plot is drawn.
+// Marks the frequencies of the margins whenever the plot is drawn.
 function marked(plot, loops, at) {
   (plot.hooks.draw ??= []).push(() => {
     const theme = colours();
@@ -77,7 +77,7 @@ function mark(plot, x, y, shape, colour) {
   ctx.fill();
 }
 
-// L in the complex plane around -1, with its mirror image, dotted, and the unit circle.
+// Draws L in the complex plane around -1, with its mirror image (dotted) and the unit circle.
 function nyquist(root, loops, [left, right, low, high]) {
   const theme = colours();
   const figure = root.appendChild(document.createElement("figure"));

@@ -1,4 +1,4 @@
-"""The screen of ``barbalat certify``: five lines for each controller; in full every value by its kind, and Table 1."""
+"""The screen of ``barbalat certify``: five lines for each controller, or in full all values by their kinds, and Table 1."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ GROUPS = {
 """The heading of each kind of values, in the order of display; searched values are grouped."""
 STYLES = {"guaranteed": "green", "guaranteed for the design": "yellow", "exact": "green", "does not apply": "red"}
 LABEL_COLUMNS = 10
-"""Columns of the five lines' labels, the length of the longest."""
+"""Width in columns of the five lines' labels, which is the length of the longest."""
 LEGEND = (
     "condition: what keeps all signals bounded. bound of e: for every component. margin: the added delay that linear loops "
-    "tolerate: at the case's theta, at the worst plant found in the known set or the parameters' ranges, where frozen estimates "
-    "equal that plant's theta, and with the law linearised at the largest command (adapting). "
-    "gain, step: estimated limits; the solver tolerates {} the first even if all signals are at their largest, and oscillations "
-    "begin near the second. dt: the case's step."
+    "tolerate: at the case's theta; at the worst plant found in the known set or the parameters' ranges, where frozen estimates "
+    "equal that plant's theta; and with the law linearised at the largest command (adapting). "
+    "gain, step: estimated limits; the solver tolerates {} the first value even if all signals are at their largest, and "
+    "oscillations begin near the second. dt: the case's step."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
 
 def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
-    """Print five lines for each controller, with long reasons folded; then the notes, once each."""
+    """Print five lines for each controller, with long reasons folded, and then the notes, each once."""
     screen.line(case, "bold")
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
@@ -67,7 +67,7 @@ def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
 
 
 def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
-    """Print the five lines and everything behind them, then Table 1."""
+    """Print the five lines, all values behind them, and Table 1."""
     screen.line(case, "bold")
     for column in table.columns:
         certificate = certificates[column.name]
@@ -89,7 +89,7 @@ def _controller(screen: Screen, column: Column, certificate: Certificate, dt: fl
 
 
 def _named(column: Column) -> str:
-    """Name and scheme; the scheme alone, in the name's letters, if it begins with the name."""
+    """Return name and scheme, or the scheme alone, spelled as in the name, if it begins with the name."""
     rest = column.scheme[len(column.name) :]
     if column.scheme.lower().startswith(column.name.lower()) and not rest[:1].isalnum():
         return f"{held(column.name)}{rest}"

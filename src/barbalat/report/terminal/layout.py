@@ -1,5 +1,5 @@
-"""Text that fits a terminal: no line breaks inside a number with its unit or inside a name, and none is longer than the
-screen."""
+"""Text that fits a terminal. Lines do not break inside a name or between a number and its unit, and none is longer than the
+screen is wide."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from rich.text import Text
 from barbalat.pictures.symbols import GREEK, HELD_BLANK, held
 
 NARROWEST, FALLBACK = 40, 80
-"""Columns that every screen is assumed to have, and columns assumed without a terminal (a file, a pipe)."""
+"""Number of columns that every screen is assumed to have, and number assumed without a terminal (a file or a pipe)."""
 LONGEST_LINE = 100
-"""Columns of a paragraph: longer lines are hard to read; tables are as wide as necessary."""
+"""Width of a paragraph in columns. Longer lines are hard to read; tables are as wide as necessary."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
 PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
 """The space between a number, or a list of numbers, and its unit."""
@@ -31,14 +31,14 @@ ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
 
 
 def capitalized(text: str) -> str:
-    """A sentence with a capital, unless it begins with a symbol."""
+    """Return the sentence with a capital letter, unless it begins with a symbol."""
     word = text.partition(" ")[0]
     symbol = not word.isalpha() or word in GREEK or (len(word) == 1 and word != "a")
     return text if symbol else f"{text[0].upper()}{text[1:]}"
 
 
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
-    """Lines of at most ``width`` columns, with further ones indented; a wider word has its own line."""
+    """Break the text into lines of at most ``width`` columns and indent all but the first. A wider word has its own line."""
     lines, line, empty = [], start, True
     words = [
         part for word in re.split(r"[ \n]+", _bound_to_units(text).strip(" \n")) for part in _released(word, width - len(indent))
@@ -57,19 +57,20 @@ def _bound_to_units(text: str) -> str:
 
 
 def _released(word: str, width: int) -> list[str]:
-    """A word; or its parts if they are too wide together for a line; or pieces of a part."""
+    """Return the word or, if it is too wide for a line, its parts, or pieces of a part."""
     parts = [word] if cell_len(word) <= width else word.split(HELD_BLANK)
     return [piece for part in parts for piece in ([part] if cell_len(part) <= width else chop_cells(part, width))]
 
 
 def console(*, to_standard_error: bool = False) -> Console:
-    """The console for screens, or with ``to_standard_error`` for notes and progress; as wide as the terminal or COLUMNS says."""
+    """Return the console for screens, or with ``to_standard_error`` for notes and progress. Its width is that of the terminal
+    or of COLUMNS."""
     width = max(shutil.get_terminal_size((FALLBACK, 24)).columns, NARROWEST)
     return Console(stderr=to_standard_error, highlight=False, markup=False, emoji=False, width=width)
 
 
 class Screen:
-    """Lines, labelled lines and tables on a console; ``printed`` counts the lines so far."""
+    """Prints lines, labelled lines and tables on a console. ``printed`` is the number of lines so far."""
 
     def __init__(self, target: Console | None = None, *, longest: int = LONGEST_LINE) -> None:
         self.console = target or console()
@@ -77,32 +78,32 @@ class Screen:
         self.printed = 0
 
     def title(self, text: str, style: str = "bold") -> None:
-        """A heading after an empty line."""
+        """Print a heading after an empty line."""
         self._print("")
         self.line(text, style)
 
     def line(self, text: str, style: str = "", indent: str = "", start: str = "") -> None:
-        """A paragraph; its further lines are indented, and the first one begins with ``start``."""
+        """Print a paragraph. The first line begins with ``start``, and the others are indented."""
         for line in self.folded(text, indent, start):
             self._print(line, style)
 
     def folded(self, text: str, indent: str = "", start: str = "") -> list[str]:
-        """The lines of a paragraph."""
+        """Return the lines of a paragraph."""
         return fold(self._shown(text), self.width, indent, start)
 
     def name(self, text: str) -> str:
-        """A controller's name, as one word."""
+        """Return a controller's name in a form that is not broken between lines."""
         return held(self._shown(text))
 
     def whole(self, text: str) -> None:
-        """A line that is to be copied, such as a path: never folded."""
+        """Print a line that is to be copied, such as a path. It is never folded."""
         self._print(self._shown(text))
 
     def fact(self, label: str, text: str, room: int, style: str = "") -> None:
-        """A label in ``room`` columns, followed by a paragraph; the paragraph is below it if the label is too wide or the
-        screen narrow."""
+        """Print a label in ``room`` columns, followed by a paragraph. The paragraph is below the label if the label is too wide
+        or the screen is narrow."""
         label, text, hanging = self._shown(label), self._shown(text), " " * (room + 4)
-        enclosed = ENCLOSED.sub("-...-", text)  # one word as wide as it is
+        enclosed = ENCLOSED.sub("-...-", text)  # one word of the same width
         widest = max((cell_len(word) for word in enclosed.replace(HELD_BLANK, " ").split()), default=0)
         if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
             for line in fold(label, self.width, "    ", "  "):
@@ -117,10 +118,13 @@ class Screen:
             self.printed += 1
 
     def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
-        """A line for each row if that fits, or else with the first entries above their rows, or else a paragraph for each.
+        """Print a table. Without rows nothing is printed.
 
-        leads  number of leading columns that identify a row: they are left-justified, as are those with the indices ``left``; a
-               row whose first entry is empty belongs to the one above. Nothing is shown without rows
+        Each row is one line if that fits. Otherwise the first entries are above their rows or, if that is still too wide, each
+        row is a paragraph. A row whose first entry is empty belongs to the row above.
+
+        leads  number of leading columns that identify a row; they are left-justified
+        left   indices of further columns that are left-justified
         """
         if not rows:
             return
@@ -140,7 +144,7 @@ class Screen:
         return self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width
 
     def _below_names(self, table: Table, names: Sequence[str]) -> None:
-        """A table in which each name has a line of its own above its rows."""
+        """Print a table in which each name has a line of its own above its rows."""
         lines = self.console.render_lines(table, pad=False)
         before = len(lines) - len(names)
         self.console.print(SegmentLines(lines[:before], new_lines=True))
@@ -163,7 +167,7 @@ class Screen:
             self.line(said, indent=f"{start}    ", start=start)
 
     def _shown(self, text: str) -> str:
-        """The text with escapes for characters that the terminal's encoding lacks, which the layout has to take into account."""
+        """Return the text with escapes for characters that the terminal's encoding lacks; the layout depends on their width."""
         encoding, marked = self.console.encoding, text.replace(HELD_BLANK, "\0")
         return marked.encode(encoding, "backslashreplace").decode(encoding).replace("\0", HELD_BLANK)
 
@@ -173,7 +177,7 @@ class Screen:
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, left: Sequence[int]) -> Table:
-    """A line for each row, or as many as its first entry has."""
+    """Return a table with one line for each row, or as many lines as the row's first entry has."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     for i, heading in enumerate(headings):
         table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
@@ -183,7 +187,7 @@ def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, l
 
 
 def grouped(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """The rows with the first entry only where it changes."""
+    """Return the rows with an empty first entry where it repeats the one above."""
     found: list[list[str]] = []
     for _, group in groupby(rows, key=lambda row: row[0]):
         found += [[row[0] if i == 0 else "", *row[1:]] for i, row in enumerate(group)]

@@ -1,4 +1,4 @@
-"""The screens of ``barbalat reproduce`` and ``barbalat claims``: the figures, the ledger by finding, all details of one row."""
+"""The screens of ``barbalat reproduce`` and ``barbalat claims``: the figures, the ledger by finding, and all details of a row."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from barbalat.report.terminal.layout import Screen, capitalized
 
 STYLES: dict[Finding, str] = {"holds": "green", "holds if": "yellow", "mixed": "yellow", "fails": "red", "erratum": "red"}
 NAME_COLUMNS = 26
-"""Columns of a row's name, the length of the longest."""
+"""Width in columns of a row's name, which is the length of the longest."""
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """Print the rows that hold by their names, the others with their headlines; the number of rows for each side; the figures."""
+    """Print the names of the rows that hold, the headlines of the others, the number of rows of each side, and the figures."""
     for finding in get_args(Finding):
         mine = [claim for claim in claims if claim.finding == finding]
         if mine:
@@ -33,7 +33,7 @@ def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Clai
 
 
 def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
-    """Print how many of the paper's figures, and statements on them, hold; our figures; and those that do not hold."""
+    """Print how many of the paper's figures, and of the statements on them, hold, and list the statements that do not."""
     paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
     if not paper:
@@ -47,7 +47,7 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
 
 
 def streamed(screen: Screen, claim: Claim) -> None:
-    """Print a claim as soon as it is measured: on one line if it fits."""
+    """Print a claim that has just been measured, on one line if it fits."""
     screen.line(f"{claim.id}: {held(claim.finding)}. {claim.headline}", STYLES[claim.finding], "    ")
 
 
@@ -90,7 +90,7 @@ def _listing(screen: Screen, listing: Listing) -> None:
 
 
 def names(screen: Screen, papers: Sequence[Paper]) -> None:
-    """Print every row's name, its subject, and how long it takes to measure."""
+    """Print the name of every row, its subject, and the time that its measurement takes."""
     screen.line("The rows of the ledger. Findings are not stored: barbalat claims NAME measures one.", "bold")
     for paper in papers:
         if len(papers) > 1:

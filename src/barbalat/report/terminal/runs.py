@@ -1,4 +1,4 @@
-"""The screen of ``barbalat run``: each controller's tracking, its estimates, its numerics."""
+"""The screen of ``barbalat run``: the tracking, the estimates and the numerics of each controller."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from barbalat.run.results.result import Result
 from barbalat.validate import counted
 
 LABEL_COLUMNS = 24
-"""Columns of a label beside a paragraph."""
+"""Width in columns of a label beside a paragraph."""
 
 
 MOST_LINES = 30
-"""Lines of the short screen at 80 columns for up to three controllers; findings without space are counted."""
+"""Lines of the short screen at 80 columns for up to three controllers. Findings that do not fit are counted."""
 LINES_BEHIND = 3
 """Number of lines that give the location of the files."""
 FEWEST_FINDING_LINES = 4
-"""Least number of lines for the findings, for any number of controllers."""
+"""Smallest number of lines for the findings, whatever the number of controllers."""
 
 
 def show(screen: Screen, case: str, results: Sequence[Result], room: int = MOST_LINES - LINES_BEHIND) -> None:
-    """Print a sentence for each controller, one table, and the findings, each once: as much as fits into ``room`` lines at 80
-    columns."""
+    """Print a sentence for each controller, one table, and the findings, each once, as far as they fit into ``room`` lines of
+    80 columns."""
     _head(screen, case, results)
     _worst(screen, results)
     _told_together(screen, results, room)
@@ -50,7 +50,7 @@ def show_full(screen: Screen, case: str, results: Sequence[Result]) -> None:
 
 
 def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
-    """Print what was simulated, and one sentence for each controller, first."""
+    """Print the head: what was simulated, and one sentence for each controller."""
     simulation = results[0].simulation
     count = counted(len(results), "controller")
     screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.how}", "bold")
@@ -65,7 +65,7 @@ def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
 
 
 def _worst(screen: Screen, results: Sequence[Result]) -> None:
-    """Print a line for each controller: the component of its verdict, and the control."""
+    """Print a line for each controller with the component that its verdict names, and the control."""
     labels, names = results[0].problem.labels or UNLABELLED, component_names(results[0].problem)
     measured = any(_values(result, "max_abs_y") for result in results)
     unit = labels.unit(0) if len(names) == 1 else ""
@@ -95,7 +95,7 @@ def _worst(screen: Screen, results: Sequence[Result]) -> None:
 
 
 def _told_together(screen: Screen, results: Sequence[Result], room: int) -> None:
-    """Print each finding once, as many whole ones as there is room for."""
+    """Print each finding once, as many as fit completely."""
     told = together({screen.name(result.name): result.findings for result in results})
     if not told:
         return
@@ -136,7 +136,7 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
         for i in range(len(errors[0])):
             of = "e" if len(errors[0]) == 1 else f"e_{i + 1}"
             rows.append([name, f"{of} {labels.unit(i)}".rstrip(), *(_at(values, i) for values in (*errors, *once))])
-        if several:  # each on its own line: on a line of e it would be read as that component's
+        if several:  # each input has its own line, because on a line of e it would be read as belonging to that component
             units = [bracketed(labels.input_units[i : i + 1]) for i in range(len(controls))]
             rows += [[name, f"u_{i + 1} {unit}".rstrip(), "", "", "", _at(controls, i)] for i, unit in enumerate(units)]
     screen.table(headings, grouped(rows), leads=2)
@@ -169,7 +169,7 @@ def _responses(screen: Screen, results: Sequence[Result]) -> None:
     headings = ["controller", "", "IAE", "ITAE", "int |u'|", "rever-\nsals", "over-\nshoot", "rise", "settling"]
     screen.table(headings if moving else headings[:6], grouped([row if moving else row[:6] for row in rows]), leads=2)
     if moving:
-        screen.line("the worst over all steps of the command; settling into the judge's band; -: not before the next step", "dim")
+        screen.line("worst of all steps of the command; settling into the judge's band; -: not before the next step", "dim")
 
 
 def _seconds(value: float | None) -> str:
@@ -223,7 +223,7 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
             "dim",
         )
     else:
-        screen.line("the error at the recorded instants, as part of each component's largest magnitude", "dim")
+        screen.line("the error at the recorded instants, as a share of each component's largest magnitude", "dim")
     labels = [screen.name(result.name) for result in results]
     room = min(max(map(len, labels)), LABEL_COLUMNS)
     for label, result in zip(labels, results, strict=True):
@@ -232,7 +232,7 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
 
 
 def _warnings(screen: Screen, results: Sequence[Result], labels: Sequence[str], room: int) -> None:
-    """Print the findings that all runs share once, as the problem's; then each one's own."""
+    """Print the findings that all runs share, once and under the problem's name, and then the findings of each run."""
     found = [result.warnings for result in results]
     if any(found):
         screen.title("Warnings")
@@ -250,7 +250,7 @@ def _sentence(text: str) -> str:
 
 
 def numerics(result: Result) -> str:
-    """The numerics of a run, without what all runs have in common."""
+    """Return the numerics of a run, without the part that all runs have in common."""
     if result.simulation.tolerance is not None:
         return result.numerics
     found = result.stiffness
