@@ -21,8 +21,8 @@ Compute = Callable[[TrackingProblem, Controller], Certificate]
 
 
 def speaks_of_the_motion(entry: Entry) -> bool:
-    """Whether an entry is a statement about the motion: norms and conditions follow from the case's numbers, and no run can
-    contradict them."""
+    """Whether an entry is a statement about the motion. Norms and conditions are not: they follow from the case's numbers, and no
+    run can contradict them."""
     return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
@@ -119,7 +119,7 @@ def _at_the_truth(problem: Problem) -> Problem:
 
 
 def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
-    """Blocks of the JSON document in addition to certificates: the sets derived from ranges of parameters, and the check of
+    """The blocks of the JSON document besides the certificates: the sets derived from ranges of parameters, and the check of
     the truth."""
     return sets_and_truth(problem) | ({} if found is None else {"truth": found.as_json()})
 

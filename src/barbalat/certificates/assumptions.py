@@ -42,7 +42,7 @@ def beyond_the_paper(problem: Problem) -> bool:
 
 
 def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Assumption | None = None) -> tuple[Assumption, ...]:
-    """The plant (1) without additions, nothing else that acts on it, and a command of the class that is tracked.
+    """The plant is (1) without additions, nothing else acts on it, and the command is of the class that is tracked.
 
     ``acting`` replaces the assumption on what acts on the plant.
     """
@@ -51,7 +51,7 @@ def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Ass
 
 
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
-    """No dynamics, limits or delay before the plant; ``gain_adapted`` says that the scheme takes any input gain."""
+    """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme supports any input gain."""
     known = not gain_adapted and (not isinstance(problem, Problem) or problem.input_gain is None)
     found = [departure for path in problem.plant.paths for departure in _on_the_way(path, known)]
     if isinstance(problem, Problem) and problem.derived is not None and problem.derived.unmatched:
@@ -73,7 +73,7 @@ WHOLE_RANGES = Assumption(
 
 
 def unmet_by(problem: TrackingProblem) -> list[Assumption]:
-    """The assumptions because of which a case's guarantees are those of its design only, apart from its truth."""
+    """The assumptions that restrict a case's guarantees to its design, apart from its truth."""
     derived = problem.derived if isinstance(problem, Problem) else None
     unmet = [NO_FAULTS] if problem.faults else []
     if derived is not None and derived.outside:
@@ -85,7 +85,7 @@ def unmet_by(problem: TrackingProblem) -> list[Assumption]:
 
 
 def undisturbed(problem: TrackingProblem) -> Assumption:
-    """Nothing acts on the plant but u."""
+    """Only u acts on the plant."""
     acts = [
         ("disturbance", problem.disturbance is not None),
         ("unmatched disturbance", bool(problem.unmatched)),

@@ -19,7 +19,7 @@ PROPERTIES = {
     "tuning": "Gain, filter, step",
     "margins": "Linear loop",
 }
-"""The rows; the first four concern the plant without modelling error."""
+"""The rows of Table 1; the first four concern the plant without modelling error."""
 
 NONLINEAR = "known for phi(x) = x; if phi grows faster, a normalised law may be too slow to keep x bounded"
 
@@ -56,12 +56,12 @@ def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
 
 
 def nothing(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """A cell that claims nothing for this scheme, with the reason; ``assumptions`` are those that the claim would need."""
+    """A cell without a claim for this scheme, with the reason; ``assumptions`` are those that a claim would need."""
     return missing(key, why, assumptions, Quantity(PROPERTIES[key]))
 
 
 def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """A cell that claims nothing because of the scheme itself; broken assumptions of the case are named too."""
+    """A cell without a claim because of the scheme itself; it also names the case's broken assumptions."""
     broken = (assumption.broken for assumption in assumptions if assumption.broken)
     return nothing(key, ", ".join(dict.fromkeys((why, *broken))), *assumptions)
 

@@ -1,4 +1,4 @@
-"""A certificate: entries and further findings; a scheme's file writes one with ``Draft``."""
+"""A certificate: entries and further findings. A scheme's file writes it with ``Draft``."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ class Draft:
             self.notes.append(sentence)
 
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
-        """Add a bound; it does not apply if this case breaks an assumption. ``NUMBERS_ALONE`` is an assumption too."""
+        """Add a bound, which does not apply if this case breaks an assumption. ``NUMBERS_ALONE`` is an assumption too."""
         if not assumptions:
             raise TypeError(f"{key} is guaranteed without assumptions: name those on which it depends")
         self.entries[key] = checked(key, value, assumptions, self._quantity(key))
@@ -219,7 +219,7 @@ class Draft:
         self._add(values, "estimate", assumptions, of, rest)
 
     def advise(self, values: dict[str, Any], *assumptions: str) -> None:
-        """Add facts for orientation, which guarantee nothing."""
+        """Add facts for orientation without a guarantee."""
         self._add(values, "advice", assumptions)
 
     def missing(self, key: str, why: str, *assumptions: Assumption, theorem: str = "") -> None:
@@ -236,7 +236,7 @@ class Draft:
 
     @contextmanager
     def part(self, key: str) -> Iterator[None]:
-        """A part on which no other depends: if its computation fails for this case, only ``key`` is missing."""
+        """A part on which no other part depends: if its computation fails for this case, only ``key`` is missing."""
         try:
             yield
         except InputError:
@@ -246,7 +246,7 @@ class Draft:
             self.note(f"{key}: {reason(error)}")
 
     def finish(self) -> Certificate:
-        """The certificate with all that was added so far."""
+        """The certificate with everything that was added so far."""
         return Certificate(tuple(self.entries.values()), tuple(self.notes), tuple(self.loops))
 
     def _add(

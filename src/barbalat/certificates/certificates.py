@@ -1,4 +1,4 @@
-"""The certificates of several controllers, by their names, and Table 1: what is guaranteed of each scheme on the case.
+"""The certificates of several controllers, by their names, and Table 1: the guarantees of each scheme on the case.
 
 The paper's table compares the standard MRAC with L1-AC; its contents are missing from the available text. docs/table-1.md gives
 each statement with its source. A scheme is added by one file in ``schemes/``.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def file_of(problem: TrackingProblem, controller: Controller) -> SchemeFile:
-    """The module that certifies a controller on a problem: its scheme's file, or a general one with an observer or for an
+    """The module that certifies a controller on a problem: its scheme's file, or a general one if there is an observer or for an
     unknown scheme."""
     if problem.fixed_observer is not None:
         return cast("SchemeFile", observed)
@@ -93,7 +93,7 @@ class Certificates(Named[Certificate]):
         plain: Mapping[str, Certificate] | None = None,
     ) -> None:
         super().__init__(found)
-        self.plain = found if plain is None else plain  # before guarantees were marked as those of the design
+        self.plain = found if plain is None else plain  # before guarantees are marked as those of the design
         self.problem, self.controllers, self.simulation, self.beside = problem, controllers, simulation, dict(beside)
         self.of_design = of_design
 
@@ -132,7 +132,7 @@ class Certificates(Named[Certificate]):
         return f"<table>{shown}</table><small>{notes}</small><br>{''.join(pictures)}"
 
     def plot(self, *, narrow: bool = False) -> Figure:
-        """All loops, each once, as ``Certificate.plot`` shows those of one; ``narrow`` for a phone or a column."""
+        """Plot all distinct loops, in the form of ``Certificate.plot``; ``narrow`` is for a phone or a column."""
         loops = distinct(self)
         if not loops:
             raise InputError("these certificates have no linear loop with margins to plot; their findings give the reason")

@@ -31,7 +31,7 @@ def beside_its_runs(
     That is possible if the smallest limit of the step is exceeded or unknown, whatever the scheme; the cells of Table 1 are
     guarantees like the entries.
     """
-    keys = ("step_max", "step_max_at_model")  # between the two a run may or may not stay within them
+    keys = ("step_max", "step_max_at_model")  # between these two steps a run may or may not stay within the bounds
     limits = [limit for limit in (certificate.values.get(key) for key in keys) if limit is not None]
     if limits and simulation.dt <= limits[0]:
         return certificate
@@ -57,15 +57,16 @@ def certify(
     keys: Collection[str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Certificates:
-    """Certificates by the controllers' names, in a dictionary; nothing is simulated, and the given solver and step are judged.
+    """Certificates by the controllers' names, in a dictionary; nothing is simulated, and the limits are those of the given solver
+    and step.
 
-    For a class from outside the package, it contains what needs no proof; the rest is marked as unknown. If a certificate cannot
-    be computed with the case's numbers, its finding says so. Raises InputError, with the name, for a controller that does not fit
-    the problem and could not be simulated either. ``progress`` is called with the fraction done. If only some ``keys`` are
-    needed, certificates may lack others: searches over the known set, limits along the command.
+    For a class from outside the package, it contains the values that need no proof; the rest is marked as unknown. If a
+    certificate cannot be computed with the case's numbers, its finding says so. Raises InputError, with the name, for a
+    controller that does not fit the problem and could not be simulated either. ``progress`` is called with the fraction done. If
+    only some ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
 
-    The values follow from the plant and the declared sets alone; those that a problem's truth voids are marked "guaranteed of the
-    design", with the reason in the notes. With faults, all values are those of the loop without them.
+    The values follow from the plant and the declared sets alone; those that a problem's truth voids are marked "guaranteed for
+    the design", with the reason in the notes. With faults, all values are those of the loop without them.
     """
     found, told, design = {}, numbered(controllers), problem.design
     if keys is None:
@@ -81,8 +82,8 @@ def certify(
 
 
 def _require_room(problem: TrackingProblem, controllers: int) -> None:
-    """InputError if the certificates of this number of controllers exceed the budget; work of more than a few seconds is
-    announced."""
+    """Raise InputError if the certificates of this number of controllers exceed the budget; announce work of more than a few
+    seconds."""
     budget.require(
         "the plant",
         len(problem.dynamics.x0),
@@ -99,7 +100,7 @@ def certify_where_possible(
     simulation: Simulation,
     progress: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Certificate]:
-    """Certify for a report: a controller that can't be certified, for whatever reason, has the reason as its finding."""
+    """Certify for a report: if a controller cannot be certified, its finding gives the reason."""
     found = {}
     for i, controller in enumerate(controllers):
         progress(i / len(controllers))
@@ -111,7 +112,7 @@ def certify_where_possible(
 
 
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Certify loops in which every sample is used; with a shell there is a note on that."""
+    """Certify loops in which every sample is used; with a shell, a note states this."""
     equations = bound(problem, controller)  # refuses what does not fit
     found = _of_nominal(problem.nominal, controller, simulation)
     equations = equations.continuous if isinstance(equations, DiscretizedEquations) else equations
@@ -178,7 +179,7 @@ def certified_case(
     simulation: Simulation,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Certified:
-    """Certificates of all controllers; a controller that can't be certified has the reason as its finding."""
+    """Certificates of all controllers; if a controller cannot be certified, its finding gives the reason."""
     certificates = certify_where_possible(problem, controllers, simulation, progress)
     checked = apart(problem, controllers, certificates, partial(_computed, simulation=simulation))
     noted = with_notes(problem, certificates, checked)

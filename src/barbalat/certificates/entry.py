@@ -14,7 +14,7 @@ Kind = Literal["guaranteed", "guaranteed for the design", "exact", "estimate", "
 
 guaranteed                a bound, or a statement, that holds for this case; every assumption was checked
 guaranteed for the design  the same, but only for the plant and the declared sets, not for the truth, which is simulated, and for
-                           the loop without faults; with a set of the user's own, not for all of the parameters' ranges
+                           the loop without faults; with a user's own set, not for all of the parameters' ranges
 exact                     exact for the linear loop that ``of`` names, and for no other loop
 estimate                  computed, without a guarantee
 advice                    a fact for orientation, without a claim about the loop
@@ -42,7 +42,7 @@ NUMBERS_ALONE = Assumption("the value follows from the case's numbers alone")
 
 @dataclass(frozen=True)
 class NotApplicable:
-    """Stands for a result that this case does not have, with the reason as part of a sentence."""
+    """A placeholder for a result that does not exist for this case, with the reason as part of a sentence."""
 
     why: str
 
@@ -145,13 +145,13 @@ class Entry:
 
 
 def of_the_design(entry: Entry, *unmet: Assumption) -> Entry:
-    """The entry of a guarantee that does not cover the truth, or does not meet further assumptions."""
+    """The entry of a guarantee that does not cover the truth, or whose further assumptions do not hold."""
     sentences = tuple(one.sentence for one in unmet)
     return replace(entry, kind=OF_THE_DESIGN, assumptions=(*entry.assumptions, *sentences), rests_on=(*entry.rests_on, *unmet))
 
 
 def of_finite_numbers(entry: Entry) -> Entry:
-    """The entry, which claims nothing if its value contains an infinity or a NaN; the result is strict JSON."""
+    """The entry, marked as not applicable if its value contains an infinity or a NaN; the result is strict JSON."""
     if _finite(entry.value):
         return entry
     return replace(
@@ -168,7 +168,7 @@ def _finite(part: Any) -> bool:
 
 
 def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Quantity, theorem: str = "") -> Entry:
-    """An entry without a value for a reason of its own; broken assumptions of the case are listed as well."""
+    """An entry without a value for a specific reason; the case's broken assumptions are listed as well."""
     return Entry(
         key=key,
         value=None,

@@ -1,6 +1,6 @@
 """The numbers in a proof from which a controller's guarantees follow, as ``barbalat-check`` reads them.
 
-A scheme's file provides them by a function ``grounds``; docs/proofs.md explains each of them.
+A scheme's file provides them with a function ``grounds``; docs/proofs.md explains each of them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def of_lyapunov_law(
     """The numbers of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, with P of ``closed``, and its law's
     modifications.
 
-    If V ``carries`` bounded disturbances, also the eigenvalues that this requires.
+    If V ``carries`` bounded disturbances, they include the eigenvalues that this requires.
     """
 
     def name_of(part: Any) -> str | None:

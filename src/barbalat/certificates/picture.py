@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 TITLE = "Loops broken at the plant's input"
 LONGEST_NAME = 60
-"""Characters of a certificate's name in a caption."""
+"""Largest number of characters of a certificate's name in a caption."""
 POINTS = 1500
 """Frequencies of a plotted response, logarithmically spaced; resonances and crossings are added."""
 
@@ -57,7 +57,7 @@ def responses_of(loops: Sequence[MarginLoop]) -> list[Response]:
 
 
 def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
-    """Every loop of the certificates once, under the names of all that have it."""
+    """The distinct loops of the certificates, each under the names of all certificates that contain it."""
     owners: dict[tuple[StateSpace, float], tuple[list[str], str]] = {}
     for name, certificate in certificates.items():
         short = shorten(name, LONGEST_NAME, placeholder="…")

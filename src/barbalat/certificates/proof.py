@@ -1,7 +1,7 @@
 """The proof of a case's guaranteed numbers, each with its witness, for ``barbalat-check``, which shares no code with this
 package.
 
-A line is a number with the data needed to check it; lines are in the order in which they depend on each other. The file contains
+A line is a number with the data needed to check it; a line depends only on earlier lines. The file contains
 the case's numbers, from which the checker derives everything else: docs/proofs.md has the theorems and the file's format.
 """
 
@@ -58,7 +58,7 @@ RESTS_ON: dict[str, tuple[str, ...]] = {
 }
 """The lines that a rule needs in every scheme, by key."""
 OF_NUMBERS_ALONE = "nu_0", "nu_0_worst", "initial_parameter_error", "lambda_min", "theta_max"
-"""Keys whose rules need no assumption on the plant's surroundings."""
+"""Keys whose rules need no assumption about what acts on the plant."""
 OF_V = "error_bound", "error_bound_worst", "error_bound_command"
 BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
     "mrac": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
@@ -143,7 +143,7 @@ class _Lines:
     found: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, key: str) -> str:
-        """Add a line and all lines that it depends on; returns the reason if there is none."""
+        """Add a line and all lines on which it depends; return the reason if it cannot be proven."""
         if key in self.found:
             return ""
         if key == "norms" and self.facts["scheme"] == "output":
@@ -208,7 +208,7 @@ class _Lines:
         return ""
 
     def _beside(self, key: str) -> Any:
-        """A value that is needed in between and that the certificate does not claim."""
+        """An intermediate value that the certificate does not claim."""
         known = self.problem.known
         if key in ("lyapunov", "sampled response"):
             return True

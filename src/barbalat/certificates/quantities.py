@@ -27,7 +27,7 @@ class Form(Enum):
 class Quantity(NamedTuple):
     """The meaning of a key.
 
-    below     marks a guarantee that holds for everything below the value and not above it
+    below     marks a guarantee that holds for everything below the value but not above it
     timeless  whether it belongs to the problem, to a filter or to t = 0, so that sampling does not change it
     """
 

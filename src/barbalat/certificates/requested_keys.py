@@ -1,8 +1,7 @@
-"""The keys of a certificate that are needed: an expensive part on which no other depends is left out if it is not requested.
+"""The requested keys of a certificate: an expensive part on which no other part depends is omitted if it is not requested.
 
 A search certifies hundreds of tunings for one or two values each. The request is not a setting of a scheme and changes no
-value, so
-it is passed to those few parts without involving the schemes' files.
+value, so it is passed directly to the few expensive parts, not through the schemes' files.
 """
 
 from __future__ import annotations

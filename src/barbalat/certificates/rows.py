@@ -31,7 +31,7 @@ KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply
 """The printed forms of kinds that are not printed by their names."""
 NAMES_OF_BOUNDS = {"r": "of |r|, at all times", "x_m": "of every component of x_m, at all times"}
 SMALLEST_SHOWN = 1e-12
-"""A value per unit below this is rounding and is printed as zero."""
+"""A value per unit below this is rounding error and is printed as zero."""
 
 
 class CertificateRow(NamedTuple):

@@ -117,7 +117,7 @@ def _margin(certificate: Certificate) -> Line:
 
 
 def _over(what: str, loops: list[dict[str, Any]]) -> list[str]:
-    """The least margin that was found over the known set, or over the ranges of parameters and at which of them."""
+    """The smallest margin found over the known set, or over the ranges of parameters with the parameters at which it occurs."""
     unstable = [loop.get("unstable_at_parameters") for loop in loops if "unstable_at" in loop]
     least = min((one["delay_margin"] for one in loops if "delay_margin" in one), key=lambda one: one["value"], default=None)
     if not unstable and least is None:
@@ -155,7 +155,7 @@ def _span(certificate: Certificate, key: str) -> list[float]:
 
 
 def _text_of(span: list[float]) -> str:
-    """The second number, beyond which oscillations are expected, is less accurate."""
+    """The text of a value; the second number, above which oscillations are expected, is less accurate."""
     return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
 
 
@@ -164,8 +164,8 @@ NOT_THE_PLANT = "the truth is not the plant, see the notes"
 
 
 def _assumed(column: Column, certificate: Certificate) -> Line:
-    """Return the line on the assumptions of the values and of Table 1's cells: a scheme without a bound has its assumptions
-    there."""
+    """Return the line on the assumptions of the values and of Table 1's cells: for a scheme without a bound, the assumptions are
+    in the cells."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)

@@ -1,4 +1,4 @@
-"""The theorems that a bound of e would need if there is none: the sentences in certificates and
+"""The missing theorems for which there is no bound of e: the sentences in certificates and
 docs/reference/missing-theorems.md."""
 
 from __future__ import annotations

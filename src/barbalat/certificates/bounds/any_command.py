@@ -1,6 +1,6 @@
 """A bound of e for every command of the case's size and every theta in the known set, over cells of that set.
 
-The loop and its parts e_c and s_i are those of ``known_command``; here their response to r is bounded by L1 norms, and the
+The loop and its parts e_c and s_i are those of ``known_command``. Their response to r is bounded by L1 norms, and the
 contribution of x(0) by half the variation of their free response. With H = (I - G (c - origin)')^-1 G of a cell, q = ||H||_1
 |rho|_1 < 1 and S
 the bound of sum_i rho_i |s_i|,
@@ -44,11 +44,11 @@ MOST_CELLS, MOST_WORK = 24, 1_500_000
 MOST_SEGMENTS = 2000
 """Largest number of segments for one norm; the rest is bounded by its decay."""
 CLOSE = 1.1
-"""A bound relatively this close to a norm that is attained at some theta is not refined."""
+"""A bound is not refined if its relative distance to a norm that is attained at some theta is below this."""
 MOST_STATES = 30
 """Largest number of states of the loop with its variations."""
 CLOSENESS = 2.0**-36
-"""Width of the enclosures that witnesses prove, relative to the norms: far less than ROUNDED."""
+"""Width of the enclosures proven by witnesses, relative to the norms: far less than ROUNDED."""
 ROUNDED = 1 + 1e-9
 """Allowance for rounding: the loop's matrices contain sums and products of a few float64 numbers, which change the norms by far
 less."""
@@ -56,7 +56,7 @@ less."""
 
 @dataclass(frozen=True, eq=False)
 class NormedCell(Cell):
-    """A cell with the largest |e_i| that its centre attains."""
+    """A cell with the largest |e_i| that is attained at its centre."""
 
     attained: float
     segments: int

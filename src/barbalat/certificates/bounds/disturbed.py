@@ -1,7 +1,7 @@
 """Theorem 1 with bounded disturbances: the resulting bound of V if the estimates are projected.
 
 With w = b d + sum_j E_j d_j, |P w| <= p and q <= lambda_min(-(P A_m + A_m'P)), V' <= -q |e|^2 + 2 p |e|: V falls wherever
-|e| > 2 p/q. Over the set theta_tilde'Gamma^-1 theta_tilde <= D^2, so that V <= lambda_max(P) (2 p/q)^2 + D^2 at all times.
+|e| > 2 p/q. Over the set theta_tilde'Gamma^-1 theta_tilde <= D^2, so V <= lambda_max(P) (2 p/q)^2 + D^2 at all times.
 docs/proofs.md, "Theorem 1 (i)", has the proof.
 """
 
@@ -50,7 +50,7 @@ def is_disturbed(problem: Problem) -> bool:
 def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed: Known | None = None) -> Level:
     """The bound from V, with P of ``closed`` if it is given.
 
-    If a disturbance is unbounded or nothing is projected, it is the bound without disturbances.
+    If a disturbance is unbounded or no estimate is projected, this is the bound without disturbances.
     """
     known = closed or problem.known
     bound_of_push, known_set = push(problem, known), controller.bind(problem.known).estimate_set

@@ -22,7 +22,8 @@ TIGHTNESS_RATIO = 1.05
 MOST_CUTS = 400
 """Largest number of cuts of the box; the bound holds after any number of cuts."""
 CORNER_STATES = 8
-"""Number of states up to which the corners of a box are tried for the largest value; with more states only the centre is."""
+"""Number of states up to which the largest value is also sought at the corners of a box; with more states only the centre is
+tried."""
 
 
 def largest_square(regressor: Regressor, low: Array, high: Array) -> float:

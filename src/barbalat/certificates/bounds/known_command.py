@@ -6,8 +6,9 @@ origin)')^-1 G,
 
     e_c = H[(c - origin)'x_m - k r],  x_c = x_m + e_c,  s_i = H[x_c,i],  N = ||G||_1,  q = N |rho|_1/(1 - N |c - origin|_1),
 
-e is within q/(1 - q) sup |sum_i rho_i |s_i|| of e_c + sum_i (theta_i - c_i) s_i, in addition to w. e_c and s_i follow from the
-command: they are enclosed along it up to t_end. Cells are halved until the remaining uncertainty is small.
+e differs from e_c + sum_i (theta_i - c_i) s_i by at most q/(1 - q) sup |sum_i rho_i |s_i||, apart from the contribution of w. e_c
+and s_i follow from the command: they are enclosed along it up to t_end. Cells are halved until the remaining uncertainty is
+small.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ MOST_STATES = 40
 
 @dataclass(frozen=True, eq=False)
 class KnownLoop:
-    """G = (A, B, C = the first n states), from v = (theta - origin)'x - k r to e without adaptation; of a proof in exact balls.
+    """G = (A, B, C = the first n states), from v = (theta - origin)'x - k r to e without adaptation; exact balls in a proof.
 
     passes  k, the factor with which the command passes G in addition to the plant
     norm    N, at least ||G||_1
@@ -62,7 +63,7 @@ class KnownLoop:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """The cell low <= theta <= high with its bound, the contribution of each side, and its halves."""
+    """The cell low <= theta <= high with its bound, the contribution of each side to it, and its halves."""
 
     low: Array
     high: Array

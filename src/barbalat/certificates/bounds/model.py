@@ -45,7 +45,7 @@ def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[
 
 @lru_cache(maxsize=16)  # shared by the controllers of one case
 def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
-    """The largest |x_m|_2 under the case's own command in the run. It is the largest value at sampled instants, not a bound."""
+    """The largest |x_m|_2 under the case's own command in the run. This is the largest value at sampled instants, not a bound."""
     return float(np.linalg.norm(motion_along_the_command(problem, simulation)[1], axis=1).max())
 
 
@@ -75,7 +75,7 @@ def state_bounds(problem: Problem) -> list[float]:
 
 
 def _free_response_bounds(known: Known) -> list[float]:
-    """sup over t of |e_i'e^{A_m t} x0|: V = x'Px decreases, so it is at most sqrt(x0'P x0) sqrt((P^-1)_ii)."""
+    """sup over t of |e_i'e^{A_m t} x0|, which is at most sqrt(x0'P x0) sqrt((P^-1)_ii) because V = x'Px decreases."""
     if not known.x0.any():
         return [0.0] * known.n
     require_lyapunov(known)

@@ -1,4 +1,4 @@
-"""Theorem 1 in numbers: P, nu_0, the bounds (9) and (10), the condition on C(s) and where it fails.
+"""The numbers of Theorem 1: P, nu_0, the bounds (9) and (10), the condition on C(s), and the kappa at which it fails.
 
 Every bound is rounded outward. The derivations are in docs/proofs.md and docs/theorem-1.md.
 
@@ -149,7 +149,7 @@ def reference_error_bound(level: float, condition: FilterCondition, C: StateSpac
 
 
 def exact_gain(known: Known, C: StateSpace, theta: Array) -> float:
-    """||(I - G theta')^-1 C||_1, rounded up: for this theta only, without the small-gain theorem.
+    """||(I - G theta')^-1 C||_1, rounded up: for this theta only, and without the small-gain theorem.
 
     ValueError if it is unstable. A_m + b theta' is computed in floating point: the bound holds for the rounded matrices.
     """

@@ -25,7 +25,7 @@ from barbalat.validate import Array, InputError, counted
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
-"""A Newton step below this share of the state is rounding."""
+"""A Newton step below this share of the state is rounding error."""
 SHIFT = 0.1
 """Distance, as a share of the state's size, at which another equilibrium on a line of equilibria is checked."""
 RANK_TOLERANCE = 1e-12
@@ -80,9 +80,9 @@ class Rest:
     def broken(self, *, frozen: bool) -> StateSpace:
         """The loop from the plant's input v to -u, for one input, with the estimates ``frozen`` or with their law.
 
-        The result excludes the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations
-        of the state that nothing moves, such as the estimates in directions without a share of the regressor. With an observer,
-        which also receives u, the lag is not in series with the loop, and stays in it.
+        The result excludes the model, which v does not affect, the dynamics at the plant's input, the sensor's lag, and
+        combinations of the state that remain constant, such as the estimates in directions orthogonal to the regressor. With an
+        observer, which also receives u, the lag is not in series with the loop, and stays in it.
         """
         whole = self.loop.unpack(self.state)
         stays = self.loop.observer is not None
@@ -107,8 +107,8 @@ class Rest:
 def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
     """L from A, B and C of the flat state, without the parts that don't belong to the loop.
 
-    These are the model, frozen estimates and everything else that a freeze holds, states that nothing moves, and states without
-    effect, such as a second layer behind frozen estimates, which would be an integrator.
+    These are the model, frozen estimates and everything else that a freeze holds, constant states, and states without
+        effect, such as a second layer behind frozen estimates, which would be an integrator.
     """
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
@@ -120,7 +120,7 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
 
 
 def reduced(A: Array, B: Array, C: Array) -> StateSpace:
-    """The loop from v to -u, u = C x, without states that nothing moves and states without effect."""
+    """The loop from v to -u, u = C x, without constant states and states without effect."""
     acts = _acting(A, C)
     A, B, C = A[np.ix_(acts, acts)], B[acts], C[acts]
     moving = _moved_by(np.column_stack([A, B]))
@@ -154,7 +154,8 @@ def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
 def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | NotApplicable:
     """The equilibrium of the loop; with ``frozen``, estimates and the law's memory keep their values.
 
-    Newton's steps, the shortest ones if there are many equilibria, start from x = x_m and from true estimates, if both fit.
+    Newton's method, with the shortest steps if there are many equilibria, starts from x = x_m and true estimates if these satisfy
+    the equations.
     """
     if loop.sampled:
         return NotApplicable("it acts at samples, and it has no known continuous form")
@@ -230,7 +231,7 @@ def words_of(level: Array) -> str:
 
 
 def estimates_of(loop: ClosedLoop) -> list[StatePart]:
-    """All estimates, with those that results call theta_hat first."""
+    """All estimates; those that are called theta_hat in results come first."""
     found = [*(() if loop.estimates is None else (loop.estimates,)), *loop.other_estimates]
     return [part for part in found if part.size]
 
@@ -246,7 +247,7 @@ def rows_of(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
 
 
 def adapting_parts(loop: ClosedLoop, signals: Array) -> list[StatePart]:
-    """The estimates that move; if an estimate's rate is zero for every state, it is a setting and not an estimate of the
+    """The estimates that change. An estimate whose rate is zero for every state is a setting and not an estimate of the
     plant's numbers."""
     _, state = symbols("state", loop.size)
     rates = column(loop.derivative(state, signals))
@@ -254,7 +255,7 @@ def adapting_parts(loop: ClosedLoop, signals: Array) -> list[StatePart]:
 
 
 def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) -> Array:
-    """The initial state with the model at rest, the plant at the same state, and true estimates, if these fit."""
+    """The initial state with the model at rest, the plant at the same state, and true estimates if their sizes agree."""
     start = np.array(loop.initial(), dtype=float)
     places = loop.unpack(np.arange(loop.size))
     solved = _solved(loop, signals, start, places.x_m)
@@ -265,7 +266,7 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
         start[places.x] = start[places.x_m]
     if len(places.observer) == len(places.x):  # settled, like a sensor
         start[places.observer] = start[places.x]
-    if loop.lag is not None:  # settled, so that no other state has to move because of it
+    if loop.lag is not None:  # settled, so that it forces no other state to change
         start[places.sensor] = loop.reading(start[places.x])
     for part, value in true.items():
         start[part.rows] = value
@@ -273,7 +274,7 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
 
 
 def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting: Array | None = None) -> Array | None:
-    """The state in which the ``free`` parts, or all ``resting`` ones, have zero rates, (size,); only free parts move."""
+    """The state in which the ``free`` parts, or all ``resting`` ones, have zero rates, (size,); only free parts change."""
     jacobian = jacobian_function(loop)
     return newton(
         lambda state: np.asarray(loop.derivative(state, signals), dtype=float),
@@ -287,7 +288,7 @@ def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting
 def newton(
     rates: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, free: Array, resting: Array
 ) -> Array | None:
-    """The state at which the ``resting`` rates vanish, found by moving only the ``free`` parts, in the shortest steps.
+    """The state at which the ``resting`` rates vanish, found by changing only the ``free`` parts, in the shortest steps.
 
     None if no step leads closer to one.
     """

@@ -29,7 +29,8 @@ class Linearised:
     def beside(self, b: Array, change: Array) -> SampledLoop:
         """The loop for the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b.
 
-        The states of a dynamic baseline, which follow the plant's in b and theta, are the controller's own and do not change.
+        The rows of a dynamic baseline's states, which follow the plant's in b and theta, belong to the controller and do not
+        change.
         """
         A, x = self.loop.A.copy(), self.rows["x"]
         A[np.ix_(x, x)] += np.outer(b[: len(x)], change[: len(x)])
@@ -52,14 +53,14 @@ def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
 def of_jacobians(
     loop: ClosedLoop, slopes: Array, J: Array, *, left_out: Array | None = None, estimates: Array | None = None
 ) -> Linearised:
-    """The loop from the Jacobians between samples and of a sample, without states that v does not move, the models, the
+    """The loop from the Jacobians between samples and of a sample, without states that v does not affect, the models, the
     command and the rows ``left_out``. The rows of the estimates have the name "estimates"."""
     assert loop.sample_time is not None
     marked = loop.unpack(np.arange(loop.size))
     held = marked.held
     out = np.concatenate([part.reshape(-1) for part in (marked.x_m, held.x_m, held.r, held.started, held.theta_hat)])
     idle = [row for row in range(loop.size) if not (J[row].any() or J[:, row].any() or slopes[row].any() or slopes[:, row].any())]
-    # constant: the counter of missed samples, of which there are none
+    # constant: the counter of missed samples, which stays zero
     out = np.concatenate([out, np.array(idle, dtype=int), np.zeros(0, dtype=int) if left_out is None else left_out])
     kept = np.setdiff1d(np.arange(loop.size), out)
     where = np.full(loop.size, -1)
@@ -69,7 +70,7 @@ def of_jacobians(
     rows = {name: where[part.reshape(-1)] for name, part in parts.items() if isinstance(part, np.ndarray)}
     rows["estimates"] = np.zeros(0, dtype=int) if estimates is None else where[estimates]
     inputs, between = held.u.reshape(-1), slopes.copy()
-    between[:, inputs] = 0.0  # what is held acts as v
+    between[:, inputs] = 0.0  # the held control acts as v
     C = np.eye(loop.size)[inputs]
     inner = np.ix_(kept, kept)
     found = SampledLoop(between[inner], slopes[np.ix_(kept, inputs)], J[inner], C[:, kept], loop.sample_time)

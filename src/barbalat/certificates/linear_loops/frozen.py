@@ -35,7 +35,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
 POINTS_INSIDE, FREQUENCY_STRIDE = 100, 4
-"""Over the known set: seeded points inside in addition to the extreme ones, at every fourth frequency of the grid; the
+"""Number of seeded points inside the known set, in addition to the extreme ones, at every fourth frequency of the grid; the
 result is an estimate in any case."""
 
 
@@ -74,7 +74,7 @@ class FrozenLoops:
         theta_hat = validate.vector("theta_hat", theta_hat, n)
         A, B, C = self._jacobians(theta_hat)
         identity = np.eye(len(A))
-        rest = [k for k in range(len(A)) if not n <= k < n + n * n]  # Xi stands behind xi, both at the front
+        rest = [k for k in range(len(A)) if not n <= k < n + n * n]  # xi and then Xi come first
         combined = identity[rest]
         combined[:n, n : n + n * n] = np.kron(np.eye(n), theta_hat)
         loop = StateSpace(combined @ A[:, rest], combined @ B[:, 0], -C[0, rest], 0.0)
@@ -90,7 +90,7 @@ class FrozenLoops:
     def gain_over_set(self) -> tuple[Array, Array] | None:
         """Frequencies (K,) and the largest |T| found over the known set, infinite if a loop is unstable; ``None`` without a set.
 
-        L and the closed loop's matrix are affine in theta_hat, so that n + 1 loops give those of all points.
+        L and the closed loop's matrix are affine in theta_hat, so n + 1 loops determine those of all points.
         """
         known_set, n = self.problem.uncertainty, self.problem.plant.n
         if known_set is None:
@@ -111,7 +111,7 @@ class FrozenLoops:
 
     @cached_property
     def _jacobians(self) -> Any:
-        """theta_hat -> A, B, C of the states that move while the estimates are frozen: xi, Xi, x, the sensor and Q's state.
+        """theta_hat -> A, B, C of the states that change while the estimates are frozen: xi, Xi, x, the sensor and Q's state.
 
         Their rates are linear in themselves and v, so the Jacobians at zero are exact. The law's rate enters only the swapping
         term, which stays zero; x_m and n_d do not affect the control.

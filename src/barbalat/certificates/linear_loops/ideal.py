@@ -47,14 +47,14 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
 def fast_adaptation_on(A: Array, b: Array, C: StateSpace, A_m: Array, b_m: Array, P: Array) -> StateSpace:
     """The same around x' = A x + b v, which need not have the form A_m + b theta'.
 
-    The law's error b_m'P (x_hat - x) vanishes, so that w = theta_hat'x + u in x_hat' = A_m x_hat + b_m w follows from x:
+    The law's error b_m'P (x_hat - x) vanishes, so w = theta_hat'x + u in x_hat' = A_m x_hat + b_m w follows from x:
     b_m'P b_m w = b_m'P (A x + b v - A_m x_hat), and u = -C/(1 - C) w. With A = A_m + b_m theta' and b = b_m, w = theta'x + v.
     """
     n, c = len(A), b_m @ P
     size = float(c @ b_m)
     row = (
         np.concatenate([c @ (A + np.eye(n)), -c @ (A_m + np.eye(n))]) / size
-    )  # + c (x - x_hat): the error decays, moved by nothing
+    )  # + c (x - x_hat): the error decays without an input
     direct = float(c @ b) / size
     predictor = np.block([[A, np.zeros((n, n))], [np.outer(b_m, row[:n]), A_m + np.outer(b_m, row[n:])]])
     w = StateSpace(predictor, np.concatenate([b, direct * b_m]), row, direct)
@@ -92,10 +92,8 @@ def around_equilibrium(problem: Problem, controller: Mrac | L1Adaptive, r: float
 
 
 def _moving_directions(loop: ClosedLoop, gamma: Gain, x: Array) -> Array:
-    """Orthonormal columns that span the states that v moves: not the model, and the estimates only along Gamma x.
-
-    At the equilibrium the law's rate is Gamma x times a scalar, so that the other directions neither move nor affect theta_hat'x.
-    """
+    """Orthonormal columns that span the states that v affects: not the model, and the estimates only along Gamma x.
+    At the equilibrium the law's rate is Gamma x times a scalar, so the other directions neither change nor affect theta_hat'x."""
     rows, model = loop.theta_hat_rows, loop.unpack(np.arange(loop.size)).x_m
     identity = np.eye(loop.size)
     kept = [i for i in range(loop.size) if i not in model and not rows.start <= i < rows.stop]

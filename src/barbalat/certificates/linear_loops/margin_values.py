@@ -155,7 +155,7 @@ def add_delay_margin_adapting(
     except InputError as error:
         try:
             lost = is_unstable(whole, problem.delay, NEUTRAL)
-        except InputError:  # what hinders the margins hinders this too, and is the reason given
+        except InputError:  # the reason why there are no margins applies here too
             lost = False
         draft.missing("delay_margin_adapting", f"{UNSTABLE_WITH_LAW}: {error}" if lost else f"linear loop {at}: {error}")
         return
@@ -169,7 +169,7 @@ NEUTRAL = 1e-9
 
 
 def is_unstable(loop: StateSpace, delay: float, neutral: float = 0.0) -> bool:
-    """Whether a loop is unstable with its delay; a mode with a real part up to the share ``neutral`` is not."""
+    """Whether a loop is unstable with its delay; a mode with a real part up to the share ``neutral`` does not count."""
     values = np.linalg.eigvals(sensitivity(loop).A)
     if values.real.max() >= 0:
         return bool(values.real.max() >= neutral * np.abs(values).max())

@@ -159,7 +159,7 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
 
 
 def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
-    """The same for a loop that is given for each theta; ``which`` names it."""
+    """Add the same margins for a loop that is given for each theta; ``which`` names the loop."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not _is_searched(problem):
         return

@@ -1,9 +1,9 @@
 """The margins of linear loops over the ranges of physical parameters: the same controller around the real plant at each point.
 
-The plant at p is A(p), b(p), with its gain, delay, actuator and sensor; nothing is projected onto theta and omega, so that what
-these do not match is in the loop too. The controller is differentiated once, by the exact Jacobians of its own equations with
-frozen estimates, and the plant is put in its place as matrices. Estimates that have their true values at the design's margin have
-those of the plant at p, theta_hat = theta(p); others keep their values.
+The plant at p is A(p), b(p), with its gain, delay, actuator and sensor; A and b are not projected onto theta and omega, so the
+loop includes the unmatched part. The controller is differentiated once, by the exact Jacobians of its own equations with
+frozen estimates, and the plant's matrices are inserted. Estimates that are true at the design point have
+the true values for the plant at p, theta_hat = theta(p); others keep their values.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ SEARCHED = (
     "the least found, not a guarantee"
 )
 SHIFT, FREQUENCIES = 1e-3, 20
-"""Size of the motion over which a linear loop does not change, and the number of frequencies at which this is checked."""
+"""Size of the displacement at which the loop is checked for linearity, and the number of frequencies of this check."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def plant_at(problem: Problem, members: Members, k: int) -> PlantAt:
 
 
 def _moved(path: PlantInput, own: PlantInput, there: PlantInput) -> PlantInput:
-    """The problem's path with what the parameters change in it; studies may have changed its gain and delay before."""
+    """The problem's input path with the parameters' changes; studies may already have changed its gain and delay."""
     parts = {
         name: getattr(there, name)
         for name in ("actuator", "multiplicative")
@@ -122,9 +122,9 @@ def _numbers(system: Any) -> tuple[list[float], list[float]]:
 
 @dataclass(frozen=True, eq=False)
 class Frozen(ABC):
-    """A controller with frozen estimates, apart from its plant: the loop without path and lag, and a flat state of it.
+    """A controller with frozen estimates, separate from its plant: the loop without input path and lag, and its flat state.
 
-    ideal  the names of the estimates that have their true values there; None for a linear controller, of which nothing is frozen
+    ideal  the names of the estimates that have their true values there; None for a linear controller, which has no frozen states
     """
 
     problem: Problem
@@ -152,11 +152,11 @@ class Frozen(ABC):
 
     @cached_property
     def resting(self) -> Array:
-        """The rows of what a freeze holds."""
+        """The rows of the states that a freeze holds."""
         return rows_of(self.loop, [] if self.ideal is None else resting_parts(self.loop))
 
     def is_linear(self, plant: PlantAt) -> bool:
-        """Whether the loop is the same at another state: it then does not depend on the equilibrium."""
+        """Whether the loop is the same at another state and therefore does not depend on the equilibrium."""
         marked = self.loop.unpack(np.arange(self.loop.size))
         held = marked.held.started if self.loop.sampled else []
         free = np.setdiff1d(np.arange(self.loop.size), np.concatenate([self.resting, np.ravel(held).astype(int)]))
@@ -240,7 +240,8 @@ class FrozenSampled(Frozen):
 def frozen_controller(
     problem: Problem, controller: Controller, *, linear: bool
 ) -> FrozenContinuous | FrozenSampled | NotApplicable:
-    """The controller apart from its plant, at the equilibrium of the design's margin; nothing of a ``linear`` one is frozen."""
+    """The controller separate from its plant, at the equilibrium of the design's margin; a ``linear`` one has no frozen
+    states."""
     whole = ClosedLoop.of(problem, controller)
     kind = FrozenSampled if whole.sampled else FrozenContinuous
     if linear:
@@ -302,7 +303,7 @@ def over_ranges(loops: Iterable[tuple[StateSpace | SampledLoop, PlantAt]]) -> Ov
         values = np.array([getattr(one, name) for one, _ in found])
         k = int(values.argmax() if name == "gain_down" else values.argmin())
         least[name] = (float(values[k]), plants[k])
-    if delays:  # margins of a sampled loop are on the unit circle, where a delay is not a pure phase
+    if delays:  # a sampled loop's margins are evaluated on the unit circle, where a delay is not a pure phase
         order = np.argsort([one.delay for one, _ in found if one is not None], kind="stable")[:DELAYS]
         exact = [(value, plants[k]) for k in order if (value := _sampled(*delays[k])) is not None]
         least.pop("delay")

@@ -6,7 +6,7 @@ sample. With z its state just after a sample, including the held command and the
 
     z[k+1] = M z[k] + N r[k+1] + J integral_0^T e^(A (T - s)) B d(t_k + s) ds.
 
-The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size. Only the bound of d is used: in
+The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size. Only the bound of d is used. In
 a part of the sample, of length T/P, e^(A s) B differs from its value at the start of the part by at most e^(|A| T) (e^(|A| T/P) -
 I) |B|.
 
@@ -77,7 +77,7 @@ class _Whole:
 
     loop: SampledLoop
     N: Array  # (z, q) effect of a command in a sample
-    B: Array  # (z, d) where disturbances enter
+    B: Array  # (z, d) directions of the disturbances
     W: Array  # (z, p) effect of the noise at a sample, a column for each independent number with standard deviation 1
     free: Array  # (z,) state after the first sample without a command
     first: Array  # (z, q) effect of the first command on that state
@@ -109,7 +109,7 @@ def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Re
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
     """Bounds of the effect of the case's measurement noise if it is independent from sample to sample.
 
-    Its covariance grows from zero to that of sum_k M^k W w, so that the root of the sum of squares bounds it at all times.
+    Its covariance grows from zero to that of sum_k M^k W w, so the root of the sum of squares bounds it at all times.
     InputError if the loop decays too slowly.
     """
     whole = _whole(problem, controller)
@@ -167,7 +167,7 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     zero[estimates] = start[estimates]
     slopes = np.array(jacobian_function(closed)(zero, signals))
     J = np.array(sampled_jacobian_function(closed)(zero, signals))
-    settings = [row for row in estimates if (J[row] == np.eye(size)[row]).all()]  # given numbers that nothing moves
+    settings = [row for row in estimates if (J[row] == np.eye(size)[row]).all()]  # given numbers that stay constant
     q = sizes.commands or 1
     units = np.eye(count)
     N = np.column_stack([np.asarray(closed.sample(zero, units[j])) - np.asarray(closed.sample(zero, signals)) for j in range(q)])
@@ -277,7 +277,7 @@ def bounds_of(signals: tuple[Signal, ...]) -> Array:
 
 
 def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str, Any]:
-    """What ``barbalat-check`` needs of the loop: its matrices, and how the commands move between samples."""
+    """The data of the loop for ``barbalat-check``: its matrices, and the motion of the commands between samples."""
     whole, T = _whole(problem, controller), float(controller.sample_time)  # type: ignore[attr-defined]
     loop, effects = whole.loop, whole.loop.effects(problem.delay)
     parts = {
@@ -304,7 +304,7 @@ def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str,
 
 
 def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
-    """P and the samples that show what a sum leaves out; InputError where the loop forgets too slowly."""
+    """P and the number of samples that bound a sum's remainder; InputError if the loop decays too slowly."""
     whole = _whole(problem, controller)
     M, counts = whole.loop.closed(problem.delay), list[int]()
     reached = whole.loop.J @ _reached(whole.loop.A, whole.B, whole.loop.T)[0]

@@ -1,7 +1,7 @@
 """A sampled controller's loop at its equilibrium for a constant command, linearised from sample to sample.
 
 An equilibrium is a state that changes neither at a sample nor between two samples. The plant's motion is exact there, and the
-law's own step, Euler's or an implicit one, is differentiated as it is computed.
+law's own step, Euler's or an implicit one, is differentiated as implemented.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from barbalat.validate import Array
 
 ON_A_FACE = "at its equilibrium the estimates are on the known set's boundary, at a corner of the projection"
 POLISHING_STEPS = 2
-"""Additional Newton steps: states that don't move can be distinguished from rounding only if the equilibrium is exact to the
+"""Number of additional Newton steps: constant states can be distinguished from rounding only if the equilibrium is exact to the
 last digits."""
 BESIDE = 1e-10
 """Distance from the equilibrium, as a share of the state's size, for central differences of the law."""
 BY_ROUNDING = 1e-9
-"""Relative size below which motions are rounding, or errors of the central differences."""
+"""Relative size below which motions are attributed to rounding or to errors of the central differences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class SampledRest:
     def at(self, theta: Array) -> SampledLoop:
         """The loop with frozen estimates on the plant with another theta, for phi(x) = x and one input.
 
-        It is linear: of the state at which it is differentiated only the estimates matter.
+        The loop is linear, so it depends only on the estimates in the state at which it is differentiated.
         """
         problem = self.problem
         assert isinstance(problem, Problem)
@@ -105,7 +105,7 @@ class SampledRest:
         return acting(replace(found, loop=found.beside(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
 
     def with_its_law(self) -> SampledLoop:
-        """The loop with its law, without combinations of the estimates and the law's memory that nothing moves."""
+        """The loop with its law, without constant combinations of the estimates and the law's memory."""
         between, J = np.array(self._between(self.state, self.signals)), sum(self._on_both_sides, np.zeros(())) / 2
         whole = of_jacobians(self.loop, between, J, estimates=self.resting)
         found = acting(whole)
@@ -167,10 +167,10 @@ def sampled_rest(
 
 
 def adapting_of(problem: TrackingProblem, continuous: Controller) -> frozenset[str]:
-    """The names of the estimates that move, by the continuous controller that is sampled.
+    """The names of the estimates that change, determined from the continuous controller that is sampled.
 
-    An observer is omitted, and with it the shell of its measurements: a sampled controller's has no continuous form, and the
-    estimates move without it too.
+    An observer and the shell of its measurements are omitted: a sampled controller's observer has no continuous form, and the
+    same estimates change without it.
     """
     if isinstance(problem, Problem) and problem.fixed_observer is not None:
         problem = replace(problem, observer=None, sensor=None, shell=None, faults=(), truth=None)
@@ -212,7 +212,7 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
     for part in loop.parts:
         if part.role.kind == "predictor" and part.size == len(x_m):
             start[part.rows] = x_m
-    # the held control, and the dynamics before and after the plant, only by their rates
+    # the held control and the dynamics before and after the plant count only by their rates
     between = [places.x, held.u.reshape(-1), places.sensor, *(np.reshape(part, -1) for path in places.input for part in path)]
     free = np.concatenate([part.reshape(-1) for part in between]).astype(int)
     jacobian = jacobian_function(loop)
@@ -230,10 +230,8 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
 
 
 def _moved(J: Array, rows: Array) -> Array:
-    """Orthonormal columns that span all but the combinations of these ``rows`` of the state that no sample moves.
-
-    A row whose motion is smaller than another's by this factor moves only by rounding.
-    """
+    """Orthonormal columns that span all combinations of these ``rows`` of the state except those that stay constant.
+    A row whose motion is smaller than another's by this factor changes only by rounding."""
     moves = (J - np.eye(len(J)))[rows]
     sizes = np.linalg.norm(moves, axis=1)
     moving = sizes > BY_ROUNDING * sizes.max(initial=0.0)

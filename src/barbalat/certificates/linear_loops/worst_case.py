@@ -19,7 +19,8 @@ from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
 
 POINTS_INSIDE, POINTS_AROUND, ROUNDS, MOST_EXTREMES = 1000, 200, 4, 1024
-"""Seeded points inside the set, around the worst of each margin in each round (a quarter as wide), and extreme points at most."""
+"""Numbers of seeded points inside the set and around the worst point of each margin in each round (a quarter as wide), and the
+largest number of extreme points."""
 EXACT_VERTICES, EXACT_POINTS = 64, 20
 """Numbers of extreme points, and of the worst screened points for each margin, that are computed exactly."""
 MARGIN_NAMES = ("delay", "phase", "gain_up", "gain_down")
@@ -35,8 +36,8 @@ class LoopsOverTheta:
 
     plant   the plant whose theta is replaced; its input dynamics are added to the loop here
     gains   the interval of the input's gain if it varies too; a point is then theta followed by the gain
-    around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, as they
-            are for every fixed linear controller, and for one whose gains contain theta once
+    around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
+               holds for every fixed linear controller, and for one whose gains are affine in theta
     lag     lag of the sensor, in series with everything that is fed back
     """
 
@@ -123,13 +124,13 @@ class LoopsOverTheta:
 
 
 def _interpolated(thetas: Array, matrices: list[Array]) -> Array:
-    """(M, N, N) what is affine in theta, from its values at the origin and at the unit vectors."""
+    """The coefficients of an affine function of theta, from its values (M, N, N) at the origin and at the unit vectors."""
     origin, *others = matrices
     return np.asarray(origin + np.tensordot(thetas, np.array([one - origin for one in others]), 1))
 
 
 def _combined(thetas: Array, rows: Array) -> Array:
-    """thetas (M, n) times rows (n, K), as sums: BLAS would start threads for it, which wait for each other on a busy machine."""
+    """thetas (M, n) times rows (n, K), as sums, because BLAS would use threads, which wait for each other on a busy machine."""
     return sum((theta[:, None] * row for theta, row in zip(thetas.T, rows, strict=True)), np.zeros(1))
 
 
@@ -224,7 +225,7 @@ def points_inside(known_set: EstimateSet, rng: np.random.Generator, around: Arra
 def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]:
     """Each (M,): a quantity that is smallest where the margin is worst, from responses (M, K) over w (K,), with the delay in N.
 
-    By the names of ``Margins``; 1 - gain_down stands for gain_down, so that small values are bad for all four. "delay" is the
+    By the names of ``Margins``; 1 - gain_down replaces gain_down, so that small values are bad for all four. "delay" is the
     tolerated delay in addition to the present one.
     """
     count = len(N)

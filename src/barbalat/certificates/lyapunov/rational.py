@@ -1,6 +1,6 @@
-"""Rational functions with exact coefficients, on which the code of a law is evaluated as it is on numbers.
+"""Rational functions with exact coefficients, with which the code of a law is evaluated instead of numbers.
 
-A binary64 number in the code counts with its exact value. sin, cos, exp, tanh, arctan and abs of anything are free variables: a
+A binary64 number in the code counts with its exact value. sin, cos, exp, tanh, arctan and abs are replaced by free variables: a
 statement that holds for all their values holds for the function.
 """
 
@@ -197,7 +197,7 @@ class Rational:
         return self
 
     def reshape(self, *shape: Any) -> Any:
-        """The entry of an array that has one; anything else unchanged."""
+        """The entry of an array with one entry; anything else is returned unchanged."""
         flat = shape[0] if len(shape) == 1 and isinstance(shape[0], tuple) else shape
         return np.array([self], dtype=object).reshape(flat) if flat else self
 
@@ -251,7 +251,7 @@ class Rational:
 
     @property
     def used(self) -> set[int]:
-        """The indices of the variables that occur in it."""
+        """The indices of the variables that occur in the function."""
         degrees = zip(self.num.degrees(), self.den.degrees(), strict=True)
         return {place for place, (up, down) in enumerate(degrees) if up > 0 or down > 0}
 
@@ -278,7 +278,7 @@ def ring_one(ring: Ring) -> fmpq_mpoly:
 
 
 def _constant_term(poly: fmpq_mpoly) -> fmpq:
-    """The constant term of a denominator, or 1 if that is zero, so that dividing by it hides no sign."""
+    """The constant term of a denominator, or 1 if it is zero; dividing by it does not hide a sign."""
     found = poly[(0,) * poly.context().nvars()]
     return found if found != 0 else fmpq(1)
 

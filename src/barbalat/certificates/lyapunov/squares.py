@@ -23,13 +23,13 @@ Terms = Mapping[Powers, fmpq]
 MOST_MONOMIALS = 120
 """Largest number of monomials in m; with more, no G is searched for."""
 INSIDE = (0.1, 1e-2, 1e-3, 1e-5)
-"""Distances inside the cone at which G is searched for, in a scale in which its diagonal is near one; a polynomial whose
-minimum is close to zero leaves little room."""
+"""Distances from the cone's boundary at which G is searched for, scaled so that its diagonal is near one; for a polynomial whose
+minimum is close to zero, only small distances are possible."""
 ROUNDS = 250
 
 
 def is_sum_of_squares(terms: Terms) -> bool:
-    """Whether the polynomial was proven to be a sum of squares; False proves nothing."""
+    """Whether the polynomial was proven to be a sum of squares; False means only that no proof was found."""
     kept = _without_constant_directions({powers: factor for powers, factor in terms.items() if factor != 0})
     used = _used(kept)
     poly = {tuple(powers[i] for i in used): factor for powers, factor in kept.items()}
@@ -49,7 +49,7 @@ def _used(poly: Terms) -> list[int]:
 def _without_constant_directions(poly: Terms) -> Terms:
     """The polynomial with one variable set to zero for each direction along which it is constant.
 
-    Along such a direction every G is singular, and a search that ends close to the cone finds no G that is exactly in it.
+    Along such a direction every G is singular, and a search that ends close to the cone does not find a G exactly in it.
     """
     used = _used(poly)
     slopes: dict[Powers, list[fmpq]] = {}
@@ -89,7 +89,7 @@ def _up_to(most: Array, degree: int) -> list[Powers]:
 
 
 def _pruned(monomials: list[Powers], poly: Terms) -> list[Powers]:
-    """Remove monomials whose square is in no term and is no other product: their row of G is zero."""
+    """Remove monomials whose square neither occurs in a term nor equals another product: their row of G is zero."""
     while True:
         sums = Counter(_times(a, b) for i, a in enumerate(monomials) for b in monomials[i + 1 :])
         kept = [one for one in monomials if (square := _times(one, one)) in poly or sums[square]]

@@ -24,7 +24,7 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array
 
 NEARLY = fmpq(1) - fmpq(1, 2**20)
-"""A share of W: the P of a case is rounded, so that V' = -|e|^2 holds only up to rounding."""
+"""The share of W that is proven: the P of a case is rounded, so V' = -|e|^2 holds only up to rounding."""
 LEAST_SHARES = (fmpq(1, 2), fmpq(1, 2**10))
 """Multiples of |e|^2 that are tried as decay rates of V."""
 MOST_CELLS = 64
@@ -185,7 +185,7 @@ class _QuadraticForm:
 
     @property
     def shifted(self) -> dict[int, Rational]:
-        """s as its deviation plus L theta: in these variables the decay has the fewest terms."""
+        """s written as its deviation plus L theta; in these variables the decay has the fewest terms."""
         variables, theta = self.reading.ring.variables, self.reading.theta
         return {
             place: variables[place] + sum((variables[one] * self.L[i, j] for j, one in enumerate(theta)), variables[place] * 0)
@@ -200,12 +200,12 @@ def _is_positive_definite(matrix: fmpq_mat) -> bool:
 
 
 def _arrays(declared: Any) -> list[Any]:
-    """Arrays given singly or in a tuple; empty ones are dropped."""
+    """Arrays that are given singly or in a tuple, without empty ones."""
     return [one for one in (declared if isinstance(declared, tuple) else (declared,)) if np.size(one)]
 
 
 def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
-    """Quantities that are zero at the start and have zero rates if they are zero, solved for as many parts of the state."""
+    """Quantities that are zero at the start and whose rates vanish with them, solved for as many parts of the state."""
     ring = reading.ring
     relations = [ring.exact(one) for array in _arrays(reading.declared.zero) for one in np.ravel(np.asarray(array, dtype=object))]
     start = dict(zip(reading.state, map(ring.constant, reading.start), strict=True))
@@ -337,9 +337,8 @@ class _Cells:
         return self._on_cells(function, ends[0], ends[1])
 
     def _on_cells(self, function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq]) -> bool:
-        """Halve cells until all Bernstein coefficients, which are functions of everything but theta, are sums of squares. The
-        coefficient at a vertex equals the function there, so that halving does not change it.
-        """
+        """Halve cells until all Bernstein coefficients, which are functions of all variables except theta, are sums of squares.
+        The coefficient at a vertex equals the function there, so halving does not change it."""
         left, done = [(lower, upper)], 0
         while left:
             a, b = left.pop()

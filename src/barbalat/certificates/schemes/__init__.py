@@ -17,7 +17,7 @@ CONTROLLERS = "barbalat.controllers."
 
 
 class SchemeFile(Protocol):
-    """The functions of a scheme's file; they are called only with controllers of the scheme and problems that these take."""
+    """The functions of a scheme's file; they are called only with controllers of the scheme and problems that these support."""
 
     def certificate(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
         """The certificate, computed before any run."""
@@ -59,10 +59,10 @@ class FollowedFile(ProvenFile, Protocol):
 
 @runtime_checkable
 class LinearFile(SchemeFile, Protocol):
-    """The file of a scheme that may be linear and time-invariant: in sampled form its loop is then known exactly."""
+    """The file of a scheme that may be linear and time-invariant; the loop of its sampled form is then known exactly."""
 
     def linear_when(self, problem: TrackingProblem, controller: Controller) -> str | None:
-        """What makes the continuous controller linear on this plant, as a sentence; None if it is not."""
+        """The reason why the continuous controller is linear on this plant, as a sentence; None if it is not linear."""
         ...
 
 

@@ -1,5 +1,5 @@
-"""The certificate of the baseline alone: ``fixed_loop`` around u = k_0 r - theta_0'x; for other plants than linear ones with
-one input, its margins."""
+"""The certificate of the baseline alone: ``fixed_loop`` around u = k_0 r - theta_0'x; for plants that are not linear or have
+several inputs, only its margins."""
 
 from __future__ import annotations
 

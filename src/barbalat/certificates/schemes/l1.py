@@ -90,7 +90,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         reach = _add_bound_10(draft, problem, controller, C, model)
         if reach is not None and (is_needed(known_command.KEY) or is_needed(any_command.KEY)):
             _add_bounds_over_cells(draft, problem, controller, simulation.t_end)
-    if reach is None:  # no bound of x: assume what the model requires, and say so
+    if reach is None:  # no bound of x is known: use the model's bound as an assumption, and state this
         reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
         problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)
@@ -264,7 +264,7 @@ def _too_large(upper: float) -> str:
 
 def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Entry:
     """Theorem 1 (iii): x_tilde, x_tilde' and theta_hat' vanish, and lim sup |x'| <= N theta_max lim sup |x'| if r becomes
-    constant. A memory without forgetting is not covered: its pull need not vanish."""
+    constant. A memory without forgetting is not covered, because its contribution to the law need not vanish."""
     if not stability.applies:
         return nothing("tracking", stability.why)
     constant = constant_in_the_end(problem)

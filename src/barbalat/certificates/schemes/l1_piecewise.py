@@ -1,8 +1,8 @@
 """The certificate of the piecewise-constant L1 law: a linear time-invariant sampled controller, whose loop is known exactly.
 
 With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, where F is the
-predictor's own step and S the effect of sigma over a sample, and sigma_hat = -G x~: so sigma_hat(infinity) = G (I - F + S G)^-1 S
-sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
+predictor's own step and S the effect of sigma over a sample, and sigma_hat = -G x~. Hence sigma_hat(infinity) = G (I - F + S
+G)^-1 S sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
 
 ``distance`` bounds the distance of the loop from its theory's reference system, for the plant (1) with phi(x) = x.
 

@@ -26,8 +26,8 @@ class MidpointForm(NamedTuple):
 
     metric    Gamma
     box       the set that is projected onto
-    kept      whether that also holds with the leakage, if there is one
-    rests_on  its assumptions if the continuous law claims nothing; None if nothing is then known
+    kept      whether this also holds with the leakage, if there is one
+    rests_on  its assumptions if nothing is claimed for the continuous law; None if nothing is known then
     findings  further findings about the form, as sentences
     """
 
@@ -39,7 +39,8 @@ class MidpointForm(NamedTuple):
 
     @property
     def never_cut(self) -> Assumption:
-        """A point outside after a step with a coupling gain is brought back face by face, which is exact for two faces."""
+        """With a coupling gain, a point that leaves the set in a step is moved back face by face, which is exact for two
+        faces."""
         cut = self.metric.is_matrix and self.estimate_set is not None and self.estimate_set.steps_cut_corners
         return Assumption("a step never cuts a corner", "a gain matrix in corners of the known set" if cut else "")
 

@@ -3,7 +3,7 @@
 At a constant command r with e = 0 the law is linear: with q = omega (k_x_tilde'phi - k_r_tilde r), e = -(sI - A_m)^-1 b [q] and
 q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), so that it is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b;
 for the feedforward alone kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: if G's
-phase falls below -90 degrees, each of them is too large from some value on. Source: Astrom and Wittenmark, Adaptive Control,
+phase falls below -90 degrees, each of them is too large above some value. Source: Astrom and Wittenmark, Adaptive Control,
 section 5.3, for a feedforward gain alone.
 """
 
@@ -96,7 +96,7 @@ def _loop(known: Known, equations: Equations, kappa: float) -> StateSpace:
 
 
 def column(_problem: Problem, _controller: MitRule, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The scheme's name in Table 1, and cells that claim nothing but what was computed."""
+    """The scheme's name in Table 1, and cells that state only computed values."""
     unknown = {key: nothing(key, NONE_KNOWN) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
     margin, text = certificate.entry(MARGIN), limits_text(certificate)
     if margin is not None and margin.applies:

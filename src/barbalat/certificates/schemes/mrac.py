@@ -89,7 +89,7 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
 
 
 def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> midpoint.MidpointForm:
-    """Return the properties that the sampled MRAC preserves; it has no filter between fast estimates and the input."""
+    """Return the properties that the sampled MRAC preserves; it has no filter between its fast estimates and the input."""
     return midpoint.of_predictor(problem, controller, one_sample_of_delay(sample_time))
 
 

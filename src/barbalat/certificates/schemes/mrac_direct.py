@@ -7,8 +7,8 @@ the term of the gains that are adapted for the input i. V(0) is convex in (theta
 functions over omega: its largest
 value over a known set and an interval of omega is at one of the interval's ends.
 
-Beside bounded disturbances, and with both gains projected, V' <= -q |e|^2 + 2 p |e| as in ``bounds/disturbed``: what the gains
-add to V is at most its largest value over their sets.
+With bounded disturbances and both gains projected, V' <= -q |e|^2 + 2 p |e| as in ``bounds/disturbed``; the contribution of the
+gains to V is at most its largest value over their sets.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def _error_level(problem: Problem, gains: ControlGains, omega: float) -> float:
 
 
 def _beside_disturbances(problem: Problem, gains: ControlGains) -> float | None:
-    """The bound that V gives with bounded disturbances; None without disturbances, and where V gives none."""
+    """The bound that V gives with bounded disturbances; None without disturbances, and if V gives no bound."""
     push = disturbed.push(problem, problem.known)
     if push is None or gains.estimate_set is None or gains.interval is None:
         return None
@@ -148,7 +148,7 @@ def _beside_disturbances(problem: Problem, gains: ControlGains) -> float | None:
 
 
 def _acting(problem: Problem, gains: ControlGains) -> Assumption:
-    """What V carries along: bounded disturbances, if both gains are projected."""
+    """The disturbances that the bound of V includes: bounded ones, if both gains are projected."""
     found = carried_along(problem, gains.estimate_set)
     if disturbed.is_disturbed(problem) and gains.estimate_set is not None and gains.interval is None:
         return replace(found, broken="disturbance, with a feedforward's gain that is not bounded by projection")

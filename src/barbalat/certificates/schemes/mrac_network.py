@@ -12,9 +12,9 @@ With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix th
     L' = -e'Q e + 2 mu'f - 2 w (|W_hat|^2 + |V_hat|^2):
 
 whatever the network has learnt, it never increases L. With |f_j| <= F_j, lambda = lambda_min(Q) > 0, p_j = |P b_j| and s = |e|,
-mu'f is at most p'F s, and L can grow only if lambda s^2 + 2 w omega^2 <= 2 mu'f, omega^2 = |W_hat|^2 + |V_hat|^2, so that it
-stays below the larger of its maximum there and its initial value. For w = nu |mu|_1 the weights are bounded whatever the plant
-does: for a neuron's outer weights W_i, (m,), (|W_i|^2)' = 2 gamma (c_i mu'W_i - nu |mu|_1 |W_i|^2) with c_i = h_i - h_i' z_i in
+mu'f is at most p'F s, and L can grow only if lambda s^2 + 2 w omega^2 <= 2 mu'f, omega^2 = |W_hat|^2 + |V_hat|^2, so it
+stays below the larger of its maximum there and its initial value. For w = nu |mu|_1 the weights are bounded for any motion of the
+plant: for a neuron's outer weights W_i, (m,), (|W_i|^2)' = 2 gamma (c_i mu'W_i - nu |mu|_1 |W_i|^2) with c_i = h_i - h_i' z_i in
 [-1, 1] is negative for |W_i| > 1/nu, since |mu| <= |mu|_1.
 """
 
@@ -95,7 +95,7 @@ class NetworkLaw:
     def highest_level(self, F: Array, lowest: float, highest: float, p: Array) -> float:
         """An upper bound of L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
         least, push, most = min(self.gamma, self.gamma_v), float(p @ F), float(F.max())
-        farthest = 2 * push / lowest  # |e| beyond which L decreases
+        farthest = 2 * push / lowest  # L decreases if |e| exceeds this
         if self.nu is not None:  # omega^2 <= (mu'f - lambda s^2/2)/(nu |mu|_1), mu'f <= most |mu|_1: convex in s, so at an end
             left = max(0.0, most - push / float(p.sum()))  # for s = farthest
             found = max(highest * farthest**2 + left / (self.nu * least), most / (self.nu * least))
@@ -178,7 +178,7 @@ class ErrorBoundCase:
         return float(np.dot(norms, largest)) * OUTWARD_FACTOR
 
     def globally(self) -> tuple[float, float | None] | None:
-        """The bound of e, and of L if it follows from that, for phi(x) = x: the true A takes the place of A_m."""
+        """The bound of e, and of L if it follows from that, for phi(x) = x: the true A replaces A_m."""
         A, F = self.problem.plant.A, self.largest_matched(0.0)
         found: list[tuple[float, float | None]] = []
         try:

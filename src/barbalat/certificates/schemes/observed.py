@@ -1,8 +1,8 @@
 """The certificate of any controller with an observer: margins and steps of its loop including the observer.
 
-Proofs of a scheme assume a measured state, and x_hat is another signal: no entry of the scheme's own certificate applies. The
+Proofs of a scheme assume a measured state, and x_hat differs from it, so no entry of the scheme's own certificate applies. The
 loop is linearised by the exact Jacobians of all equations, including the observer's. A controller that is linear from sample to
-sample has the bounds of that loop; no bound is known of an adaptive one.
+sample has the bounds of that loop; no bound is known for an adaptive one.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ def _why(problem: Problem, controller: Controller) -> str:
 
 
 def _linear_when(problem: Problem, controller: Controller) -> str | None:
-    """What makes a sampled controller linear; None if it is not, or not sampled."""
+    """The reason why a sampled controller is linear; None if it is not linear or not sampled."""
     return linear_because(problem, controller) if isinstance(controller, (L1PiecewiseConstant, Sampled)) else None
 
 
 def column(problem: Problem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The class's name, and cells that claim only what was computed."""
+    """The class's name, and cells that state only computed values."""
     inner, bound = controller.controller if isinstance(controller, Sampled) else controller, certificate.entry("error_bound")
     why = _why(problem, controller) if bound is None or bound.applies else bound.why
     cells = {key: nothing(key, why) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}

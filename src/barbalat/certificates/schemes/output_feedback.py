@@ -7,8 +7,8 @@ S = ||w -> y_G||_1, |f(t, y)| <= F + L |y| as long as |y| <= Y, and everything a
 
     |y_G| <= (||r -> y_G||_1 |r| + ||d_y -> y_G||_1 |d_y| + S (|d| + F))/(1 - S L)  where  S L < 1.
 
-If the right side is below Y, y_G never gets there (it is continuous and starts at 0), and the bound holds for all time. Every
-other signal follows from |w| <= |d| + F + L |y_G|, including sigma of the L1 controller, so that the projection never acts if the
+If the right side is below Y, y_G never reaches Y (it is continuous and starts at 0), and the bound holds for all time. Every
+other signal follows from |w| <= |d| + F + L |y_G|, including sigma of the L1 controller, so the projection never acts if the
 resulting bound is below that of sigma. Source: small-gain theorem, Desoer and Vidyasagar (1975), section III.2; the norms by
 ``l1``.
 """
@@ -161,10 +161,11 @@ SMALL_GAIN = (
         "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end"
     ),
 )
-"""The loop whose norms are computed includes the case's additions; if that is impossible, ``output_bounds`` gives no bound."""
+"""The loop whose norms are computed includes the case's additions; if these cannot be included, ``output_bounds`` gives no bound.
+"""
 
 NEGLIGIBLE_STEADY_ERROR = 1e-9
-"""A steady error per unit of r and d below this is rounding."""
+"""A steady error per unit of r and d below this is rounding error."""
 
 
 def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller, simulation: Simulation) -> OutputBounds | None:

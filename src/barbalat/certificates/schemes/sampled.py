@@ -56,7 +56,7 @@ LIMIT_KEYS = {"gamma_max", "step_max"}
 
 
 def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
-    """The simulation whose step limits the controller: for a law that takes Euler steps, these steps."""
+    """The simulation whose step limits the controller; for a law that takes Euler steps, its step is the sample time."""
     if controller.discretization != "euler":
         return simulation
     T = controller.sample_time
@@ -118,8 +118,8 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
 
 
 def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
-    """A sentence on what may be unstable: for most schemes their own states, for others the plant as well; and what is known
-    of the actual loop."""
+    """A sentence on what may be unstable (for most schemes their own states, for others also the plant) and what is known
+    about the actual loop."""
     at_rest = ""
     if radius is not None:
         verdict = "stable" if radius < 1 else "unstable"
@@ -133,7 +133,7 @@ def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
 
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
-    """The part of a continuous controller's entry that remains for a controller that acts only at samples."""
+    """The part of a continuous controller's entry that remains valid for a controller that acts only at samples."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return _at_samples(entry, f"sampled every {controller.sample_time:g} s")
     return entry
@@ -150,7 +150,8 @@ def _at_samples(entry: Entry, why: str) -> Entry:
 
 
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The column of a sampled controller: of the continuous one's claims it keeps only what the midpoint rule preserves of V."""
+    """The column of a sampled controller; it keeps only those claims of the continuous controller that the midpoint rule
+    preserves."""
     name, continuous = (scheme_file(controller.controller) or unregistered).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {

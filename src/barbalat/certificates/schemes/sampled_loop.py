@@ -39,7 +39,7 @@ OF_THE_LOOP = "from sample to sample with the true parameters, broken at the pla
 
 
 def linear_because(problem: TrackingProblem, controller: Controller) -> str | None:
-    """What makes a controller, sampled or not, linear on this plant; None if it is not."""
+    """The reason why a controller, sampled or not, is linear on this plant; None if it is not linear."""
     if isinstance(controller, L1PiecewiseConstant):
         return LINEAR_CONTROLLER
     continuous = controller.controller if isinstance(controller, Sampled) else controller

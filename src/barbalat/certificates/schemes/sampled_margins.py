@@ -33,7 +33,8 @@ LONGEST_SAMPLE = 100.0
 ``MOST_SAMPLES_OF_DELAY``."""
 SAMPLE_TIME_WITHIN = 2e-3
 NOT_SETTLING = 1e-10
-"""Distance of a spectral radius from 1, for example of a vanished covariance, from which a law does not return."""
+"""Distance of a spectral radius from 1 within which a mode neither grows nor decays, for example that of a vanished covariance.
+"""
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Sampled, t_end: float) -> None:

@@ -64,7 +64,7 @@ def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certi
 
 
 def carried(problem: Problem, controller: laws.ModifiedScheme) -> Assumption:
-    """What V includes for a law that may learn from a memory."""
+    """The disturbances that V includes for a law that may learn from a memory."""
     return carried_along(problem, controller.bind(problem.known).estimate_set, learns=controller.learning is not None)
 
 
@@ -91,7 +91,7 @@ def inside(problem: Problem, estimate_set: EstimateSet | None) -> tuple[Assumpti
 
 
 def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
-    """A formula may divide by zero: then bounded states don't bound phi(x), and a solution may end."""
+    """A formula may divide by zero; bounded states then do not bound phi(x), and a solution may end in finite time."""
     reach = np.full(problem.plant.n, LARGEST_STATE) if error is None else np.array(state_bounds(problem)) + error
     finite = np.isfinite(largest_square(problem.plant.regressor, -reach, reach))
     why = "" if finite else "phi(x) is not known to be finite for all x that may occur"
@@ -100,7 +100,7 @@ def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
 
 def commands_and_gains(problem: Problem) -> tuple[str, str]:
     """The words for the commands and gains for which a Lyapunov function holds: only the case's own if phi(x) is known to be
-    finite only there.
+    finite only for these.
 
     The first is about r alone.
     """
@@ -169,7 +169,8 @@ def add_ingredients(
 def of_lyapunov_law_beyond(
     excited: any_regressor.Excited, simulation: Simulation, filter_poles: Array | None = None, *, no_bound: str = ""
 ) -> Certificate:
-    """Certify a plant beyond the paper's: the Lyapunov bound, which the plant's additions don't change, and the solver's limits.
+    """Certify a plant that is more general than the paper's: the Lyapunov bound, which the generalisations do not change, and the
+    solver's limits.
 
     ``no_bound`` is the reason if a scheme has none even with the plain law.
     """

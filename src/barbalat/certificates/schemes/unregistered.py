@@ -1,4 +1,4 @@
-"""The certificate of a controller without a known proof, such as a class from outside the package: the parts that need none.
+"""The certificate of a controller without a known proof, such as a class from outside the package: the parts that need no proof.
 
 Its loop is linearised at its equilibrium for a constant command, by the exact Jacobians of its own equations: margins with frozen
 estimates and with the law, and the step that these modes tolerate. Everything else is marked as unknown.

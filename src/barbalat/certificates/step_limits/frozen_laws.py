@@ -82,7 +82,7 @@ def of_the_motion(
     oscillator: FrozenLaw | None = None,
     filter_poles: Array | None = None,
 ) -> dict[str, Any]:
-    """The limits for |x| as large as |x_m| under the case's own command, under separate keys.
+    """The limits for |x| as large as |x_m| under the case's own command, with separate keys.
 
     If the bound of |x| is far above the motion for this command, oscillations begin at these limits; the others are conservative.
     """

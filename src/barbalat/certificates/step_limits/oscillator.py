@@ -1,8 +1,8 @@
 """The largest gain and step that a solver tolerates: the frozen, damped oscillation of adaptation and its region of stability.
 
-With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x moves only along q = theta_tilde'x:
-x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so that its modes depend on g = Gamma |x|^2 alone. With several inputs q has an
-entry for each; for any phi(x), |phi|^2 takes the place of |x|^2.
+With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x changes only along q =
+theta_tilde'x: x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so its modes depend only on g = Gamma |x|^2. With several inputs
+q has an entry for each; for any phi(x), |phi|^2 replaces |x|^2.
 
 If MRAC's law takes Euler steps while the plant continues with its input held, q and e go from sample to sample as
 
@@ -41,7 +41,7 @@ def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
 
 GAIN_FRACTIONS = np.geomspace(1e-16, 1.0, 600)
 """Fractions of the largest g that are checked in addition to g = 0: a mode of A_m may leave the region before the
-oscillation does."""
+oscillation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class FrozenErrorSystem:
 class Oscillator(FrozenErrorSystem):
     """The frozen error system of a problem under a solver.
 
-    beside   eigenvalues of the other integrated parts, which don't depend on g: the input filter, an actuator
+    beside   eigenvalues of the other integrated parts, which do not depend on g: the input filter, an actuator
     """
 
     solver: Tableau

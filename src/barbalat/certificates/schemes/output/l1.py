@@ -51,7 +51,7 @@ OWN_QUANTITIES = OF_LINEAR_LOOPS | {
     "delay_margin_limit": Quantity("the same for gamma -> infinity", "s"),
 }
 LIMITS_TOLERANCE = 1e-9
-"""Relative accuracy of the limits of gain and step, far better than an estimate needs."""
+"""Relative accuracy of the limits of gain and step, far better than needed for an estimate."""
 
 
 def small_gain_system(controller: L1Output, G: TransferFunction) -> TransferFunction:
@@ -83,7 +83,7 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
         )
     pair = "gamma_max and step_max are those of the pair sigma, y_hat: estimates for the loop"
     draft.estimate({"adaptation_frequency": math.sqrt(controller.gamma * controller.m)} | _limits(controller, simulation), pair)
-    add_step_of_modes(draft, problem, controller, simulation)  # a plant or filter that is faster than the pair
+    add_step_of_modes(draft, problem, controller, simulation)  # a plant or filter is faster than this pair
     equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
     inside = "the controller's equivalent while sigma is inside its bounds"
     draft.exact({"linear_equivalent": _coefficients(equivalent)}, inside)

@@ -48,8 +48,8 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 PARTS = 16
-"""Number of parts of a sample in each of which d is bounded: more parts do not change the displayed digits if the plant is
-slow."""
+"""Number of parts of a sample in each of which d is bounded: more parts do not change the displayed digits for a slow
+plant."""
 
 
 class ErrorBound(NamedTuple):
@@ -108,7 +108,9 @@ def _held(loop: _Loop, T: float, r: float, d: float) -> float:
     curved = np.abs(plant.C) @ grown(plant.A, T) @ largest(bends, plant.A @ plant.B * loop.L)
     of_model = model.A @ np.hstack([np.zeros((m, size - m)), model.A])
     curved += np.abs(model.C) @ grown(model.A, T) @ largest(of_model, model.A @ model.B)
-    within = np.abs(plant.C @ reached) @ weights * d  # at a sample's end it is in the bound at the samples, not in the line
+    within = (
+        np.abs(plant.C @ reached) @ weights * d
+    )  # at the end of a sample it is part of the bound at the samples, not of the straight line
     return float(at_samples + 2 * within + T**2 / 8 * curved) * OUTWARD_FACTOR
 
 
