@@ -42,15 +42,15 @@ FINER = 1 / 32
 """Factor from the tolerance to that of the second run, which measures the first run's error; its own error is some 20 times
 smaller."""
 FINER_STEP = 0.5
-"""Factor from the first run's longest step to that of the second run: samples and delays may limit steps more than the tolerance
-does."""
+"""Factor from the first run's longest step to that of the second run, because samples and delays may limit steps more than the
+tolerance."""
 FINEST = 1e-14
-"""Least tolerance of a second run; below it rounding dominates."""
+"""Smallest tolerance of a second run; below it rounding dominates."""
 
 
 @dataclass(eq=False)
 class Observation:
-    """A run while it is computed and observed."""
+    """A run during its computation and observation."""
 
     problem: TrackingProblem
     controller: Controller
@@ -64,7 +64,8 @@ class Observation:
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, watched: Watched | None, number: int = 0
     ) -> Observation:
-        """InputError if a tolerance can't be used with the problem or the controller; ``number`` selects the noise stream."""
+        """Create the observation of a run; InputError if a tolerance cannot be used with the problem or the controller.
+        ``number`` selects the noise stream."""
         motion = motion_of(problem, controller, simulation, number)
         loop = motion.attempts.loop
         program, remembered = observer_program(loop, simulation.grid.dt, watched, fused=simulation.fused)
@@ -75,7 +76,7 @@ class Observation:
 
     def __post_init__(self) -> None:
         grid = self.simulation.grid
-        node_kernel(self.loop.size)  # by CasADi, which must not be used in several threads at a time
+        node_kernel(self.loop.size)  # uses CasADi, which must not run in several threads at the same time
         self.nodes = Nodes(self.motion, grid, self.problem.signals, 0, grid.steps)
         self.batch.groups = [ObservedGroup.of(group, self.motion) for group in self.batch.groups]
 
@@ -159,7 +160,7 @@ def motion_of(problem: TrackingProblem, controller: Controller, simulation: Simu
 
 @contextmanager
 def counted_jumps() -> Iterator[None]:
-    """InputError for equations with innumerable jumps."""
+    """Raise InputError for equations with too many jumps to be counted."""
     try:
         yield
     except CountlessError as error:

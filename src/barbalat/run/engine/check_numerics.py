@@ -1,5 +1,5 @@
-"""Repeats every run that left its region of stability with a finer step: does its behaviour belong to the solver or to the
-loop?"""
+"""Repeats every run that left its region of stability with a finer step, to find out whether the solver or the
+loop causes its behaviour."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 AFFORDED_STEPS = 10_000_000
-"""Largest number of steps of a finer run: a second of computing for a small loop."""
+"""Largest number of steps of a finer run, which takes a second for a small loop."""
 FINER_BY = (10, 100, 1000)
 """The step is divided by these in turn, until a run stays inside the region of stability."""
 
@@ -35,7 +35,7 @@ def check_numerics(
 ) -> Results:
     """The results with a ``check``, see FinerStep, for each run that left its region of stability.
 
-    The run is repeated with a tenth of its step, then with a hundredth and a thousandth while it still leaves the region. A finer
+    The run is repeated with a tenth of its step, then with a hundredth and a thousandth if it still leaves the region. A finer
     run takes at most ``afforded_steps``, and no more than the budget allows: if it does not reach t_end, the two steps are
     compared over the time that it reaches, and if it does not reach the label's time, the check says so.
 
@@ -92,7 +92,7 @@ def _compared(
     given, horizon = first.simulation, _horizon(first, factor, afforded)
     assert horizon is not None
     controllers = [result.controller for result in members.values()]
-    # a law that is sampled by Euler steps takes finer ones too, because they are being checked as well
+    # the steps of a law that is sampled by Euler steps are made finer too, because they are also checked
     refined = [one.refined(factor) if isinstance(one, Stepping) else one for one in controllers]
     finer = replace(given, t_end=horizon, dt=given.dt / factor)
     fine = simulate(first.problem, refined, finer, judge=first.judge, threads=threads, progress=progress).values()

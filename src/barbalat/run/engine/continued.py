@@ -29,7 +29,7 @@ class Seen(NamedTuple):
 
     @classmethod
     def together(cls, pieces: Sequence[Seen]) -> Seen:
-        """The observations in one window that joins these pieces, except for reversals between two pieces."""
+        """The observations of one window that joins these pieces; reversals between two pieces are not counted."""
         low, high, reversals, lost, largest = zip(*pieces, strict=True)
         ends = np.min(low, axis=0), np.max(high, axis=0)
         return cls(*ends, np.sum(reversals, axis=0), np.any(lost, axis=0), np.max(largest, axis=0))
@@ -53,7 +53,7 @@ class Continuation(Protocol):
 
 
 class Continuing(Protocol):
-    """Members of a batch that continue together, whose numbers are ``columns``."""
+    """Members of a batch, with the numbers ``columns``, that continue together."""
 
     @property
     def columns(self) -> slice | Array: ...

@@ -188,11 +188,11 @@ class Batch:
         )
 
     def together(self, groups: Sequence[Group]) -> Sequence[Continuing]:
-        """These groups, arranged so that their continuations take little time."""
+        """These groups, arranged for fast continuations."""
         return groups
 
     def resumed(self, state: Array) -> Group:
-        """The only member in this state (size,), with an empty delay: at t = 0, or at any time without a delay."""
+        """The single member, starting from this state (size,) with an empty delay: at t = 0, or at any time without a delay."""
         (group,) = self.groups
         past = None if group.past is None else Rings(group.past.lags, group.past.history)
         return replace(group, state=np.vstack([state[:, None], *self._unjudged(1)]), past=past, recorded=[])
@@ -240,7 +240,7 @@ class Group:
             self.judged[memory.responses] = self.state[own:][memory.responses]
 
     def at_end(self) -> Array:
-        """The state, (rows, W), from which that step is made, as a copy."""
+        """A copy of the state, (rows, W), with which that step begins."""
         return self.state.copy()
 
     def renew(self, at: Begins) -> Array:
@@ -301,7 +301,7 @@ def run(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Advance all batches from 0 to t_end. Memory does not grow with t_end, except for what a batch records."""
+    """Advance all batches from 0 to t_end. Only the record of a batch makes memory grow with t_end."""
     (in_pieces,) = {batch.program.shape.in_pieces for batch in batches}
 
     def rows(segment: Segment) -> Array:
@@ -322,7 +322,7 @@ def advance(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Advance all batches from 0 to t_end, with the signals by the rows of ``grid.signal_table``.
+    """Advance all batches from 0 to t_end, with the signals given by the rows of ``grid.signal_table``.
 
     rows  the rows of a segment's steps
     last  the row at t_end, see ``grid.final_row``
@@ -351,7 +351,7 @@ def advance(
 
 
 TASK_STEPS = 2**14
-"""Least number of kernel steps of a task of a pool, about a millisecond, if there are enough groups: starting a task costs
+"""Smallest number of kernel steps in a task of a pool, about a millisecond, if there are enough groups: starting a task takes
 some 50 us, which would otherwise be added for each group of short members."""
 
 

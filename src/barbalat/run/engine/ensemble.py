@@ -29,7 +29,7 @@ from barbalat.validate import Array, InputError
 MEMBERS_AT_ONCE = 2**16
 """Members that run in parallel: enough for all cores, and few enough for their working data to fit into memory."""
 READING_STEPS = 1000
-"""Steps of a member's run that take about as long as reading the member."""
+"""Number of steps of a member's run that take about as long as reading the member."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,15 +96,15 @@ def simulate_ensemble(
     """Run every (problem, controller) and return the figures over all steps; no trajectory is kept.
 
     All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number: theta, x0,
-    gamma, kappa, the box, A_m and with it P, ... Numbers that are equal for all members are compiled in.
+    gamma, kappa, the box, A_m and therefore P, ... Numbers that are equal for all members are compiled in.
 
-    members         read once, in order, and not kept: a generator is accepted, and a million members then take little memory
+    members         read once, in order, and not stored: a generator is accepted, and a million members then take little memory
     numbers         determine each member's measurement noise, together with the seed; by default 0, 1, ... in the given order.
                     Members with the same number and seed have the same noise
     quarters        also keep the largest |e| of each quarter of the run; needs at least eight steps
-    judge           gives a verdict on every member; none by default. Model, signals and labels are the first member's
+    judge           judges every member; None (default) for no verdicts. Model, signals and labels are the first member's
     frequencies     whether to measure those of limit cycles, which doubles the time if members are in limit cycles
-    With a tolerance each member has its own steps, and its own error is not measured, since there is no second run.
+    With a tolerance each member has its own steps, and the members' errors are not measured, since there is no second run.
 
     threads, lanes  affect only the speed; the results are the same bit for bit
     progress        reading members counts as part of the work if their number is known beforehand

@@ -60,12 +60,12 @@ def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
 
 
 GAIN_ROUNDING = 1e-9
-"""A component whose steady-state gain is below this share of the largest counts as without gain: it returns after a step."""
+"""A component whose steady-state gain is below this share of the largest gain counts as having none: it returns after a step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """The terms by which runs of one problem are judged: settings, the components' names and units, the signals of the tail.
+    """The data for judging runs of one problem: settings, the components' names and units, the signals of the tail.
 
     declared  numbers of the components that are declared to follow a command
     slowest   the longest period of the model's modes [s]
@@ -124,7 +124,7 @@ def judged(
     """The verdicts on a batch after its run.
 
     among        (M,) members that are searched for limit cycles; all by default
-    excused      whether to skip the long examination of members that follow and whose commands explain their reversals
+    excused      whether to skip the long examination of members that follow the model and whose commands explain their reversals
     frequencies  whether to measure the frequencies of limit cycles, each of which takes at least one more window of the run
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
@@ -197,8 +197,9 @@ def _noise(loop: ClosedLoop) -> Array | None:
 
 
 def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> tuple[Array, Array]:
-    """(M,) the time at which a run diverged, to the step, or by which a component had passed its band, as far as was recorded
-    [s]; NaN if neither is known. Also (M,) how much earlier that may have been [s]: the record's piece, or 0 for a divergence."""
+    """(M,) the time at which a run diverged, to the step, or by which a component had left its band, according to the record
+    [s]; NaN if neither is known. Also (M,) how much earlier this may have happened [s]: the length of the record's piece, or 0
+    for a divergence."""
     found, within = np.asarray(simulation.time(batch.diverged_step)), np.zeros(len(batch.diverged_step))
     if not batch.record:
         return found, within
@@ -264,10 +265,10 @@ def _cycles(
 
 
 def _decisions(going: Continuation, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array, Array]]:
-    """The windows that decide about these ``members`` of a group, (M, n) the largest magnitudes of the components, and which
-    members they decide about.
+    """The windows that decide about these ``members`` of a group, (M, n) the largest magnitudes of the components, and the
+    members about which they decide.
 
-    Each member is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on the other
+    Each member is judged by the first windows that decide about it, so no verdict depends on the other
     members of a group.
     """
     seen: list[Seen] = []

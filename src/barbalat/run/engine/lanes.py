@@ -38,7 +38,7 @@ def compiled_lanes(program: Program, begin: Program, shape: LoopShape, lanes: in
 class Turns:
     """The queue of M members: each takes the next free lane of any thread.
 
-    errors  of members that stall, by their numbers; only members before the first of them are of further interest
+    errors  of members that stall, by their numbers; only members before the first of them are still needed
     """
 
     members: int
@@ -94,7 +94,7 @@ class Side(Protocol):
         ...
 
     def goes_on(self, number: int, motion: Motion, column: Array, records: Array | None) -> bool:
-        """Take the results of a member that has paused, ended or diverged; returns whether it continues, with this column."""
+        """Process a member that has paused, ended or diverged; return whether it continues, with this column."""
         ...
 
 
@@ -175,7 +175,7 @@ class Lanes:
             self._keep(motion.records, lane)
 
     def _keep(self, records: Array, lane: int) -> None:
-        """The content of the delay of a member that begins."""
+        """Store the content of the delay of a member that begins."""
         rows, width = records.shape
         if self.records is None or self.records.shape[1] < rows:
             found = np.zeros((self.width, rows, width))
@@ -215,7 +215,7 @@ class Lanes:
             self._calls.clear()
 
     def _stopped(self) -> list[int]:
-        """The lanes whose members have reached their tail or their end, or must be examined."""
+        """The lanes whose members have reached their tail or their end, or must be checked for progress."""
         side, state = self.side, self.state
         at = side.observed.places
         settled = (state[at["waits"]][0] == 0) & (state[at["observed"]][0] == 0) & (state[self.row("renew")] == 0)

@@ -32,15 +32,16 @@ FIRST_STEP = 1e-6
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
 """Number of attempts per call of the kernel, whose output then stays in the cache."""
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
-"""Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 of them, a day."""
+"""Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 attempts, a
+day."""
 RESOLVED = 1e-9
-"""A tolerance above the rounding of Section V at a gain of 1e4, which is as large as 1e-10 of the estimates."""
+"""A tolerance above the rounding errors of Section V at a gain of 1e4, which reach 1e-10 of the estimates."""
 
 
 @lru_cache(maxsize=64)
 def compiled_attempts(program: Program, begin: Program, shape: LoopShape) -> CompiledLoop:
-    """Its code, optimised after enough attempts, since the number that a run takes is not known beforehand; no bit depends on
-    it."""
+    """The code of attempts. It is optimised after enough attempts, since their number is not known beforehand; this does not
+    change the results."""
 
     def make(quickly: bool) -> Kernel:
         return Kernel(program, shape, (0.0,) * shape.accumulators, 1, begin, quickly=quickly)
@@ -63,8 +64,8 @@ class Motion:
     start       (S,) the loop's state at t = 0, and parameters (p,), the values of the symbols of ``attempts``
     rows        rows of its pieces, of which the last is its end: see ``Pieces.rows``
     delay       at its input; None if there is none
-    records     what is in the delay, and room for more: see ``past``
-    steps, rejected, choices  numbers so far; choices are steps that ended where the equations jump or bend
+    records     the content of the delay, and free entries: see ``past``
+    steps, rejected, choices  numbers so far; choices counts the steps that ended where the equations jump or bend
     longest     of its steps so far [s]
     """
 
@@ -127,14 +128,14 @@ class Motion:
         return again._before_its_start()
 
     def _before_its_start(self) -> Motion:
-        """The motion at t = 0 with nothing but its history in the delay."""
+        """The motion at t = 0 with only its history in the delay."""
         past = self.attempts.past
         assert (past is None) == (self.delay is None)
         return self if past is None or self.delay is None else replace(self, records=past.beginning(self.delay.history))
 
     def sparse(self) -> Motion:
         """The same motion without dense output, of which only the end of each piece is known: an attempt has three evaluations
-        less."""
+        fewer."""
         attempts = self.attempts
         return replace(self, code=compiled_attempts(attempts.program(dense=False), attempts.begin(), attempts.shape))
 
@@ -224,7 +225,7 @@ class Motion:
         self.state[rows] -= first
 
     def require_progress(self) -> None:
-        """InputError for a motion that rounding moves back and forth across a jump of its equations."""
+        """Raise InputError for a motion that moves back and forth across a jump of its equations because of rounding."""
         (before, t), attempts, t_end = self.looked, self.steps + self.rejected, float(self.rows[-1, 0])
         if attempts - before < LOOKED_AT_EVERY:
             return
@@ -250,7 +251,7 @@ class Motion:
         )
 
     def _escapes(self) -> bool:
-        """Whether a motion that no step follows counts as diverged, because its state is so large; if so, it is marked as
+        """Whether a motion that no step follows counts as diverged because its state is so large; if so, mark it as
         diverged."""
         escapes = bool(np.abs(self.x).max() > ESCAPING * max(np.abs(self.start).max(), 1.0))
         if escapes:
@@ -324,7 +325,7 @@ class Nodes:
         return np.asarray(self.grid.time(np.arange(self.first, self.last + 1))) if self.instants is None else self.instants
 
     def rows(self, start: int, stop: int, most: int) -> tuple[Array, int]:
-        """The table of whole steps of the grid from ``start`` on, up to ``stop`` or about ``most`` rows, and the number of
+        """The table of whole steps of the grid from ``start`` to ``stop``, or about ``most`` rows, and the number of
         steps."""
         while not self._closed:
             times = self._kept[0]
@@ -364,7 +365,7 @@ class Nodes:
         self._close()
 
     def final(self, end_weight: float | None = None) -> Array:
-        """The row at the motion's end, with zero length; with the weight of its squares, if that is known from elsewhere."""
+        """The row at the motion's end, with zero length; with the weight of its squares, if the caller knows it."""
         weight = self._end_weight if end_weight is None else end_weight
         t, x = np.array([self.motion.t]), self.motion.x
         return np.concatenate([self._driving(t, np.zeros(1, dtype=bool))[0], x, [weight, 0.0, 0.0, 0.0, 1.0, 1.0]])[None]

@@ -43,7 +43,7 @@ class ObservedGroup(Group):
         return cls(**given, motion=motion)
 
     def at_end(self) -> Array:
-        """See ``Group.at_end``: the motion includes a sample that is due at the end, which affects no figure but extrema."""
+        """See ``Group.at_end``: the motion includes a sample that is due at the end, which affects only extrema."""
         assert self.motion is not None
         state = super().at_end()
         state[: len(self.motion.x), 0] = self.motion.x

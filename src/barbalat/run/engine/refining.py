@@ -1,4 +1,4 @@
-"""How fine a step must be so that the method neither damps nor excites oscillations that it does not resolve."""
+"""The step with which the method neither damps nor excites oscillations that it does not resolve."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 NEGLIGIBLE = 0.3
-"""Largest admissible change by a method of the logarithm of an oscillation's amplitude, for a run that is as stiff throughout
-as at its stiffest instant. Of 696 runs of Section V that passed, at steps from 1 to 1/64 ms, none oscillated differently than
-at 10 us or had another class; of 955 that pass 10 instead, ten oscillated differently (docs/judge.md)."""
+"""Largest admissible change of the logarithm of an oscillation's amplitude due to the method, for a run that is as stiff
+throughout as at its stiffest instant. Of 696 runs of Section V that passed, at steps from 1 to 1/64 ms, none oscillated
+differently than at 10 us or had another class; of 955 that pass 10 instead, ten oscillated differently (docs/judge.md)."""
 FACTORS = (2, 4, 8, 16, 32, 64, 128)
 """Divisors that are tried if the method's own damping or growth is not negligible."""
 ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
-"""The divisors for a method of order eight, whose own step may be sufficient."""
+"""The divisors for a method of order eight, for which the given step may be sufficient."""
 ROOM = 0.9
 """Share of the tr J^2 admissible at a finer step that the run at the coarser step may reach: at the finer step it may be
 larger."""
 
 
 class Refining(NamedTuple):
-    """A method that resolves more than a run's own, and the ratio by which its steps may be smaller."""
+    """A method that resolves more than the run's method, and the ratios by which its steps may be smaller."""
 
     solver: Tableau
     factors: tuple[int, ...]
@@ -46,8 +46,8 @@ class Refining(NamedTuple):
 
 
 def finer_by(batch: Batch, simulation: Simulation) -> Array:
-    """(M,) the refinement that each member of a sweep needs, so that the method neither damps nor excites what it does not
-    resolve.
+    """(M,) the refinement that each member of a sweep needs, so that the method neither damps nor excites oscillations that it
+    does not resolve.
 
     0 if its own step is sufficient, else the factor by which steps of ``Refining`` must be smaller, infinite if no factor is
     sufficient; NaN if nothing was monitored.
@@ -70,7 +70,7 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
 
 
 def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
-    """The result of ``finer_by`` for a member, from its loop's modes at the start, since constant modes are not monitored."""
+    """The result of ``finer_by`` for a member, from its loop's modes at the start, because constant modes are not monitored."""
     if simulation.tolerance is not None:  # which resolves them
         return 0.0
     modes = _modes(loop, simulation, flatten(loop.initial())[None], np.zeros((1, loop.signal_count)))
@@ -111,7 +111,7 @@ def _modes(loop: ClosedLoop, simulation: Simulation, states: Array, signals: Arr
 def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> float:
     """The smallest of the factors with which the method resolves these modes [1/s]; infinite if there is none.
 
-    A decaying mode must decay with the method too, and an oscillating one must keep its damping for its duration.
+    A decaying mode must also decay with the method, and an oscillating one must keep its damping.
     """
     for factor in factors:
         z = modes * simulation.dt / factor
@@ -127,7 +127,7 @@ def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Se
 def _needed(coupling: Array, steps: int, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> Array:
     """(M,) the smallest sufficient factor, for this number of steps in each of K windows with these tr J^2, (K, M).
 
-    Minus infinity if nothing varies, NaN if nothing was monitored.
+    Minus infinity if nothing varies, and NaN if nothing was monitored.
     """
     omega = np.sqrt(np.maximum(coupling, 0.0) / 2)
     found = np.full(coupling.shape[1], np.inf)

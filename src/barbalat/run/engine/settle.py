@@ -1,5 +1,5 @@
-"""Repeats runs with a finer step: is an oscillation that the step may damp or excite of the same class, and how large is the
-step's own error?"""
+"""Repeats runs with a finer step, to check the class of oscillations that the step may damp or excite and to estimate the
+error of the step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Members with a tolerance in the lanes of one kernel, each with its own steps: their runs and what follows them."""
+"""Members with a tolerance in the lanes of one kernel, each with its own steps: their runs and their continuations."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def run_members(
 ) -> ObservedBatch:
     """Some of the members after their runs.
 
-    The results are the same bit for bit for any threads, lanes and other members. InputError, with its number, for the
+    The results are the same bit for bit for any threads, lanes and other members. Raises InputError, with its number, for the
     first member that stalls.
     """
     workers = threads or os.cpu_count() or 1
@@ -50,7 +50,7 @@ def run_members(
 
 
 def expected_attempts(members: Members) -> float:
-    """The attempts that the first member's run takes, extrapolated from the first ``COUNTED`` of them if it takes more."""
+    """The attempts that the first member's run takes, extrapolated from the first ``COUNTED`` attempts if it takes more."""
     runs = Runs(members, slice(0, 1), 1, vector_width())
     lanes = Lanes(runs, runs.width, 1)
     made = lanes.run(COUNTED)
@@ -196,8 +196,8 @@ class BesideEachOther:
 
 @dataclass(eq=False)
 class ContinuedMembers:
-    """These members of a batch in lanes, with commands and disturbances held and without measurement noise; ``groups`` are those
-    that have continued, by their numbers in ``columns``."""
+    """These members of a batch in lanes, with commands and disturbances held and without measurement noise; ``groups`` contains
+    those that have continued, by their numbers in ``columns``."""
 
     batch: MembersBatch
     columns: Array
@@ -235,7 +235,7 @@ class ContinuedMembers:
         return Seen(low, high, turned, lost, largest)
 
     def traced(self, steps: int, samples: int, members: Array) -> tuple[Array, Array]:
-        """See ``Continuation``: one after the other."""
+        """See ``Continuation``; the members are computed one after the other."""
         found, only = [], np.zeros(1, dtype=int)
         for i in members:
             alone = Continued(self.groups[int(i)], self.simulation, self.held, self.step)

@@ -46,13 +46,13 @@ def simulate(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """Run every controller on the problem; returns the results by the controllers' names, with equal names numbered.
+    """Run every controller on the problem and return the results by the controllers' names; equal names are numbered.
 
     judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
-    Raises InputError for a controller that doesn't fit the problem, with its name, and for runs that exceed the budget. A run
+    Raises InputError for a controller that does not fit the problem, with its name, and for runs that exceed the budget. A run
     that diverges is a result and not an error.
     """
     validate.instance("problem", problem, TrackingProblem)
@@ -136,7 +136,7 @@ def recorded(problem: TrackingProblem, controller: Controller, simulation: Simul
     (group,), every = batch.groups, batch.rhythm.sample_every
     assert every, "only a sampled controller has samples"
     kept = list(_each(batch, problem, simulation, 0, every, min(samples, -(-simulation.steps // every))))
-    # a block begins before its sample: the state after a sample is at the beginning of the next block
+    # a block begins before its sample, so the state after a sample is at the beginning of the next block
     flat = np.vstack([*kept, group.state.T])[1:]
     own = len(flatten(initial_acting(batch.loop)))
     held = batch.loop.unpack(np.arange(batch.loop.size)).held
@@ -159,7 +159,7 @@ def _between(every: int) -> int:
 
 
 def _halfway(batch: Batch, problem: TrackingProblem, simulation: Simulation, every: int, count: int) -> Iterator[Array]:
-    """The loop's states, (samples, S), halfway after each of the first ``count`` samples, in which each has been made."""
+    """The loop's states, (samples, S), halfway after each of the first ``count`` samples."""
     (group,), between = batch.groups, _between(every)
     table = signal_table(problem.signals, simulation, 0, between, in_pieces=batch.program.shape.in_pieces)
     group.call(0, 1, between, group.state, table)
@@ -168,8 +168,8 @@ def _halfway(batch: Batch, problem: TrackingProblem, simulation: Simulation, eve
 
 
 def largest_numbers(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Array:
-    """The largest magnitude of each number that a sampled controller keeps over the run that ``simulate`` makes, up to where it
-    diverges: its flat state, then the bump of a shell."""
+    """The largest magnitude of each number that a sampled controller keeps over the run that ``simulate`` makes, up to its
+    divergence: its flat state, then the bump of a shell."""
     batch = Batch.of([(problem, controller)], simulation, lanes=1)
     template, T = initial_acting(batch.loop), batch.loop.sample_time
     assert T is not None
@@ -188,10 +188,10 @@ def largest_numbers(problem: TrackingProblem, controller: Controller, simulation
 
 
 def with_missed_samples(results: Mapping[str, Result]) -> Results:
-    """The same results, with ``missed`` for each sampled controller that has a shell or meets faults.
+    """The same results, with ``missed`` for each sampled controller with a shell or faults.
 
-    Each of these runs is repeated, bit for bit, and read between any two samples. Runs that diverged and runs by tolerance are
-    unchanged.
+    Each of these runs is repeated, bit for bit, and evaluated between successive samples. Runs that diverged and runs by
+    tolerance are unchanged.
     """
     return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
 
@@ -204,7 +204,7 @@ def _missed(result: Result) -> MissedSamples | None:
         return None
     around = computer.around
     batch = Batch.of([(problem, result.controller)], simulation, lanes=1)
-    every = round(around.T / simulation.dt)  # with jitter the loop looks at its timer every step
+    every = round(around.T / simulation.dt)  # with jitter the loop checks its timer at every step
     initial, count = batch.groups[0].state.T.copy(), max(simulation.steps - _between(every), 0) // every + 1
     states = np.vstack(list(_halfway(batch, problem, simulation, every, count)))
     held = batch.loop.unpack(np.arange(batch.loop.size)).held

@@ -1,8 +1,8 @@
-"""Whether a run stayed inside its solver's region of stability, and from which step on it did not.
+"""Whether a run stayed inside its solver's region of stability, and the step at which it left the region.
 
 During a run, its kernel keeps for each of some two thousand windows the state at which ``coupling_function`` was largest; the
 exact spectrum is computed there. A window that shows an exit is simulated again in ever shorter ones, down to the step. The
-windows depend only on the run's steps, so that nothing here depends on the record.
+windows depend only on the run's steps, so the result does not depend on the record.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MOST_LOOKS = 200
 """Number of windows for which the spectrum is computed: half of them are the stiffest, the others are spread evenly; before an
 exit, all are used."""
 QUICK_SPECTRUM = 100
-"""States of a loop whose spectrum takes some 10 ms; a run computes at most MOST_LOOKS."""
+"""Number of states of a loop whose spectrum takes some 10 ms; a run computes at most MOST_LOOKS spectra."""
 FEWEST_LOOKS = 2
 """Number of spectra for a loop with very many states."""
 WINDOW_PIECES = 64
@@ -74,7 +74,8 @@ def stiffness_along(run: Run) -> Stiffness:
 
 
 def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
-    """No window is monitored or simulated again: among a few recorded instants, those with the largest tr J^2 are examined."""
+    """For a large loop no window is monitored or simulated again; of a few recorded instants, those with the largest tr J^2 are
+    examined."""
     size = run.batch.loop.size
     looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (QUICK_SPECTRUM / size) ** 3))  # each takes size^3 operations
     recorded = np.unique(np.linspace(0, len(run.starts) - 1, 4 * looks).astype(int))
@@ -124,7 +125,7 @@ class Run:
     stop: float
 
     def first_outside(self, step: int, window: int, look: Look) -> int:
-        """The first step outside the region in the window with this stiffest step; it is exact if 8 steps in a row are
+        """The first step outside the region in the window with this stiffest step; it is exact if 8 successive steps are
         outside."""
         begin = step // window * window
         known = self._known(max(begin - WATCH_EVERY + 1, 0))

@@ -34,17 +34,18 @@ if TYPE_CHECKING:
     import casadi as ca
 
 RUNNING, DIVERGED, STALLED = 0.0, 1.0, 2.0
-"""A member's status. A stalled member would need a step too short to change its time."""
+"""A member's status. A stalled member would need a step that is too short to change its time."""
 ALL, SLOPE = 1.0, 2.0
 """What is recomputed before an attempt: the choices and the slope, or only the slope if the choices changed."""
 SAFETY, SHRINKS, GROWS = 0.9, 1 / 3, 6.0
 """After a failed step the next is 0.9 err^(-1/8) times as long, within these limits. After a successful step, its length is
-filtered, H211b with b = 4, since the estimate follows an oscillation's phase: without it every third attempt fails.
+filtered, H211b with b = 4, because the estimate depends on the phase of an oscillation; without the filter every third attempt
+fails.
 
 Source: Soderlind, Digital filters in adaptive time-stepping, ACM Transactions on Mathematical Software 29 (2003), table 1."""
 FILTERED = 0.85
-"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Of 0.82, 0.88 and 0.94,
-the last needs a fifth more attempts on Section V at equal error, since an eighth of them fail."""
+"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Of the values 0.82, 0.88
+and 0.94, the last needs a fifth more attempts on Section V at equal error, since an eighth of them fail."""
 SMALL = 1e-6
 """A state's relative error refers to at least this share of the largest magnitude of any state."""
 TINY = 1e-9
@@ -54,13 +55,13 @@ MEETS = 0.1
 JOINS = 4.0
 """Multiple of that movement within which a rate limiter that has met its demand joins it."""
 LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
-"""Relative to the time; a shorter step does not advance the time."""
+"""Smallest step relative to the time; a shorter step does not advance the time."""
 BEYOND = 2.0
 """Multiple of that movement beyond which a choice is certain."""
 SECANTS = 4
 """Number of secant steps in the search for the time of a change of choice; after these the step is halved instead."""
 LOOKS = (5, 9, 10)
-"""Stages at 0.33, 0.6 and 0.86 of a step that detect a choice which changes and returns before the end."""
+"""Stages at 0.33, 0.6 and 0.86 of a step, which detect a choice that changes and returns before the end."""
 NEAREST = 0.05
 """No change of choice is located before this share of an attempt: a secant from a change that has just occurred is useless."""
 LARGEST = 1e300
@@ -72,12 +73,12 @@ FIRST = 2
 ACTED = 6
 """Argument of ``Attempts.begin``: the new state of a sampled controller."""
 MOST_TRIES = 200
-"""Largest number of changes of choice at one instant; more mean that the motion slides along a surface."""
+"""Largest number of changes of choice at one instant; more changes mean that the motion slides along a surface."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """The kernel's state: the loop's state (S,), followed by what the next attempt needs; J is the number of choices.
+    """The kernel's state: the loop's state (S,), followed by the data for the next attempt; J is the number of choices.
 
     ``leaving`` is the number of the record that leaves a delay, ``records`` the number of the record of this step, see
     ``past``. From the
@@ -130,7 +131,7 @@ class Written:
 
 @dataclass(frozen=True)
 class Attempts:
-    """The programs of a loop's attempts: ``begin`` if something must be recomputed, then ``program``.
+    """The programs of a loop's attempts: ``begin``, if something must be recomputed, and then ``program``.
 
     parameters  the column of the loop's symbols, which are arguments of the kernel before the tolerance and the delay, if there
                 is one; None if there are none
@@ -176,7 +177,7 @@ class Attempts:
 
     @cached_property
     def _rates(self) -> ca.Function:
-        """Functions of (state, parameters, signals): the slope while the rate limiters' outputs rest, what enters the delay if
+        """Functions of (state, parameters, signals): the slope with the rate limiters' outputs at rest, the input of the delay if
         there is one, and the limiters' demands and limits."""
         import casadi as ca
 
@@ -229,7 +230,7 @@ class Attempts:
 
     @cached_property
     def _speeds(self) -> ca.Function:
-        """How fast the limiters' demands move, as a function of (state, parameters, signals, choices, slope, signals' slopes)."""
+        """The rates of the limiters' demands as a function of (state, parameters, signals, choices, slope, signals' slopes)."""
         import casadi as ca
 
         sizes = self.loop.size, parameters_column(self.parameters).numel(), self.loop.signal_count
@@ -266,11 +267,11 @@ class Attempts:
 
     @cached_property
     def lists(self) -> tuple[Program, Program]:
-        """An attempt with its dense output, and the program that recomputes what it needs beforehand."""
+        """An attempt with its dense output, and the program that recomputes its inputs beforehand."""
         return self.program(), self.begin()
 
     def begin(self) -> Program:
-        """Recomputes choices and slope, if a piece of the run begins or the last step ended at a change of choice."""
+        """Recompute choices and slope if a piece of the run begins or the last step ended at a change of choice."""
         import casadi as ca
 
         parts, numbers, tolerance, inputs = self._inputs()
@@ -287,7 +288,7 @@ class Attempts:
             x = ca.if_else(renew != 0, self._joined(x, found.limiters, parts, tolerance), x)
             found = self._switched(x, s, None)
         conditions = found.conditions
-        given = self._switched(x, s, parts["choices"]).conditions  # after the change, another condition may have no choice left
+        given = self._switched(x, s, parts["choices"]).conditions  # after the change, another condition may be undetermined
         old = ca.vertsplit(parts["choices"])
         chosen = [
             ca.if_else(
@@ -432,13 +433,13 @@ class Attempts:
         for share in self.past.places:
             t = parts["t"] + share * h if share < 1 else t_new
             x = x_new if share == 1 else dense_at(parts["x"], more, share) if share else parts["x"]
-            # what enters the delay does not depend on what leaves it at the same time
+            # the delay's input does not depend on its output at the same time
             driving = self._driving(t, numbers, ca.SX.zeros(self.past.inputs))
             values.append(self._switched(x, driving, parts["choices"]).entering)
         return self.past.record(parts["t"], t_new, level, values)
 
     def _following(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
-        """The state with the outputs of rate limiters that follow at their demands."""
+        """The state in which the outputs of inactive rate limiters equal their demands."""
         limiters, rows = self._switched(x, self._driven(t, numbers), choices).limiters, self.loop.limiter_rows
         assert limiters is not None
         return with_rows(x, rows, following_outputs(limiters.demands, limiters.outputs, choices[-2 * len(rows) :]))
@@ -453,7 +454,7 @@ class Attempts:
         return self._driving(t, numbers, None if self.past is None else self.past.leaving(t, *self._delay(numbers)))
 
     def _driving(self, t: ca.SX, numbers: ca.SX, leaving: ca.SX | None) -> Driving:
-        """The signals of the loop at t, including what leaves the delay; no rate limiter's demand depends on the latter
+        """The signals of the loop at t, including the output of the delay, on which no rate limiter's demand depends
         directly."""
         import casadi as ca
 
@@ -465,7 +466,7 @@ class Attempts:
         return Driving(values, ca.vertcat(moves, ca.SX.zeros(values.numel() - moves.numel())))
 
     def timed(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
-        """The signals of the loop at t without what leaves a delay."""
+        """The signals of the loop at t without the output of a delay."""
         import casadi as ca
 
         first = FIRST + self.signals.numbers
@@ -491,7 +492,7 @@ class Attempts:
         return slopes, x_new, inside
 
     def _more(self, slopes: list[ca.SX], parts: dict[str, ca.SX], numbers: ca.SX, h: ca.SX) -> list[ca.SX]:
-        """These and the three slopes of the dense output."""
+        """The stages and the three slopes of the dense output."""
         found, x, t = list(slopes), parts["x"], parts["t"]
         for row, node in zip(embedded().more_a, embedded().more_c, strict=True):
             at = x + h * _weighted(row[: len(found)], found)
@@ -515,7 +516,7 @@ class Attempts:
         place, moved, first_try = [], [], parts["tries"] == 0
         seen = [ca.SX(0.0)] * len(inside)
         for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
-            least = ca.fmin(SAME * one.size, LARGEST)  # of the quantity that separates the sides; an infinite margin is beyond it
+            least = ca.fmin(SAME * one.size, LARGEST)  # of the switching quantity; infinite margins are excluded
             way = 1 - 2 * chosen  # a margin times this is positive if its side has changed
             at_start = ca.logic_and(first_try, ca.fabs(was) <= least)
             there = [way * conditions_there[i].margin > BEYOND * least for _, conditions_there in inside]
@@ -531,7 +532,7 @@ class Attempts:
         earlier = ca.SX(np.inf)
         for (node, _), found_there in zip(reversed(inside), reversed(seen), strict=True):
             earlier = ca.if_else(found_there, node, earlier)
-        at_once = ca.mmax(ca.vertcat(*moved)) > 0  # it was already there when the step began
+        at_once = ca.mmax(ca.vertcat(*moved)) > 0  # it had already changed when the step began
         first = ca.fmin(ca.mmin(ca.vertcat(*place)), earlier)
         due = ca.if_else(ca.logic_or(at_once, first < np.inf), 1.0, 0.0)
         near = MEETS / ca.fmax(ca.mmax(ca.fabs(slope) / scale), 1e-300)
@@ -553,7 +554,7 @@ class Driving(NamedTuple):
 class _Evaluated(NamedTuple):
     """The equations at one instant.
 
-    entering  what enters the delay, if there is one
+    entering  the input of the delay, if there is one
     limiters  the rate limiters, if there are any
     """
 
@@ -570,7 +571,7 @@ class _Meeting:
     due      whether some choice has changed
     ready    whether the attempt need not be repeated
     aim      the estimated length [s] at which it changes
-    at_once  whether it had changed when the step began: then the choices ``flipped`` (J,) are changed and nothing moves
+    at_once  whether it had changed when the step began: then the choices ``flipped`` (J,) are changed without a step
     margins  (J,) at the end
     inside   whether ``aim`` is the position of a stage at which a choice had already changed
     """
@@ -585,7 +586,7 @@ class _Meeting:
 
 
 def slices_of(sizes: Mapping[str, int], start: int = 0) -> dict[str, slice]:
-    """The rows of parts of these sizes that follow each other from row ``start`` on."""
+    """The rows of consecutive parts of these sizes, from row ``start`` on."""
     ends = np.cumsum([start, *sizes.values()]).tolist()
     return {name: slice(*pair) for name, pair in zip(sizes, pairwise(ends), strict=True)}
 
@@ -598,7 +599,7 @@ def _scale(largest: ca.SX, tolerance: ca.SX) -> ca.SX:
 
 
 def _length(parts: dict[str, ca.SX], t_stop: ca.SX, ahead: Ahead | None) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The attempt's length, the time at its end, and whether something other than the error has made it shorter.
+    """The attempt's length, the time at its end, and whether a limit other than the error has shortened it.
 
     t_stop  the end of its piece of the run [s]
     """
@@ -667,7 +668,7 @@ def _next(
 
 
 def _root(value: ca.SX, times: int) -> ca.SX:
-    """The repeated square root: exactly rounded, so that its bits are the same on every machine."""
+    """Repeated square roots, which are exactly rounded, so the bits are the same on every machine."""
     import casadi as ca
 
     for _ in range(times):

@@ -1,10 +1,10 @@
 """Signals and motions that jump or bend inside solver steps: such a step is split, or its error is reported.
 
 A method of order p keeps this order as long as the right-hand side is smooth within each step. A jump inside a step causes an
-error of order h, a corner one of order h^2, whatever p is. A jump on the grid costs nothing, because a step's last stage uses
+error of order h, a corner one of order h^2, whatever p is. A jump on the grid causes no error, because a step's last stage uses
 limits from the left. Signals declare their breaks beforehand (``breaks``), and steps are split there. The time at which a control
-saturates, or an estimate reaches the boundary of its known set, is unknown before the run: no step is split there, and the effect
-is reported.
+saturates, or an estimate reaches the boundary of its known set, is unknown before the run: steps are not split there, and the
+effect is reported.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from barbalat.validate import Array
 from barbalat.vocabulary import BENDING, JUMPING, used
 
 ON_GRID_SHARE = 1e-12
-"""Share of a step: a break this close to the grid is treated as on the grid. No method resolves a smaller distance."""
+"""A break whose distance to the grid is below this share of a step is treated as on the grid. No method resolves a smaller
+distance."""
 ON_GRID_ROUNDINGS = 64
 """The same as a share of the time: instants are products of frequencies, phases and pi, with a few rounding errors each."""
 MOST_PIECES = 100
@@ -48,7 +49,7 @@ class LostOrder:
               ``lost_along``
     order     the order in the step that remains in the worst case
     sentence  the same as a sentence
-    bends     whether the plant receives bends of the control through a delay, which are interpolated wherever they occur
+    bends     whether the plant receives bends of the control through a delay, which are interpolated
     """
 
     jumps: int | None
@@ -79,7 +80,7 @@ def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
 
 
 def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool, bends: bool = False) -> LostOrder | None:
-    """The loss of order of a run, if any: only a ``delayed`` loop's steps are not split, and those with too many breaks.
+    """The loss of order of a run, if any. Only the steps of a ``delayed`` loop and those with too many breaks are not split.
 
     bends  whether the control that the plant receives through a delay has bends, see ``delay.brings_bends``
     """
@@ -124,7 +125,7 @@ def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: in
 def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
     first, second = (float(simulation.time(k)) for k in (0, 1))
     counts = [len(signal.breaks(first, second)) for signal in signals if isinstance(signal, BreakingSignal)]
-    if max(counts, default=0) > 10 * MOST_PIECES:  # on the grid or not: with millions of breaks it takes seconds to tell
+    if max(counts, default=0) > 10 * MOST_PIECES:  # whether on the grid or not: this takes seconds for millions of breaks
         return True
     return len(breaks_inside(signals, simulation, 0, 1)) >= MOST_PIECES
 
@@ -202,7 +203,7 @@ def _within(path: InputPath | None) -> float:
 
 
 def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, str]]:
-    """Where rates have a corner or jump. The output of a sampled controller has neither between its samples."""
+    """The places at which rates have a corner or jump. The output of a sampled controller has neither between its samples."""
     for thing in (loop.plant,) if loop.sampled else (loop.plant, loop.equations):
         for part in _parts(thing):
             if isinstance(part, Bending) and part.bend is not None:
@@ -219,7 +220,7 @@ def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, st
 
 
 def _of_a_stranger(loop: ClosedLoop) -> Iterator[tuple[int, str]]:
-    """Equations from outside declare nothing, so the operations in them decide."""
+    """Equations from outside the package declare nothing, so their operations are examined."""
     operations = used(right_hand_side(replace(loop, paths=(None,) * loop.inputs, delayed=False)))
     if operations & JUMPING:
         yield JUMP_ORDER, JUMPED.format("a comparison, np.where or np.sign in an equation")
@@ -228,7 +229,7 @@ def _of_a_stranger(loop: ClosedLoop) -> Iterator[tuple[int, str]]:
 
 
 def _parts(thing: object) -> Iterator[object]:
-    """An object's parts and their parts, if they are dataclasses."""
+    """An object's parts, and their parts if they are dataclasses."""
     if is_dataclass(thing) and not isinstance(thing, type):
         yield thing
         for part in vars(thing).values():

@@ -1,4 +1,4 @@
-"""Estimated costs of runs, from the sizes of their loops, and their refusal if they exceed the budget."""
+"""Estimates the costs of runs from the sizes of their loops, and refuses runs that exceed the budget."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import counted
 
 RECORD_COPIES = 5
-"""Copies of the record: from the kernel, as columns, joined, and in the result."""
+"""Number of copies of the record: from the kernel, as columns, joined, and in the result."""
 TERM_SECONDS = 3e-8
 """Cost of a sine per step."""
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
@@ -106,8 +106,8 @@ def steps_like(attempts: float) -> float:
 
 
 def steps_of(simulation: Simulation) -> float:
-    """The steps of a study's runs; with a tolerance the fixed ones that take as long as the largest number that they are expected
-    to take, one in twice the resolution."""
+    """The steps of a study's runs; with a tolerance, the fixed steps that take as long as the largest expected number of
+    attempts, at least one for twice the resolution."""
     return simulation.steps if simulation.tolerance is None else steps_like(simulation.t_end / (2 * simulation.resolution))
 
 

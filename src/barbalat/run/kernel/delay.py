@@ -1,4 +1,4 @@
-"""The exact input delay on a fixed grid: the values that a step stores, those that a step needs, and how it combines them.
+"""The exact input delay on a fixed grid: the values that a step stores, those that a step needs, and their combination.
 
 For each input a step stores two values: at its start, and at its end with the signals' limits from the left. The difference
 between the end of one step and the start of the next is a jump of the input: from a command, a sampled controller, a noisy
@@ -62,7 +62,7 @@ def lag(delay: float, dt: float) -> int:
 
 
 def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
-    """InputError if the stored values of parallel runs with delays of at most ``longest`` [s] do not fit into memory."""
+    """Raise InputError if the stored values of parallel runs with delays of at most ``longest`` [s] do not fit into memory."""
     if not longest:
         return
     steps, each = lag(longest, dt), runs * CHANNELS_PER_INPUT * inputs * 8  # bytes
@@ -99,7 +99,7 @@ def whole_steps(delay: float, dt: float) -> int:
 
 
 def brings_bends(loop: ClosedLoop) -> bool:
-    """Whether a delayed loop's past has bends, across which ``weights`` interpolates: u bends at t = 0, where it begins.
+    """Whether a delayed loop's past has bends, across which ``weights`` interpolates: u has a bend at t = 0, where it begins.
 
     The output of a sampled controller has only jumps, which the weights reproduce, if nothing after it has memory.
     """

@@ -20,7 +20,7 @@ from barbalat.validate import Array
 CHUNK_STEPS = 32_768
 """Steps between two calls of the kernel: enough to hide the cost of a call, few enough for the table to stay in the cache."""
 TABLE_STEPS = 8192
-"""Rows made at once: arrays of 64 kB reuse memory; allocating new memory took half of a table's time."""
+"""Number of rows made at once: arrays of 64 kB reuse memory, whereas allocating new memory took half of a table's time."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def signal_table(
 ) -> Array:
     """Values for each step and stage: (steps, nodes * signals), the signals of the first node first.
 
-    A step's last node uses the limit from the left, so that a jump on the grid belongs wholly to the next step. With
+    A step's last node uses the limit from the left, so a jump on the grid belongs entirely to the next step. With
     ``in_pieces`` each step is split where a signal breaks: a row for each piece, with its ``StepPiece`` after the signals.
     """
     if in_pieces:  # the number of rows follows from the breaks

@@ -1,8 +1,8 @@
 """Rate limits at a plant's inputs if steps follow from a tolerance.
 
-A limiter follows its demand, or moves towards it at its limit. It leaves the demand where the demand jumps or becomes faster
-than the limit, and follows it again once it has reached it; steps end at both instants. While it follows, its output has the
-rate that the demand has along the motion.
+A limiter either follows its demand or moves towards it at its limit. It becomes active when the demand jumps or changes faster
+than the limit, and inactive when it has reached the demand again; steps end at both instants. While it is inactive, its output
+has the rate of the demand along the motion.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     import casadi as ca
 
 SAME = 32 * 2.0**-52
-"""Share of the compared values: closer to equality a choice is undetermined."""
+"""Relative distance of the compared values below which a choice is undetermined."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limiters:
     """All limiters of a loop at one instant, (L,) each.
 
-    outputs  of the limiters; demands, what they are to follow, and speeds, how fast these move [1/s]
+    outputs  of the limiters; demands are what they follow, and speeds the rates of the demands [1/s]
     limits   of the rates [1/s]
     """
 
@@ -64,7 +64,7 @@ class Limiters:
         return ca.vertcat(*found)
 
     def joined(self, scales: ca.SX) -> ca.SX:
-        """The outputs, replaced by the demand where a step has ended within ``scales`` (L,) of it."""
+        """The outputs, replaced by the demand if a step has ended within ``scales`` (L,) of it."""
         import casadi as ca
 
         found = []
@@ -76,7 +76,7 @@ class Limiters:
 
 
 def following_outputs(demands: ca.SX, outputs: ca.SX, choices: ca.SX) -> ca.SX:
-    """The outputs, without the integration's error where they follow."""
+    """The outputs, without the integration's error for inactive limiters."""
     import casadi as ca
 
     moving = [ca.logic_or(choices[2 * i], choices[2 * i + 1]) for i in range(demands.numel())]

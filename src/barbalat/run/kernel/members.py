@@ -34,7 +34,7 @@ class Members:
     """The kernel of M members and its data: weights and lags of the delay, history, streams of noise, rhythm.
 
     loop     the first member's; states (size, M), parameters (p, M)
-    lags     (M,) for a step with a delay, see ``delay.lag``; with a tolerance, delays (M,) [s] take their place
+    lags     (M,) for a step with a delay, see ``delay.lag``; with a tolerance, delays (M,) [s] replace them
     history  (m, M) for a step with a delay: the value of each of its m inputs before t = 0
     seeds    (M,) and numbers (M,) for a step with noise: the stream of each member
     attempts    for steps by a tolerance, if there is one, and observed ones; the program is then the observer's, with
@@ -82,14 +82,14 @@ class Members:
         first: str = "",
         taken: Callable[[int], None] | None = None,
     ) -> Members:
-        """Read the members once, in order; none of them is kept.
+        """Read the members once, in order, without storing them.
 
         adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one kernel serves them all. A
-                    step takes 6 to 9 % longer and differs in the last bits; for sweeps over these quantities. Without fused
-                    multiply-adds it is always set, and the members' numbers are arguments too, so that no bit depends on which
-                    of them vary
+                    step takes 6 to 9 % longer and differs in the last bits; use it for sweeps over these quantities. Without
+                    fused multiply-adds it is always set, and the members' numbers are arguments too, so that no bit depends on
+                    which of them vary
         watched     the judge's quantities to be kept; None for runs without a judge
-        first       the beginning of messages about the first member; the others are named by their numbers
+        first       the beginning of messages about the first member; other members are named by their numbers
         taken       called regularly with the number of members read so far
 
         Raises InputError, with the member's number, if one can't be used or has another structure than the first.
@@ -143,7 +143,7 @@ class OtherRhythmError(InputError):
 
 
 TOLD_EVERY = 1000
-"""Members read between two reports of progress; this takes some hundredths of a second."""
+"""Number of members read between two reports of progress, which takes some hundredths of a second."""
 
 
 @dataclass(eq=False)
@@ -252,7 +252,7 @@ class Reader:
         return with_grid(found, self.simulation.dt, self.weights) if self.adjustable else found
 
     def members(self, windows: int, *, many_delays: bool = False) -> Members:
-        """The members that were read; with ``many_delays`` the kernel takes each member's own delay, whatever the delays are."""
+        """The members that were read; with ``many_delays`` the kernel uses each member's own delay even if all are equal."""
         windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
         simulation, signals, which = self.simulation, self.problem.signals, self.arguments()
         if simulation.tolerance is not None:
@@ -320,7 +320,7 @@ class Reader:
         return program if self.watched is None else program.judged(loop, self.watched, dt, column)
 
     def _traced_by(self, which: Array, how: dict[str, bool], *more: Hashable) -> Hashable | None:
-        """Everything on which the step's program depends: the structure, and the numbers that are not arguments."""
+        """Everything on which the step's program depends: the structure and the numbers that are not arguments."""
         member: Member = self.columns.first
         if comes_from_outside(member.loop):  # a function from outside may depend on anything
             return None

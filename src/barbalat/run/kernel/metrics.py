@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DIVERGENCE_LIMIT = 1e12
 """A run has diverged if the magnitudes of x, x_m and theta_hat add up to more than this, or if a state is not finite. With
-output feedback, the magnitudes of y and y - y_m are added instead, since x depends on the realisation and the parameters grow
+output feedback, the magnitudes of y and y - y_m are added instead, because x depends on the realisation and the parameters grow
 with powers of the bandwidth."""
 
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
@@ -181,7 +181,9 @@ class Totals:
             elif operation == "max":
                 total[rows] = np.maximum(total[rows], out[:, rows].max(axis=0))
             elif operation == "sum":
-                total[rows] += out[:, rows].cumsum(axis=0)[-1]  # block by block: sum() would group them by the memory layout
+                total[rows] += out[:, rows].cumsum(axis=0)[
+                    -1
+                ]  # block by block, because sum() would group them by the memory layout
         good_steps = out[:, self.at["good", "steps"].start]
         bad = good_steps < segment.length
         first = bad.argmax(axis=0)

@@ -2,7 +2,7 @@
 memory.
 
 Parallel members then run from beginning to end inside the kernel. The operations at the nodes and their operands are those of a
-single run's observer, so that the results agree bit for bit.
+single run's observer, so the results agree bit for bit.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Observed:
     attempted.
 
     observer  the observer of the nodes
-    dt        between two recorded instants [s], and steps, their number, up to t_end [s]
+    dt        interval between two recorded instants [s]; steps is the number of intervals up to t_end [s]
     """
 
     attempts: Attempts
@@ -55,7 +55,7 @@ class Observed:
 
     @classmethod
     def of(cls, attempts: Attempts, observer: StepProgram, grid: Simulation) -> Observed:
-        """For the recorded instants of this grid."""
+        """The kernel for the recorded instants of this grid."""
         return cls(attempts, observer, grid.dt, grid.steps, grid.t_end)
 
     def of_attempts(self, attempts: Attempts) -> Observed:
@@ -74,9 +74,9 @@ class Observed:
     def places(self) -> dict[str, slice]:
         """The rows of each part of the state after those of the attempts.
 
-        kept      the judge's memory and what the observer remembers
+        kept      the judge's memory and the observer's
         figures   the accumulators
-        apart     1 if the next step begins other figures
+        apart     1 if new figures begin with the next step
         joins     whether the last step ended smoothly, and before, the weight of its end
         waits     1 if the last node awaits the state that follows it: its time, weight, whether the motion is smooth there, the
                   signals and the state
@@ -120,7 +120,7 @@ class Observed:
 
     @cached_property
     def lists(self) -> tuple[Program, Program]:
-        """An attempt with its observation, and the program that recomputes what it needs beforehand."""
+        """An attempt with its observation, and the program that recomputes its inputs beforehand."""
         _, begin = self.attempts.lists
         line = _Line(begin.operations)
         others = line.inputs(STATE, slice(self.attempts.carried.size, self.size))
@@ -166,7 +166,7 @@ class Observed:
     def _step(
         self, line: _Line, old: Mapping[str, Places], written: Places, piece: Places, times: tuple[Places, Places]
     ) -> _Step:
-        """What a call observes of the step that has ``written``; ``times`` are those before and after the attempt [s]."""
+        """The observations of a call for the step that has ``written``; ``times`` are those before and after the attempt [s]."""
         values = (*written[:3], *(place for name in ("observed", "joins", "before", "time") for place in old[name]))
         found = line.add(self._rows(), {(0, i): place for i, place in enumerate((*values, *times[0], *times[1]))})
         shares, instants, weights, smooth, due, last, lengths, alone = found
@@ -195,8 +195,8 @@ class Observed:
 
     def _rows(self) -> Program:
         """From the step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and
-        ``before``, the time of the waiting node, and the times before and after the attempt [s]: what a single run writes for
-        its nodes besides signals and states, and which nodes are due."""
+        ``before``, the time of the waiting node, and the times before and after the attempt [s]: the data that a single run
+        writes for its nodes besides signals and states, and the nodes that are due."""
         import casadi as ca
 
         given = ca.SX.sym("given", 9)
@@ -240,7 +240,7 @@ class Observed:
 
     @cached_property
     def _driving(self) -> Program:
-        """The signals at a time, from the row of its piece; what leaves a delay is zero there, since no output depends on it."""
+        """The signals at a time, from the row of its piece. The delay's output is zero there, because no output depends on it."""
         import casadi as ca
 
         attempts = self.attempts
@@ -264,7 +264,7 @@ class _Step(NamedTuple):
     """The nodes that a call observes.
 
     due, following, lengths  of each node: whether it counts, and the state at the next node and the time to it
-    left           the waiting node, and what the next step needs, if the call is ``ready`` with its step
+    left           the waiting node and the data for the next step, if the call has finished its step (``ready``)
     since_waiting  the time from the node that waited to the beginning of the attempt
     first          whether the call begins with the step's first node
     active         whether there is a step

@@ -1,7 +1,7 @@
-"""Computes the figures and the judge's memory of a motion that is known at every instant, from nodes of its dense output.
+"""Computes the figures and the judge's memory of a motion with dense output, from nodes of that output.
 
 The kernel is an ordinary one with steps in pieces: a piece is between two nodes, and a step between two recorded instants. If a
-quantity turns between nodes, its extremum is taken from the parabola through three of them, with no corner or jump in between;
+quantity has an extremum between nodes, it is taken from the parabola through three nodes without a corner or jump in between;
 squares are integrated by Simpson's rule over the nodes of each integration step.
 """
 
@@ -26,8 +26,8 @@ from barbalat.run.kernel.step import StepProgram, accumulators_of
 PIECE = 3
 """Entries at the end of a row that describe the piece of a step: its length, and whether it begins or ends a step."""
 HELD_BACK = 1e-3
-"""A limiter that lags behind its demand at the limit for longer than this share of the time between two recorded instants is
-held back."""
+"""A limiter counts as active if it moves at its limit for longer than this share of the time between two recorded
+instants."""
 OBSERVED = ("e", "u", "theta_hat", "y")
 """The signals whose extrema are kept."""
 

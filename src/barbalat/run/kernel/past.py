@@ -1,7 +1,7 @@
 """The delay at a plant's input if steps follow from a tolerance: each step leaves a record, which later steps read.
 
-A record holds what entered the delay during its step, as a polynomial, so that the delay is as exact as the dense output of the
-motion. Every event recurs one delay later, smoother by one derivative if the plant's state reaches the control continuously.
+A record contains the delay's input during its step as a polynomial, so the delay is as exact as the dense output of the
+motion. Every event recurs one delay later, smoother by one derivative if the control depends continuously on the plant's state.
 Steps end at these instants, up to the derivatives that the order of the method resolves.
 """
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 RECORDS = 4
 """Number of successive records that a step reads: no step is longer than this many steps of one delay earlier."""
 PLACES = (1 - np.cos(np.pi * np.arange(8) / 7)) / 2
-"""Shares of a step at which the polynomial equals what enters the delay; its order is that of the dense output."""
+"""Shares of a step at which the polynomial equals the delay's input; its order is that of the dense output."""
 COEFFICIENTS = np.linalg.inv(np.vander(2 * PLACES - 1, increasing=True))
 """(8, 8) from these values to coefficients of powers of the position in the step, from -1 to 1."""
 SMOOTH_LEVEL = 8.0
-"""A jump in this derivative of what enters the delay, or in a higher one, does not disturb the method; 0 is the control
+"""A jump in this derivative of the delay's input, or in a higher one, does not disturb the method; 0 is the control
 itself."""
 SAME_INSTANT = ON_GRID_ROUNDINGS * float(np.finfo(float).eps)
-"""Relative distance of two times below which they are the same instant."""
+"""Relative distance of two times below which they count as the same instant."""
 HEAD = 4
 """The numbers of a record before its coefficients: see ``Record``."""
 
@@ -55,9 +55,9 @@ class Record(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """What the records mean for a step.
+    """The limits that the records set for a step.
 
-    meets  the next instant [s] at which something leaves the delay that is not smooth, and its level
+    meets  the next instant [s] at which the delay's output is not smooth, and its level
     most   the latest end of the step [s]
     """
 
@@ -70,7 +70,7 @@ class Ahead(NamedTuple):
 class DelayedInput:
     """The records of a loop with ``inputs`` inputs behind a delay.
 
-    held  whether the control only jumps, at samples: it is then constant in a step, and known until the next sample
+    held  whether the control changes only at samples: it is then constant within a step and known until the next sample
     """
 
     inputs: int
@@ -92,7 +92,7 @@ class DelayedInput:
         return HEAD + self.each * self.inputs
 
     def recalled(self, first: int, last: int) -> Recalled:
-        """For a kernel with the records' numbers in these rows of its state."""
+        """The same for a kernel with the records' numbers in these rows of its state."""
         return Recalled(self.width, RECORDS, first, last)
 
     def beginning(self, history: Array) -> Array:
@@ -102,7 +102,7 @@ class DelayedInput:
         return np.concatenate([[-1.0, 0.0, 0.0, 0.0], coefficients.reshape(-1)])[None]
 
     def record(self, begins: ca.SX, ends: ca.SX, level: ca.SX, values: list[ca.SX]) -> ca.SX:
-        """A step's record, (width,), from what enters the delay at ``places``."""
+        """A step's record, (width,), from the delay's input at ``places``."""
         import casadi as ca
 
         found = []
@@ -124,7 +124,7 @@ class DelayedInput:
         return [Record(row[0], row[1], row[2], row[3], row[HEAD:]) for row in rows]
 
     def leaving(self, t: ca.SX, delay: ca.SX, known: ca.SX, flat: ca.SX) -> ca.SX:
-        """What leaves the delay at t, (m,), of which the first ``known`` records are known; at a jump the value before it."""
+        """The output of the delay at t, (m,), from the first ``known`` records; at a jump, the value before it."""
         import casadi as ca
 
         first, *others = [ca.vertcat(one.begins, one.rate, one.coefficients) for one in self.records(flat)]
@@ -143,7 +143,7 @@ class DelayedInput:
         return ca.vertcat(*values)
 
     def ahead(self, delay: ca.SX, known: ca.SX, flat: ca.SX) -> Ahead:
-        """The ``Met`` of a step that begins where the first record begins to leave the delay."""
+        """The ``Ahead`` of a step that begins when the first record begins to leave the delay."""
         import casadi as ca
 
         meets, level, most = ca.SX(np.inf), ca.SX(SMOOTH_LEVEL), ca.SX(-np.inf)
@@ -170,8 +170,8 @@ class DelayedInput:
 
 
 def with_room(records: Array, first: Array, last: Array, steps: int) -> tuple[Array, Array]:
-    """Each member's records (W, R, width) from number ``first`` (W,) up to ``last`` (W,), with room for those of further steps,
-    and how many were left out before them (W,).
+    """Each member's records (W, R, width) from number ``first`` (W,) up to ``last`` (W,), with space for those of further steps,
+    and the number of records omitted before them (W,).
 
     InputError if they don't fit into the budget.
     """

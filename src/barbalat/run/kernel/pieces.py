@@ -18,7 +18,7 @@ from barbalat.solvers.simulation import STEP, Simulation
 from barbalat.validate import Array, InputError
 
 AT_AN_END = 1e-9
-"""Share of a period: a sample this close to the beginning or end of a piece is treated as occurring there."""
+"""Share of a period: a sample closer than this to the beginning or end of a piece is treated as occurring there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Pieces:
 
 
 def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulation: Simulation) -> None:
-    """InputError for features that can't yet be used with a tolerance, and for a sample time beyond the horizon."""
+    """Raise InputError for features that cannot yet be used with a tolerance, and for a sample time beyond the horizon."""
     loop.require_run()
     if loop.sample_time is not None:
         require_within("sample_time", loop.sample_time, simulation.t_end)
@@ -93,7 +93,7 @@ def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulatio
 
 
 def require_within(field: str, period: float, t_end: float) -> None:
-    """InputError for a period longer than the run, in which the event would never happen."""
+    """Raise InputError for a period longer than the run, during which the event would never occur."""
     if period > t_end:
         raise InputError.of(field, f"must not exceed simulation.t_end = {t_end:g} s, got {period:g} s")
 
@@ -104,7 +104,7 @@ def _multiples(period: float, first: float, last: float) -> Array:
 
 
 def _moved(times: Array, kept: Array) -> Array:
-    """The times [s], with those that equal one of ``kept`` up to rounding replaced by it."""
+    """The times [s], in which times that equal one of ``kept`` up to rounding are replaced by it."""
     after = np.searchsorted(kept, times).clip(1, len(kept) - 1)
     near = np.where(times - kept[after - 1] < kept[after] - times, kept[after - 1], kept[after])
     return np.where(np.abs(times - near) <= ON_GRID_ROUNDINGS * np.finfo(float).eps * np.abs(times), near, times)

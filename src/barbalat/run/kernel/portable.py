@@ -82,8 +82,8 @@ NUMBERS_PER_BLOCK = 4
 def standard_normal(seed: int, member: int, first: int, rows: int, channels: int) -> Array:
     """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels).
 
-    They come from the operation list that pages use too: it calls no library's logarithm, and its bits are the same on every
-    computer.
+    They are computed by the operation list that pages also use. It does not call a library's logarithm, so its bits are the same
+    on every computer.
     """
     return _drawn(seed, member, [(first, rows)], channels)
 

@@ -2,8 +2,8 @@
 call.
 
 The controller's list is the same in a simulation and on a flight computer: it uses no fused multiply-adds, which not every target
-has, and it is optimised separately, so that it contains nothing of the plant. The step used in flight contains no plant and no
-clock, so that any simulator can be the plant. It agrees bit for bit with the exported C, which is the same list.
+has, and it is optimised separately, so it does not depend on the plant. The step used in flight contains neither a plant nor a
+clock, so any simulator can be the plant. It agrees bit for bit with the exported C, which is the same list.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def acting_on(
 ) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
     """The controller's and its shell's operations after those of ``handed``, and the positions of the controller's new state.
 
-    handed  computes the loop's state, the measurement, the command and, if there is a shell or a fault, the faults
+    handed  computes the loop's state, the measurement, the command and, with a shell or faults, the faults
     """
     now, measured, command, *values = handed.outputs
     own = len(flatten(initial_acting(loop)))  # the controller's state is last in the loop's
@@ -103,7 +103,7 @@ def acting_on(
 
 @dataclass(frozen=True, eq=False)
 class Shelled:
-    """The shell before and after a controller's list, as lists in which nothing is reordered, since the C code has the same
+    """The shell before and after a controller's list, as lists without reordering, because the C code has the same
     lines.
 
     taking, putting  the shell's operations, as functions of one column of arguments each
@@ -135,11 +135,11 @@ class Shelled:
         )
 
     def take(self, operations: tuple[Operation, ...], given: tuple[int, ...]) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
-        """Append the operations that take a sample, and the positions of their results."""
+        """Append the operations that take a sample; return the positions of their results."""
         return _behind(operations, self.taking, given)
 
     def put_out(self, operations: tuple[Operation, ...], given: tuple[int, ...]) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
-        """Append the operations that put out a control, and the positions of the controller's whole state."""
+        """Append the operations that output a control; return the positions of the controller's whole state."""
         return _behind(operations, self.putting, given)
 
 
@@ -165,7 +165,7 @@ def parameters_column(parameters: ca.SX | None) -> ca.SX:
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """The agreement of a flown controller with the simulated list, which received the same measurements, sample by sample.
+    """The agreement, sample by sample, of a flown controller with the simulated list that received the same measurements.
 
     flights     number of flights for which it is known; if a simulator fails, it is unknown
     samples     number of compared samples
@@ -185,7 +185,7 @@ class Agreement:
 
     @classmethod
     def together(cls, several: Iterable[Agreement | None], *, flights: int | None = None) -> Agreement:
-        """The joint agreement of several flights, some of which may have reported nothing, or of parts of ``flights`` flights."""
+        """The joint agreement of several flights, some of which may lack a report, or of parts of ``flights`` flights."""
         told = [one for one in several if one is not None]
         return cls(
             flights=sum(one.flights for one in told) if flights is None else flights,
@@ -196,7 +196,7 @@ class Agreement:
 
 
 class Step(Protocol):
-    """A controller in the process in which it flies. Not for several threads."""
+    """A controller in the process in which it flies. Do not use it in several threads."""
 
     @property
     def name(self) -> str: ...
@@ -294,7 +294,7 @@ class SampledList:
 
 
 class SampledStep:
-    """A compiled list; each call is a sample. Not for several threads."""
+    """A compiled list; each call is a sample. Do not use it in several threads."""
 
     def __init__(self, contents: SampledList) -> None:
         self.contents, states = contents, len(contents.initial)

@@ -41,7 +41,7 @@ saves 0.45 ns per operation. The break-even number of steps is thus the same for
 
 @dataclass(eq=False)
 class CompiledLoop:
-    """A loop's code: compiled quickly at first, and optimised once its runs have taken enough steps."""
+    """A loop's code, which is first compiled quickly and is optimised after enough steps."""
 
     make: Callable[[bool], Kernel]
     steps: float = 0.0
@@ -78,7 +78,7 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     """|sum of J_ij J_ji over i != j| + sum of J_ii^2, without constant terms; J is the Jacobian of the right-hand side.
 
     Without the absolute value it is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillation of adaptation
-    it is 2 omega_a^2. A rate limiter's J_ii is left out: the limiter follows its demand within one step, so that h J_ii is -1 at
+    it is 2 omega_a^2. A rate limiter's J_ii is omitted: the limiter follows its demand within one step, so h J_ii is -1 at
     every step and would look like a mode that no step resolves. The arguments are those of ``step``, see ``step_function``;
     ``dt`` [s] is its length, ``parameters`` the symbols in the loop. Minus infinity if the run has diverged.
     """
@@ -119,7 +119,7 @@ def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
 
 
 LARGEST_WATCHED_STATE = 150
-"""A loop with more states is not monitored while it runs: the monitored quantity has terms for each pair of states."""
+"""A loop with more states is not monitored during its run, because the monitored quantity has terms for each pair of states."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class StepProgram:
         )
 
     def _taken(self, rows: slice) -> tuple[int, ...]:
-        """The positions of the operations of which these accumulators take the minimum."""
+        """The positions of the operations whose minimum these accumulators contain."""
         operations, found = self.program.operations, []
         for i in range(*rows.indices(self.shape.accumulators)):
             operation = operations[self.program.outputs[1][i]]
@@ -174,8 +174,8 @@ class StepProgram:
         return self.watch is not None and (lanes == 1 or len(self.watch.operations) <= LONGEST_INSIDE)
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
-        """Compile for this number of further steps; for few steps the code is compiled quickly, with the same bits in every
-        result."""
+        """Compile for this number of further steps; for few steps the code is compiled quickly; the results are the same in every
+        bit."""
         resets = () if self.accumulators is None else self.accumulators.resets
         watch = self.watch if self.watches(lanes) else None
         return compiled(self.program, self.shape, resets, lanes, self.sample, watch, self.outside).for_steps(steps)
@@ -196,7 +196,7 @@ class Rhythm:
         every = 0 if sample_time is None else whole_steps("sample_time", sample_time, simulation)
         if loop.around is not None and loop.around.jitters:
             loop.around.require_steps(simulation.dt)
-            every = 1  # at each step it is checked whether the timer calls
+            every = 1  # each step checks whether the timer is due
         return cls(
             every,
             1 if noise is None else whole_steps("sensor.noise.sample_time", noise.sample_time, simulation),
@@ -329,8 +329,8 @@ def step_program(
 
 Traced = TypeVar("Traced")
 _programs: dict[Hashable, tuple[Any, object]] = {}
-"""Traced steps, with everything on which they depend as the key: a search runs the same step repeatedly, for example with other
-delays."""
+"""Cache of traced steps; the key is everything on which a step depends. A search runs the same step repeatedly, for example with
+other delays."""
 MOST_PROGRAMS = 64
 """Largest number of traced steps that are kept, the same as for compiled ones."""
 

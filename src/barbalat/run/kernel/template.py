@@ -106,7 +106,7 @@ class Columns:
         return kept
 
     def differing(self) -> tuple[Array, Array]:
-        """Which of all numbers differ between members, (N,), and their values, (p, M)."""
+        """The numbers that differ between members, as truth values (N,), and their values, (p, M)."""
         differs, rows = [], []
         for i, leaf in enumerate(self._leaves):
             values = self._values(i)
@@ -159,7 +159,7 @@ class Columns:
         return np.frombuffer(self._filled(leaf)).reshape(self.count, -1).T
 
     def everything(self) -> Array:
-        """(N, M) all numbers of all members; if none differ, they take no memory of their own."""
+        """(N, M) all numbers of all members; if none differ, they take no additional memory."""
         values = [np.broadcast_to(self._values(i), (leaf.size, self.count)) for i, leaf in enumerate(self._leaves)]
         return values[0] if len(values) == 1 else np.concatenate(values)
 
@@ -227,16 +227,16 @@ def with_grid(values: Array, dt: float, weights: Columns | None) -> Array:
 
 
 def argument_numbers(members: Columns, *, opened: bool) -> Array:
-    """(N,) which of all numbers of a member are arguments of the kernel; ``opened`` as in ``Template.of``."""
+    """(N,) truth values: which numbers of a member are arguments of the kernel; ``opened`` as in ``Template.of``."""
     differing = members.differing()[0]
     return differing | open_numbers(members.first) if opened else differing
 
 
 def open_numbers(member: Member) -> Array:
-    """(N,) which of a member's numbers are parameters of a kernel whose list does not depend on them.
+    """(N,) truth values: which of a member's numbers are parameters of a kernel whose list does not depend on them.
 
     These are all numbers except the zeros of matrices, which determine the structure, and the numbers of parts from outside the
-    package, whose code may use a number in ways that are impossible for a symbol.
+    package, whose code may use a number in ways that a symbol does not support.
     """
     loop, found = member.loop, [np.zeros(0, dtype=bool)]
     for part in (parts_of(loop) or {}).values():

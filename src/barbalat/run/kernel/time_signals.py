@@ -60,9 +60,9 @@ class TimeSignals:
 
     @cached_property
     def formulas(self) -> tuple[Signal | None, ...]:
-        """Those that are formulas of t, and None for the others, which are described by a piece's numbers.
+        """The signals that are formulas of t, and None for the others, which a piece's numbers describe.
 
-        Found once, in the thread that begins: CasADi must not be used in several at a time.
+        They are determined once, in the thread that begins, because CasADi must not be used in several threads at the same time.
         """
         return tuple(signal if is_formula(signal) else None for signal in self.signals)
 

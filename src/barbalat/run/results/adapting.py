@@ -1,7 +1,7 @@
-"""Is the controller adapting? Excitation of the regressor, distance moved by the estimates, and time on the projection bounds.
+"""Is the controller adapting? Excitation of the regressor, path of the estimates, and time on the projection bounds.
 
 Motion between recorded instants is included: the distance is summed over every step, and the share of time on the bounds is
-enclosed by extrema over every step. Only the excitation is an integral over recorded instants, as the output states.
+enclosed by extrema over every step. Only the excitation is an integral over recorded instants, which the output states.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ UNEXCITED_RATIO = 1e-6
 """Threshold of the smallest eigenvalue of the windowed correlation matrix, which is 1 for orthogonal components, and of a
 relative mean square: it corresponds to an amplitude of a thousandth, below which a direction is not excited."""
 COARSE_SAMPLING = 0.1
-"""Admissible effect of the record's decimation on the excitation; twenty instants per period of the regressor stay below it."""
+"""Admissible effect of the record's decimation on the excitation; twenty instants per period of the regressor are sufficient."""
 
 
 class OnBounds(NamedTuple):
@@ -138,7 +138,7 @@ class Adapting:
 
     @property
     def excitation_text(self) -> str:
-        """Level, window and how evenly all directions are excited."""
+        """Level, window, and uniformity of the excitation over all directions."""
         if self.excitation is None:
             return "-"
         level, tail, conditioning, _, window, _ = self.excitation
@@ -247,7 +247,7 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     weights = np.diff(t) / (t[-1] - t[0])
     at_upper, at_lower = high >= box.upper, low <= box.lower
     throughout = (low >= box.upper) | (high <= box.lower)
-    fixed = box.lower == box.upper  # nothing to estimate: the bounds coincide
+    fixed = box.lower == box.upper  # the bounds coincide: nothing is estimated
     met = at_upper | at_lower
     shares = (throughout, met, at_upper & at_lower & ~throughout)
     first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)

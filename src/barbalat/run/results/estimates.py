@@ -1,4 +1,4 @@
-"""The estimates of a run, by the names that people read: theta_hat, or gains in its place, and what is reported in addition."""
+"""The estimates of a run with readable names: theta_hat, or gains in its place, and additionally reported estimates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Estimate:
 
     name       without a hat: "theta_1", "k_r"
     true       its true value; None if it is unknown
-    number     its index in theta_hat; None for what is reported in addition
+    number     its index in theta_hat; None for an additionally reported estimate
     low, high  (K - 1,) extrema between the instants, if they are known
     """
 

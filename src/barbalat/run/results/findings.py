@@ -25,7 +25,7 @@ KINDS = (
 )  # fmt: skip
 """Kinds of findings, in order of importance."""
 OF_EACH_RUN = ("missed", "half step", "delayed", "shakes", "held", "assumed")
-"""Kinds whose sentences contain numbers of one run, and which are reported for each run."""
+"""Kinds whose sentences contain numbers of one run; they are reported for each run."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,8 @@ class Told:
 
 
 def together(found: Mapping[str, Iterable[Finding]]) -> list[Told]:
-    """The findings of runs, by the runs' names, one for each kind, in the order of KINDS; those OF_EACH_RUN for each run."""
+    """The findings of runs, by the runs' names, one for each kind, in the order of KINDS; kinds OF_EACH_RUN have one for each
+    run."""
     kinds: dict[str, dict[str, list[str]]] = {}
     for name, findings in found.items():
         for finding in findings:

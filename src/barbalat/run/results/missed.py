@@ -19,8 +19,8 @@ class MissedSamples:
     missed    without a good measurement at the right time: the estimates are frozen and the model predicts
     in_a_row  the longest outage
     commands  without a good command: the last good one is held
-    fallback  of the missed, those at which the shell's fallback acts, because the outage is longer than ``longest_outage``
-    named     the fallback
+    fallback  of the missed samples, those at which the shell's fallback acts because the outage is longer than ``longest_outage``
+    named     name of the fallback
     jitter    the largest deviation of the timer's calls, in solver steps, to which the calls are rounded; 0 without jitter
     """
 

@@ -35,7 +35,7 @@ def about_u(problem: TrackingProblem) -> str | None:
 
 
 def outcome(run: Result) -> str:
-    """How a run ended, on one line."""
+    """The outcome of a run, on one line."""
     if run.diverged_at is not None:
         return f"diverged at t = {run.diverged_at:.4g} s"
     shown = ("max_abs_e", "tail_max_abs_e", "max_abs_u")
@@ -60,7 +60,7 @@ def text_of(value: float | list[float] | None) -> str:
 
 
 def ends_of(run: Result, text: Callable[[Figure], str] | None = None) -> str:
-    """The estimates at the end: those in theta_hat, then by name what the scheme adapts in addition; if there are many, only
+    """The estimates at the end: those in theta_hat, then other adapted quantities by name; if there are many, only
     the largest."""
     text = text or text_of
     ends = {name.removesuffix("_hat_final"): value for name, value in run.figures.items() if name.endswith("_hat_final")}

@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from barbalat.run.results.result import Result
 
 WITHIN_REACH, BOUNDS_WITHIN_REACH = 1.5, 0.4
-"""Multiples of the height of the main curves: a limit, true value or bound of the known set farther away is stated instead
-of drawn."""
+"""Multiples of the height of the main curves: a limit, true value or bound of the known set that is farther away is stated
+instead of drawn."""
 FLAT_SHARE = 0.12
-"""Share of the largest motion of an estimate below which another estimate's line would be flat: it gets separate axes with
-similar ones."""
+"""Share of the largest motion of an estimate below which another estimate's line would be flat; such estimates are drawn in
+separate axes."""
 MOST_BOUNDED = 3
 """Largest number of estimates with their own bounds that are distinguishable in one panel."""
 
 
 def estimates_panels(result: Result, title: str) -> list[Panel]:
-    """One panel, or two if some estimates move so little compared with the others that their lines would be flat."""
+    """One panel, or two if some estimates would be flat lines because they move little compared with the others."""
     large, small = _by_size(result)
     if not small:
         return [_panel(result, title, large)] if large else []
@@ -91,12 +91,13 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
 
 
 def scale_of(result: Result) -> str:
-    """The scale of the axes: for a run that has diverged a symmetric logarithm, since the burst would hide what led to it."""
+    """The scale of the axes: a symmetric logarithm for a run that has diverged, because the burst would hide the preceding
+    motion."""
     return "symlog" if _gone(result) else "linear"
 
 
 def _gone(result: Result) -> bool:
-    """Whether a run diverged, or is lost by a large factor: shared panels then use the scale that the others need."""
+    """Whether a run diverged, or is lost by a large factor. Shared panels then use the scale that the other runs need."""
     verdict, figures = result.verdict, result.figures["max_abs_e"]
     if result.diverged_at is not None or verdict is None or verdict.kind is not Class.LOST:
         return result.diverged_at is not None
@@ -179,7 +180,7 @@ def figure_of(
     narrow  one panel below the other, for a phone or a column of a page
     shown   whether it is displayed at once, if pyplot is in use
     """
-    from matplotlib.axes import Axes  # it takes longer than a run, and pages draw without it
+    from matplotlib.axes import Axes  # importing it takes longer than a run, and pages do not need it
 
     from barbalat.pictures.panel_drawing import draw, draw_into
 
@@ -192,7 +193,7 @@ def figure_of(
         raise InputError.of("axes", f"must be {counted(len(drawn), 'pair')} of Matplotlib's axes, for {titles}, got {show(axes)}")
     draw_into(places, drawn, ends_at(results))
     figure = places[0].get_figure(root=True)
-    assert figure is not None  # they are drawn
+    assert figure is not None  # these panels are drawn
     return figure
 
 
@@ -340,7 +341,7 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
 def _limits_beside_lost(
     results: Sequence[Result], of_each: Sequence[Array], of_all: Sequence[Array]
 ) -> tuple[float, float] | None:
-    """The range that the runs that have not diverged need; ``None``, for all, if none or every one diverged."""
+    """The range needed by the runs that have not diverged; ``None`` if no run or every run diverged."""
     bounded = [value for result, value in zip(results, of_each, strict=True) if not _gone(result)]
     if not bounded or len(bounded) == len(of_each):
         return None

@@ -46,7 +46,7 @@ SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Envelope:
-    """The least and greatest value over the steps from t[k] to t[k+1], which a decimated trajectory does not show. (K - 1,
+    """The smallest and largest values over the steps from t[k] to t[k+1], which a decimated trajectory does not show. (K - 1,
     ...)."""
 
     e_min: Array
@@ -83,11 +83,11 @@ class Result:
     stiffness         the largest h |eigenvalue| found along the run, and the time from which the solver itself was unstable
     lost              the effect of jumps and corners inside steps that can't be split, including those of the motion itself; None
                       if there is none
-    check             the result of a finer step for a run that left its region of stability, from ``check_numerics``
+    check             the result with a finer step for a run that left its region of stability, from ``check_numerics``
     judged            the verdict without the check of the solver; None for a run without a judge
     judge             the judge's settings
-    finer_by          the factor by which the step must be smaller to resolve all oscillations of the run; 1 if its own step does,
-                      NaN if unknown
+    finer_by          the factor by which the step must be smaller to resolve all oscillations of the run; 1 if its own step
+                      resolves them, NaN if unknown
     finer_kind        the judge's class with such a step, from ``settle``
     half_step         the error at half the step, from ``halved``
     accuracy          for a run by tolerance, its error measured by a second run
@@ -151,7 +151,8 @@ class Result:
 
     @property
     def diverged_at(self) -> float | None:
-        """When the run diverged [s]: x, x_m and theta_hat, or y and e, exceeded 1e12, or a state became NaN or infinite."""
+        """The time at which the run diverged [s]: x, x_m and theta_hat, or y and e, exceeded 1e12, or a state became NaN or
+        infinite."""
         return self.metrics.end_of(0)
 
     @property
@@ -168,9 +169,9 @@ class Result:
     def verdict(self) -> Verdict | None:
         """The class of the run from its signals: lost, limit cycle, off or follows; None for a run without a judge.
 
-        It is settled if the run stayed inside its solver's region of stability and the solver's damping hides nothing, or if a
-        finer step for which this holds gives the same class: see ``check_numerics`` and ``settle``. It is not settled if half the
-        step gives another class: see ``halved``.
+        The verdict is settled if the run stayed inside its solver's region of stability and the solver's damping hides no
+        oscillation, or if a finer step with these properties gives the same class: see ``check_numerics`` and ``settle``. It is
+        not settled if half the step gives another class: see ``halved``.
         """
         if self.judged is None:
             return None
@@ -209,7 +210,7 @@ class Result:
 
     @cached_property
     def adapting(self) -> Adapting | None:
-        """Excitation, distance moved, time on the bounds, warnings; ``None`` without estimates or without two instants."""
+        """Excitation, path, time on the bounds, warnings; ``None`` without estimates or without two instants."""
         if self.theta_hat.shape[1] == 0 or len(self.t) < 2:
             return None
         envelope, loop = self.envelope, self.loop
@@ -223,7 +224,7 @@ class Result:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Findings about the numerics, the problem and this run."""
-        own = self.check is None or (self.label is None and self.check.origin == "loop")  # then a finer step shows the same
+        own = self.check is None or (self.label is None and self.check.origin == "loop")  # a finer step then shows the same
         outside = "; ".join(filter(None, (self.label, None if own or self.check is None else self.check.sentence)))
         settled = self.verdict is not None and self.verdict.settled
         numeric = {
@@ -237,7 +238,7 @@ class Result:
 
     @property
     def _unexamined(self) -> str | None:
-        """A sentence if it was not examined whether the verdict belongs to the plant or to the solver."""
+        """A sentence if it was not examined whether the plant or the solver causes the verdict."""
         if self.verdict is None or self.verdict.settled is not None or self.stiffness.unstable_from is not None:
             return None
         if np.isnan(self.finer_by):

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     import casadi as ca
 
 RESOLVED_TURN = 1.0
-"""Largest h omega [rad] without a remark: six steps per period, at which RK4 damps by 0.6 % per radian; Heun and Euler
+"""Largest h omega [rad] without a remark: six steps per period, at which RK4 damps by 0.6 % per radian, and Heun and Euler
 amplify."""
 
 
 @dataclass(frozen=True)
 class SolverDamping:
-    """The method's damping of an oscillation of the loop that it does not resolve and that the equations need not damp at all.
+    """The method's damping of an oscillation of the loop that it does not resolve and that the equations may not damp.
 
     per_radian  the share of an undamped oscillation's amplitude that the method removes per radian, at the worst instant
     h_omega     the step times the frequency there [rad]
@@ -72,7 +72,7 @@ def worst_damping(solver: Tableau, z: Array) -> SolverDamping | None:
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Whether and how long a run stayed inside its solver's region of stability.
+    """Whether a run stayed inside its solver's region of stability, and for how long.
 
     h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the examined instants; NaN if there is none
     unstable_from  the first step [s] at which the solver, or a law sampled by Euler steps, amplified a mode that the equations
@@ -113,8 +113,8 @@ class Looks(NamedTuple):
 class Spectrum:
     """The frozen linear system of a loop at instants of its run.
 
-    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts if that, kept up for the
-    whole run, would give a factor e: a fixed threshold would blame Euler's method for its harmless growth of slow modes.
+    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts if this growth over the
+    whole run would give a factor e. A fixed threshold would also count the harmless growth of slow modes with Euler's method.
     """
 
     loop: ClosedLoop
@@ -166,7 +166,7 @@ def _eigenvalues(matrices: Array) -> Array:
 class FrozenSampledLaw:
     """The map from sample to sample of a law that takes Euler steps, frozen: the controller's action after the plant's flow.
 
-    It counts as unstable if over the whole run it amplifies more than the continuous equations' fastest growth, by a factor e.
+    It counts as unstable if its amplification over the whole run exceeds the continuous equations' fastest growth by a factor e.
     """
 
     sample: ca.Function  # Jacobian of the controller's action

@@ -1,5 +1,5 @@
-"""The label of a run that left its solver's region of stability: a finer step shows whether its oscillation belongs to the
-solver.
+"""The label of a run that left its solver's region of stability: a finer step shows whether the solver causes the
+oscillation.
 
 Source: docs/numerics.md. The finer run decides only up to the time at which it leaves the region itself. A divergence is
 attributed to the solver only if a finer step removes it.
@@ -23,11 +23,11 @@ EQUAL_FIGURES_SHARE = 0.1
 REMAINDER_SHARE = 0.1
 """If less than this fraction of a figure remains at the finer step, it is due to the solver; otherwise at most partly."""
 ROUNDING_SHARE = 1e-5
-"""A figure below this share of the model's state, the control or the estimates is rounding or settled motion."""
+"""A figure below this share of the model's state, the control or the estimates is rounding error or settled motion."""
 SAME_TIME_SHARE = 0.01
 """Divergences within this share of their time count as simultaneous; those of a finite escape converge as the step falls."""
 OWN_GROWTH_FACTOR = 3.0
-"""An error this many times as large as the model's state, while the run is still sound, grows because of the loop."""
+"""An error this many times as large as the model's state, in a run that is still inside the region, grows because of the loop."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class FinerStep:
     """The result of a finer step for a labelled run.
 
     origin   "solver": the finer run does not show the behaviour of the coarse one; "loop": it shows the same; "both": it shows
-             less, or more; "unsettled": no affordable step stayed inside the region of stability
-    sentence the same for people, with the numbers
+             a weaker or stronger form; "unsettled": no affordable step stayed inside the region of stability
+    sentence the result as a sentence with numbers
     dt       the finer step [s], and t_end the horizon [s] over which the two are compared; None if none could be afforded
     diverged_at  when the finer run diverged [s], for the finest one tried; None if it did not
     kind     the judge's class of the finer run over the whole time, if it stayed inside the region; else None
@@ -168,9 +168,9 @@ def label(unstable_from: float | None, diverged_at: float | None, kind: Class | 
     """None for a run that stayed inside, or whose class, ``kind``, a finer step confirms with at least as much oscillation. Times
     in s.
 
-    A run that left the region is a suspect; its behaviour belongs to the solver if ``check``, with a finer step, does not show
-    it. A true finite escape leaves every step's region of stability just before it: neither the exit nor a finer step that exits
-    too shows whether the divergence belongs to the solver.
+    A run that left the region is suspect; the solver causes its behaviour if ``check``, with a finer step, does not show
+    it. A true finite escape leaves every step's region of stability just before it happens. Therefore neither the exit nor a
+    finer step that also leaves the region shows whether the solver causes the divergence.
     """
     if unstable_from is None:
         return None
