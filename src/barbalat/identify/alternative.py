@@ -21,11 +21,11 @@ WORTH = 0.9
 """Largest residual on the validation samples, relative to that of the given model."""
 LAGS = 8
 WHITE = 0.15
-"""Correlation of residuals at lags up to ``LAGS`` below which they are noise, and no other model explains more of them."""
+"""Correlation of residuals at lags up to ``LAGS`` below which the residuals are noise that no other model can explain."""
 ROUNDING = 1e-7
-"""Share of a state's range below which its residuals are rounding."""
+"""Share of a state's range below which its residuals are rounding errors."""
 SPREAD = 4.0
-"""Standard deviations of that correlation, for noise."""
+"""Number of standard deviations of that correlation for noise."""
 BETTER = 0.22
 """Gain of the log-likelihood for each sample from which a term is worth a finding: one state's residual is a fifth smaller."""
 SURE = 15.0
@@ -43,7 +43,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """What to try, and why."""
+        """The options to try, and the reason."""
         terms = ["a constant term"] * self.offset + ([] if self.delay is None else [f"a dead time of {self.delay:g} s"])
         options = ["--offset"] * self.offset + ([] if self.delay is None else [f"--delay {self.delay:g}"])
         return (
@@ -55,7 +55,7 @@ class Alternative:
 def alternative(
     whole: Recording, structure: Structure, fitted: Fit, residual: Array, *, offset: bool, delay: float, trained: int
 ) -> Alternative | None:
-    """The offset and delay that explain a recording clearly better than the given ones, None if there are none.
+    """The offset and delay that explain a recording clearly better than the given ones; None if there are none.
 
     whole      without delay and in absolute values
     structure  for its coefficients without a constant term

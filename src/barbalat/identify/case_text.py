@@ -16,11 +16,11 @@ from barbalat.validate import Array, InputError
 SPREAD = 0.25
 """Relative distance between neighbouring poles of the file's model, as a share of the plant's fastest pole."""
 SHARE_OF_DELAY = 0.5
-"""Poles of the file's model, at most, times the dead time."""
+"""Largest product of a pole of the file's model and the dead time."""
 PERIODS, STEPS = 4.0, 100.0
 """Periods of the file's command; solver steps per fastest time constant."""
 AT_REST = 1e-6
-"""Share of the model's largest steady-state gain."""
+"""Share of the model's largest steady-state gain below which a state counts as unaffected."""
 
 
 def case_text(found: Identification, source: str) -> str:
@@ -83,7 +83,7 @@ gamma = {_adaptation_gain(found, A_m, followed, amplitude):.2g}
 
 
 def _heading(found: Identification, source: str) -> str:
-    """Comments on the ranges, their assumptions, and what the data did not show; and the name."""
+    """The name, and comments on the ranges, their assumptions and the limitations of the data."""
     every, intervals = "these ranges contain every plant that explains the data", f"{100 * CONFIDENCE:.0f} % confidence intervals"
     lines = [f"Identified by `barbalat identify` from {_one_line(source)}: {every if found.guaranteed else intervals}."]
     if found.noise is not None and found.slope is not None:
@@ -132,7 +132,7 @@ def _model(found: Identification) -> tuple[list[float], Array]:
 
 
 def _followed(A_m: Array, B: Array) -> int:
-    """The first state that a constant command moves."""
+    """The first state on which a constant command has an effect."""
     gains = np.abs(np.linalg.solve(A_m, B)).max(axis=1)
     return int(np.argmax(gains > AT_REST * gains.max()))
 

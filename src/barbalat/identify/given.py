@@ -29,7 +29,7 @@ def bounds_by_name(field: str, given: Mapping[str, float] | None, names: Sequenc
 
 
 def require_slopes(recording: Recording, noise: Mapping[str, float], slope: Mapping[str, float]) -> None:
-    """InputError if two samples differ by more than noise and slope allow."""
+    """Raise InputError if two samples differ by more than noise and slope allow."""
     for i, name in enumerate(recording.output_names):
         moved, h = np.abs(np.diff(recording.outputs[:, i])), np.diff(recording.times)
         allowed = (slope[name] * h + 2 * noise[name]) * (1 + 1e-9) + 1e-12 * np.abs(recording.outputs[:-1, i])
@@ -44,12 +44,12 @@ def require_slopes(recording: Recording, noise: Mapping[str, float], slope: Mapp
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """What is known of the rows beforehand.
+    """Prior knowledge of the rows.
 
     given   (n,) which rows are given exactly
     start   (n, p) the coefficients that are known, and 0
     free    (n, p) which coefficients are searched
-    limits  (n, p, 2) their bounds, infinite where there are none
+    limits  (n, p, 2) their bounds, infinite if there are none
     """
 
     given: Array

@@ -1,4 +1,4 @@
-"""The plant x' = A x + B u from a recording: output-error fit, the set of all explanations, evidence on validation samples."""
+"""The plant x' = A x + B u from a recording: output-error fit, the set of all plants that explain the data, and validation."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def identify(
     offset       whether each unknown row has a constant term; the plant then describes deviations from the
                  ``operating_point``
     delay        dead time of all inputs [s], a multiple of the sample time
-    held_out     share of the samples, the last ones, that serve only for validation
+    held_out     share of the samples, at the end, that are used only for validation
 
     The set's bounds are guaranteed for the given noise and slope, known and held inputs, and a linear plant without disturbance.
     Without them the ranges are confidence intervals of an output-error fit, for independent measurement errors.
@@ -124,7 +124,7 @@ def _inside(a: Array, box: Array) -> bool:
 
 
 def _enclosed(name: str, every: Windows, structure: Structure, i: int, other: Alternative | None) -> Enclosure | None:
-    """The known set of a row, None for a given row; InputError if nothing explains the data."""
+    """The known set of a row, None for a given row; InputError if no row explains the data."""
     hint = "" if other is None else f"; {other.sentence}"
     if structure.given[i]:
         if not every.explained_by(structure.start[i]).all():
@@ -141,7 +141,8 @@ def _enclosed(name: str, every: Windows, structure: Structure, i: int, other: Al
 
 
 def _unexplained(name: str, every: Windows, limits: Array | None) -> str:
-    """That no row explains the data, and the smallest factor of the error bounds with which some row would."""
+    """The error that no row explains the data, with the smallest factor of the error bounds for which a row would explain
+    them."""
     free = least_factor(every)
     if limits is None:
         return (

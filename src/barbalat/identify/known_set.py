@@ -4,9 +4,9 @@ Over a window of samples the plant x' = A x + B u with held inputs gives, row by
 
     x_i(end) - x_i(start) = sum_j A_ij (integral of x_j) + sum_l B_il (integral of u_l).
 
-Both sides are known from the measurements: |y - x| <= nu gives the left side within 2 nu_i, and the trapezoidal sum of y_j is the
-integral of x_j within E_j = sum over the steps of h nu_j + L_j h^2 / 4, where the second term follows from |x_j'| <= L_j. A row a
-explains a window if
+Both sides are known from the measurements with bounded errors: |y - x| <= nu gives the left side within 2 nu_i, and the
+trapezoidal sum of y_j is the integral of x_j within E_j = sum over the steps of h nu_j + L_j h^2 / 4, where the second term
+follows from |x_j'| <= L_j. A row a explains a window if
 
     |dy - Q a| <= 2 nu_i + sum_j E_j |a_j|,
 
@@ -15,7 +15,7 @@ coefficients whose regressors have an error, where linear programmes give its ex
 such coefficients, |a_j| is replaced by its chord over an interval that contains a_j, which gives a convex set that contains the
 exact one.
 
-Every bound is by weak duality, rounded outward: the solver's results are only multipliers, which need not be right.
+Every bound follows by weak duality and is rounded outward: the solver's results are only multipliers, which may be inexact.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FACTOR_PASSES = 20
 class Windows:
     """The bounds from windows of the data, for one row: |left - Q a| <= left_error + Q_error |a|.
 
-    left (K,), Q (K, p), left_error (K,), Q_error (K, p), all errors at least what they are with rounding
+    left (K,), Q (K, p), left_error (K,), Q_error (K, p), all errors include rounding
     """
 
     left: Array
@@ -74,10 +74,11 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """(p,): contain every row that explains the windows; infinite if unbounded.
+    """Bounds, (p,) each, of every row that explains the windows; infinite if unbounded.
 
     exact    whether the orthants were searched, so that only the correlation of the coefficients is lost
-    empty    proven: no row explains the windows, up to ``BEYOND_ALL`` if their errors leave the set's directions unbounded
+    empty    whether it is proven that no row explains the windows, up to ``BEYOND_ALL`` if their errors leave the set's
+             directions unbounded
     """
 
     lower: Array
@@ -233,7 +234,7 @@ def _self_bounded(beta: Array, R: Array) -> Array | None:
 
 
 class _Part(NamedTuple):
-    """Bounds (p, 2) of a polyhedron, None if it has no point; and whether it has none up to ``BEYOND_ALL``."""
+    """Bounds (p, 2) of a polyhedron, None if it is empty; and whether it is empty up to ``BEYOND_ALL``."""
 
     box: Array | None
     empty: bool
@@ -242,7 +243,7 @@ class _Part(NamedTuple):
 def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) -> _Part:
     """Bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}.
 
-    For coefficients that are not noisy Q_error is rounding, and its effect is covered by the far larger slack.
+    For coefficients that are not noisy, Q_error is rounding error, which the far larger slack covers.
     """
     noisy = windows.noisy
     E = np.where(noisy, windows.Q_error, 0.0)
@@ -259,7 +260,7 @@ def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) ->
     most_violated = np.column_stack([G, -np.ones(len(G))])
     least = linprog(np.append(np.zeros(p), 1.0), A_ub=most_violated, b_ub=g, bounds=[*free, (-1.0, None)], method="highs")
     needed = max(0.0, float(least.x[-1])) if least.x is not None else 0.0
-    # beyond what is needed, so that the solver does not take the set of a single point for an empty one
+    # more than needed, so that the solver does not consider a set with a single point empty
     programmes = _dual_bounds(G, g + (2 * needed + TOLERANCE if needed else 0.0), G_error)
     size = max(np.abs(windows.left).max(), windows.left_error.max(), np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0))
     box = np.full(p, BEYOND_ALL * size) if programmes is None else programmes[0]
@@ -284,7 +285,7 @@ def _with_bounds(G: Array, g: Array, G_error: Array, bounds: Array) -> tuple[Arr
 
 
 def _dual_bounds(G: Array, g: Array, G_error: Array) -> tuple[Array, Array] | None:
-    """Bounds of {a: G a <= g} from multipliers, which need not be right: a box (p,) of |a|, and (p, 2); None if not bounded.
+    """Bounds of {a: G a <= g} from multipliers, which may be inexact: a box (p,) of |a|, and (p, 2); None if not bounded.
 
     For y >= 0, c'a <= y'g + (c - G'y)'a. With c = e_j and -e_j for all j, |a| <= beta + R |a| with R of the size of rounding.
     """

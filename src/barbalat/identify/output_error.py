@@ -25,9 +25,9 @@ MOST_GROWTH = 4.0
 STEPS = 40
 """Gauss-Newton steps of a pass, with Levenberg's and Marquardt's damping."""
 CONVERGED = 1e-4
-"""Square of the step in standard errors at which a search ends: a hundredth of one."""
+"""Square of the step, in standard errors, at which a search ends: a step of a hundredth of a standard error."""
 EXACT = 1e-10
-"""Share of a state's range below which its residual is rounding."""
+"""Share of a state's range below which its residual is rounding error."""
 SAME_INTERVAL = 1e-9
 """Relative difference up to which two sampling intervals share a transition matrix."""
 CHUNK = 1024
@@ -84,13 +84,13 @@ def simulated(recording: Recording, matrix: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _At:
-    """The simulation at some coefficients: residuals and states (N, n), and what their derivatives need."""
+    """The simulation at some coefficients: residuals and states (N, n), and the data for their derivatives."""
 
     theta: Array
     residual: Array
     states: Array
     chain: _Chain
-    basis: Array  # (segments, rows, n), orthonormal: what the initial states of segments can explain
+    basis: Array  # (segments, rows, n), orthonormal: the directions that the initial states of segments can explain
 
 
 class _Search:
@@ -164,11 +164,11 @@ class _Search:
         return Fit(matrix, spread, at.states, loss, max(N * n - fitted, 1.0), length, converged)
 
     def sizes(self, at: _At) -> Array:
-        """(n,) RMS of the residuals, at least that of rounding."""
+        """(n,) RMS of the residuals, at least that of rounding errors."""
         return np.sqrt(np.mean(at.residual**2, axis=0) + self.floor**2)
 
     def at(self, theta: Array, sigma: Array, length: int) -> _At:
-        """The simulation with the initial states that suit the measurements best."""
+        """The simulation with the initial states that fit the measurements best."""
         n, m = self.y.shape[1], self.w.shape[1]
         matrix = self.start.copy()
         matrix[self.free] = theta
@@ -188,7 +188,7 @@ class _Search:
         return _At(theta, self.y - states, states, chain, basis)
 
     def derivatives(self, at: _At, sigma: Array) -> Array:
-        """(rows, P) of the weighted residuals' negative, without what the initial states explain."""
+        """The derivatives (rows, P) of the negative weighted residuals, without the part that the initial states explain."""
         n, p = self.start.shape
         where = np.argwhere(self.free)
         matrix = self.start.copy()
@@ -274,7 +274,7 @@ class _Chain:
         return found, z
 
     def _joined(self, forced: Array, ends: Array, start: Array) -> Array:
-        """(N, n, c) from the blocks' responses, with the state that each block hands to the next one of its segment."""
+        """(N, n, c) from the blocks' responses, with the state that each block passes to the next one of its segment."""
         handed = np.empty((self.blocks, *start.shape))
         for i in range(self.blocks):
             handed[i] = start if self.begins[i] else self.across[i - 1] @ handed[i - 1] + ends[i - 1]

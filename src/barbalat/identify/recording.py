@@ -16,7 +16,7 @@ from barbalat.reading import contents
 from barbalat.validate import Array, InputError
 
 TEXT_BYTE = Estimate(memory=40.0, seconds=2e-7)
-"""The cost of a byte of a CSV file: its text, its cells, its numbers."""
+"""The cost of a byte of a CSV file, for its text, its cells and its numbers."""
 LEAST_SAMPLES = 8
 EVEN = 1e-6
 """Relative difference up to which sampling intervals count as one sample time."""
@@ -62,7 +62,7 @@ class Recording:
         return h if float(np.abs(np.diff(self.times) - h).max()) <= EVEN * h + 1e-14 * float(np.abs(self.times).max()) else None
 
     def delayed(self, delay: float) -> Recording:
-        """The recording with the inputs that arrive after a dead time [s]; it begins when the first of them does.
+        """The recording with the inputs delayed by a dead time [s]; it begins when the first delayed input arrives.
 
         Raises InputError unless the dead time is a multiple of the sample time and shorter than the recording.
         """

@@ -18,12 +18,13 @@ CONFIDENCE = 0.95
 LEAST_FIT = 0.7
 """Smallest fit at which the ranges are accepted as those of a plant."""
 CORRELATED = 0.3
-"""Correlation of residuals from sample to sample at which a constant's interval is 1.4 times as wide as with independent
-errors."""
+"""Correlation of residuals from sample to sample at which the correct interval of a constant is 1.4 times as wide as with
+independent errors."""
 LEAST_PER_PERIOD = 4.0
 """Least number of samples in a period; with two or fewer, an oscillation has the same samples as a slower one."""
 NOISE_ALONE = 3.0
-"""A residual on validation samples is noise up to this multiple of the fit's: a restart amplifies its initial error by e."""
+"""A residual on validation samples counts as noise up to this multiple of the fit's residual, because a restart amplifies its
+initial error by e."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,7 @@ class Identification:
     correlation by state: of these residuals from one sample to the next
     reference   (n + m,) means of the samples of the fit, with an offset: the plant is that of deviations, and a row's constant is
                 x' there; None without
-    delay       of all inputs [s]; ``recording`` has the inputs that arrive after it
+    delay       of all inputs [s]; ``recording`` contains the delayed inputs
     other       an offset or delay that explains the data better
     converged   whether the fit ended at a minimum
     """
@@ -162,7 +163,7 @@ class Identification:
 
     @property
     def findings(self) -> list[str]:
-        """Findings to be known before the numbers are used."""
+        """Findings to consider before the numbers are used."""
         said = []
         for row in self.rows:
             for direction in row.unexcited:

@@ -1,4 +1,4 @@
-"""How well a plant predicts samples: simulation, restarts for an unstable plant, fits."""
+"""Validation of a plant by predicting samples: simulation, restarts for an unstable plant, and fits."""
 
 from __future__ import annotations
 

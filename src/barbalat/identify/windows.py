@@ -17,7 +17,8 @@ LEAST_ROWS = 4
 STILL = 1e-10
 """Singular value of the regressors, relative to the largest, below which a direction does not move."""
 BLIND = 1e-6
-"""Share of a direction that the regressors do not excite above which a coefficient belongs to it; the rest is rounding."""
+"""A coefficient belongs to an unexcited direction if its share of the direction is above this; smaller shares are rounding
+errors."""
 
 
 def windows_of(recording: Recording, i: int, noise: Mapping[str, float], slope: Mapping[str, float]) -> Windows:
@@ -49,7 +50,7 @@ def _lengths(steps: int) -> list[int]:
 
 def first_guess(train: Recording, i: int, start: Array, free: Array) -> Array:
     """The row of state i by least squares of the integral form, over consecutive windows of the length with the narrowest
-    intervals; coefficients that are not ``free`` keep their value. The trapezoidal rule and noise bias it."""
+    intervals; coefficients that are not ``free`` keep their value. The trapezoidal rule and noise bias the result."""
     t, x, u = train.times, train.outputs, train.inputs
     h = np.diff(t)[:, None]
     terms = np.column_stack([h * (x[:-1] + x[1:]) / 2, h * u[:-1]])
@@ -70,7 +71,7 @@ def first_guess(train: Recording, i: int, start: Array, free: Array) -> Array:
 
 
 def blind(Q: Array) -> tuple[tuple[Array, ...], Array]:
-    """Directions in which regressors do not move at all, up to rounding; and which coefficients have a share in one of them."""
+    """Directions in which regressors do not move at all, up to rounding, and the coefficients with a share in one of them."""
     size = np.maximum(np.abs(Q).max(axis=0, initial=0.0), 1e-300)
     _, values, rows = np.linalg.svd(Q / size, full_matrices=False)
     still = rows[values <= STILL * values.max(initial=0.0)]

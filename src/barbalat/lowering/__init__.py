@@ -1,1 +1,1 @@
-"""From expressions to machine code; this package knows no control theory."""
+"""From expressions to machine code; this package contains no control theory."""

@@ -1,4 +1,5 @@
-"""Operation list -> C99 source of the same time loop: for embedded targets, and as an independent check of the kernel.
+"""Translates an operation list to C99 source of the same time loop, for embedded targets and as an independent check of the
+kernel.
 
 Every operation becomes one local constant, in the list's order. Compiled with ``-ffp-contract=off``, the C code computes bit for
 bit the same as the LLVM kernel of the same list. ``-ffast-math`` must not be used: it assumes that no value is infinite or NaN,
@@ -52,7 +53,7 @@ OF_BITS = {"exponent": _EXPONENT, "significand": _SIGNIFICAND, "pow2": _POW2}
 
 
 def of_bits(name: str, real: str, suffix: str, of: Format) -> str:
-    """C source of one of OF_BITS for numbers of this type."""
+    """The C source of one of OF_BITS for numbers of this type."""
     width, stored = (32 if of is SINGLE else 64), of.bits - 1
     return OF_BITS[name].format(
         real=real,
@@ -104,7 +105,7 @@ DOUBLE, FLOAT = Real("double", "", np.float64, DOUBLE_FORMAT), Real("float", "f"
 
 
 def constant(value: float, real: Real = DOUBLE) -> str:
-    """A number in a form that C99 reads exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
+    """A number in a form that C99 represents exactly: a hexadecimal constant (section 6.4.4.2) or a macro of math.h."""
     with np.errstate(over="ignore"):
         value = float(real.numbers(value))
     if not math.isfinite(value):  # macros of type float, since -Wdouble-promotion checks them
@@ -132,7 +133,7 @@ def statements(program: Program, inputs: dict[tuple[int, int], str], real: Real 
 
 
 def calls_functions(program: Program, real: Real = DOUBLE) -> bool:
-    """Whether the C text of the operations needs math.h, which also defines the infinity that a large constant becomes in 32
+    """Whether the C text of the operations needs math.h, which also defines the infinity to which a large constant rounds in 32
     bits."""
     names = {op.name for op in program.operations}
     with np.errstate(over="ignore"):
@@ -253,7 +254,7 @@ NOTICE = """\
 
 
 def definitions(programs: Iterable[Program], real: Real = DOUBLE) -> str:
-    """C source of the functions that these lists call, preceded by the functions that these need."""
+    """The C source of the functions that these lists call, preceded by the functions on which they depend."""
     called = {op.name for program in programs for op in program.operations} & FUNCTIONS
     made = [function(name, real.format) for name in sorted(called)]
     used = {op.name for one in made for part in (one.usual, one.rare) if part is not None for op in part.operations}

@@ -35,7 +35,7 @@ def evaluate(name: str, *x: np.ndarray) -> np.ndarray:
 
 @cache
 def _elementary_kernel(name: str) -> Kernel:
-    """A loop without a state, whose members receive a number at every step and return the function's value."""
+    """A loop without a state: its members receive a number at every step and return the function's value."""
     arguments = function(name).arguments
     operations = [Operation("input", source=(5, i)) for i in range(arguments)] + [Operation(name, tuple(range(arguments)))]
     program = Program(tuple(operations), ((), (arguments,), ()))
@@ -73,7 +73,7 @@ class Compiled:
 
 
 Tabulator = Callable[..., list[np.ndarray]]
-"""From columns (n, K), one for each argument of the function, the results (rows, K)."""
+"""The results (rows, K) from columns (n, K), one array for each argument of the function."""
 
 
 def tabulator(function: casadi.Function) -> Tabulator:

@@ -1,6 +1,6 @@
 """A CasADi function as a list of scalar operations in single-assignment form.
 
-Every target (LLVM, C) is printed from this list; this module knows no target and no control theory.
+Every target (LLVM, C) is printed from this list; this module depends on no target and contains no control theory.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ FRACTION_BITS = 52
 "significand"
 of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
 ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
-"""A whole number added to it appears, with the bias, in the last bits of the sum, without a conversion, which is undefined for
-NaN."""
+"""The number for which a whole number added to it appears, with the bias, in the last bits of the sum. This avoids a conversion,
+which is undefined for NaN."""
 COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 """Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
 
@@ -62,12 +62,12 @@ COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 def read(function: casadi.Function) -> Program:
     """Translate the instruction list of an SX function.
 
-    Raises ``ValueError`` for an operation that no target can print yet, naming it.
+    Raises ``ValueError``, with the name, for an operation that no target supports.
     """
     import casadi as ca
 
     operations: list[Operation] = []
-    work: dict[int, int] = {}  # place in CasADi's work vector -> position of the operation whose value it holds now
+    work: dict[int, int] = {}  # place in CasADi's work vector -> position of the operation whose value it contains
     outputs = [[-1] * function.nnz_out(k) for k in range(function.n_out())]
 
     def append(name: str, *operands: int, value: float = 0.0, source: tuple[int, int] = (0, 0)) -> int:
@@ -125,7 +125,7 @@ def append(operations: list[Operation], program: Program, inputs: Mapping[tuple[
 
 
 def sliced(program: Program, keep: Sequence[int]) -> Program:
-    """The operations that these components of the first output need, in the order of the whole list, as a list with these
+    """The operations on which these components of the first output depend, in the order of the whole list, as a list with these
     components as its only output."""
     row = tuple(program.outputs[0][i] for i in keep)
     alive = set(row)

@@ -1,7 +1,7 @@
 """Rewrites an operation list for speed; the result is the same list for every target, lane width and thread.
 
-The order of a sum and the position of a fused multiply-add determine the last bit of a result. Both are therefore fixed here,
-once, and no target may change them. That makes runs bit-identical.
+The order of a sum and the position of a fused multiply-add determine the last bit of a result. Both are therefore fixed only
+here, and no target may change them. This makes runs bit-identical.
 
 A sum or product of many terms is associated in the order in which its terms become available: a time step is one long chain of
 dependent operations, and a term that is available late should be followed by as few operations as possible.
@@ -77,7 +77,7 @@ def _order_extrema(program: Program) -> Program:
     """Put the operand that changes from step to step first, because a minimum or maximum passes on the NaN of its first
     operand."""
     ops = list(program.operations)
-    fixed: list[bool] = []  # made of constants and parameters only
+    fixed: list[bool] = []  # depends only on constants and parameters
     for i, op in enumerate(ops):
         is_parameter = op.name == "input" and op.source[0] == PARAMETERS
         fixed.append(op.name == "constant" or is_parameter or (op.name != "input" and all(fixed[j] for j in op.operands)))
@@ -89,8 +89,8 @@ def _order_extrema(program: Program) -> Program:
 def _share_reciprocals(program: Program) -> Program:
     """a/d becomes a (1/d), one reciprocal for each divisor.
 
-    The slow division then starts as soon as d is known, and the product fuses with an addition. The cost is one more rounding
-    error (1.5 units in the last place instead of 0.5), and an overflow for |d| < 5.6e-309.
+    The slow division then starts as soon as d is known, and the product fuses with an addition. The disadvantages are one more
+    rounding error (1.5 units in the last place instead of 0.5), and an overflow for |d| < 5.6e-309.
     """
     ops: list[Operation] = []
     place: list[int] = []
@@ -136,7 +136,8 @@ class _Associator:
         return Program(tuple(self.new), tuple(tuple(self.place[i] for i in row) for row in self.outputs))
 
     def _is_part_of_larger(self, i: int) -> bool:
-        """A sum used once, by a sum, or a product used once, by a sum or product, is built together with its user."""
+        """Whether the operation is built together with its user: a sum used only by one sum, or a product used only by one sum or
+        product."""
         if self.uses[i] != 1:
             return False
         kind = _kind(self.old[i])

@@ -1,7 +1,7 @@
 """Orders independent operations so that few values are live at once, for kernels that advance many members.
 
 Such a kernel has two vectors for every value of a step, and a value without a register is stored and loaded again. Only the order
-changes: every operation keeps its operands, so that all bits stay the same.
+changes: every operation keeps its operands, so all bits stay the same.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Chooser:
         while self.ready:
             *_, i = heapq.heappop(self.ready)
             if i in done:
-                continue  # an outdated entry of the heap: the operation's priority has improved since
+                continue  # an outdated entry of the heap: the operation's priority has since improved
             done.add(i)
             order.append(i)
             for j in self.operands[i]:

@@ -31,9 +31,9 @@ class LoopShape:
     noise              number of random numbers that each member receives at every step, constant for ``noise_hold`` steps
     sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0 without one
     in_pieces          a step may come in successive pieces, with a row of signals for each: a row's last two entries say whether
-                       the piece begins a step and whether it ends one. Counts of steps don't count pieces
+                       the piece begins a step and whether it ends one. Counts of steps do not include pieces
 
-    sample_row         a row of the state: the sampled part is called before each step at which it is nonzero, whatever its
+    sample_row         a row of the state: the sampled part is called before each step at which it is nonzero, whatever the step's
                        number; ``sample_every`` is then 1. The part itself leaves members unchanged if this row is 0
     signal_row         a row of the state: the number of the row of signals that a member's step reads
     rows_per_member    whether each lane has such rows of its own

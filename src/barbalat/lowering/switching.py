@@ -1,8 +1,8 @@
-"""Turns the choices of an expression that jumps or bends into inputs: while they are held it is smooth, and a step can end
-where one changes.
+"""Turns the choices of an expression with jumps or corners into inputs: with constant choices it is smooth, and a step can end
+where a choice changes.
 
 A choice is a condition of ``np.where``, the side that a minimum, a maximum or a magnitude takes, or a comparison used as a
-number. Conditions joined by and, or, not form one choice. This module knows no control theory.
+number. Conditions joined by and, or, not form one choice. This module contains no control theory.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ COUNTLESS = frozenset({"floor", "ceil", "copysign"})
 
 
 class CountlessError(ValueError):
-    """The expression contains one of them; the error says which."""
+    """The expression contains one of COUNTLESS; the error names it."""
 
 
 class Condition(NamedTuple):
-    """A condition whose side is left open.
+    """A condition whose side is an input.
 
     truth   whether it holds
     margin  positive where it holds, negative where it does not, continuous wherever its operands are
@@ -129,7 +129,11 @@ class _Reading:
         numbers = [self.number(i) for i in given]
         if name in ("lt", "le", "fmin", "fmax", "fabs", "sign"):
             return self._choice(k, name, numbers)
-        if len(numbers) == 2 and name not in ("sq", "twice", "inv"):  # these have one operand, which CasADi lists twice
+        if len(numbers) == 2 and name not in (
+            "sq",
+            "twice",
+            "inv",
+        ):  # these operations have one operand, which CasADi lists twice
             return ca.SX.binary(code, *numbers)
         return ca.SX.unary(code, numbers[0])
 

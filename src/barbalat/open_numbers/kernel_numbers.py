@@ -25,8 +25,8 @@ OTHER_STRUCTURE = (
 )
 ROUNDING = 1e-9
 """Share of the largest number of an array. A number that did not change with any value tried and differs by at most this in
-some member is the same number computed by other operations, such as an A_m that follows from a varied A; every member uses the
-first's."""
+some member is the same number computed by different operations, such as an A_m that follows from a varied A; every member uses
+the first's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Numbers:
 class Family:
     """Members of one structure that vary in the same numbers as a few examples: one kernel for all members.
 
-    differs   (N,) which of all numbers of a member are arguments of the kernel
+    differs   (N,) truth values: which numbers of a member are arguments of the kernel
     windows   of the kernel, see ``Members``
-    rounding  by which examples may differ in other numbers, relative to their array's largest number
+    rounding  admissible difference of examples in other numbers, relative to their array's largest number
     """
 
     reader: Reader
@@ -142,7 +142,7 @@ class Family:
 
 
 def _numbers(reader: Reader, parameters: Array, first: int) -> Numbers:
-    """The numbers that were read of all members from number ``first`` on; ``parameters`` contains only theirs."""
+    """The numbers of all members that were read, from number ``first`` on; ``parameters`` contains only their parameters."""
     return Numbers(
         parameters,
         reader.initial.everything()[:, first:],

@@ -28,7 +28,7 @@ MOST_KEPT = 20_000
 
 @dataclass(eq=False)
 class Setting:
-    """All members with the same values of the numbers for which one kernel does not serve all values.
+    """All members with the same values of those numbers whose change requires another kernel.
 
     A number that occurs unchanged in every kernel, or is the plant's delay, is inserted directly, see ``probe.direct``: no case
     is then built for a member. Values that constructors would refuse are still refused: a case is built for each corner of the
@@ -47,7 +47,7 @@ class Setting:
     families: tuple[Family, ...]
     copied: dict[int, tuple[Effect | DelayEffect, ...]]
     numeric: tuple[int, ...] = ()
-    admitted: Array | None = None  # (2, copied) the box whose corners were built
+    admitted: Array | None = None  # (2, copied) the box for whose corners cases were built
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
@@ -88,7 +88,7 @@ class Setting:
 
     @cached_property
     def terms(self) -> Terms:
-        """The terms by which the members are judged."""
+        """The data for judging the members."""
         return Terms.of(self.example.problem, self.simulation, self.example.judge)
 
     @property

@@ -19,7 +19,7 @@ MANTISSAS = (
     1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0, 2.2, 2.5, 2.7, 3.0, 3.3, 3.6, 4.0, 4.3, 4.7, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5,
     8.0, 9.0,
 )  # fmt: skip
-"""Values per decade on a logarithmic slider: two digits, roughly evenly spaced, including those that people write."""
+"""Values per decade on a logarithmic slider: roughly evenly spaced, with two digits, including the usual round values."""
 REACH_FACTORS = (100.0, 10.0, 3.0, 1.3)
 """Range of a logarithmic slider to either side, as a factor; the first for which constructors accept the ends is used."""
 LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
@@ -27,7 +27,7 @@ LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
 LINEAR_STEPS = 40
 """Steps to either side of a linear slider's start."""
 SPECIAL_VALUES = (-1.0, 0.0, 1.0)
-"""Values on which a structure may depend: a zero determines which states are coupled, and a gain of one is left out."""
+"""Values on which a structure may depend: a zero determines which states are coupled, and a gain of one is omitted."""
 At = Callable[[FieldPath, float], Case]
 """The case with another number at one place; InputError if it can't be used."""
 
@@ -51,14 +51,14 @@ class Number:
 
     @property
     def tried(self) -> Array:
-        """The values that are tried: its own, some over the whole range, and those on which a structure may depend."""
+        """The values that are tried: the number's own, some over the whole range, and those on which a structure may depend."""
         values, last = self.values, len(self.values) - 1
         special = [value for value in SPECIAL_VALUES if values[0] <= value <= values[last] and value not in self.without]
         return np.unique([self.value, *values[[0, last // 5, last // 2, last]], *special])
 
 
 def beside(value: float) -> tuple[float, float]:
-    """Two values near a number without a known range, one to each side, which are tried instead."""
+    """Two values near a number without a known range, one on each side, which are tried instead."""
     return 1.125 * value + 0.0625 * (value == 0), 0.875 * value - 0.0625 * (value == 0)
 
 
@@ -94,7 +94,7 @@ def in_case(case: Case) -> Iterator[tuple[FieldPath, float]]:
 
 
 def in_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
-    """The numbers among an object's fields; for a controller that contains another one, those of both."""
+    """The numbers among an object's fields; for a controller that contains another one, the numbers of both."""
     if isinstance(part, (bool, InterpolatedSignal)):  # recorded data are not varied
         return
     if isinstance(part, (int, float)):

@@ -13,7 +13,7 @@ from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 Tables = dict[str, Any]
-"""The tables that TOML gives for a case file."""
+"""The tables that the TOML parser returns for a case file."""
 Key = str | int
 
 _KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_-]*)((?:\[\d+(?:,\d+)*\])*)$")
@@ -142,7 +142,7 @@ class FieldPath:
 
 
 def wrapped_in(part: Any, key: Key | None = None) -> Any:
-    """The inner controller of one that contains another, if a path continues in it with ``key``; otherwise None."""
+    """The inner controller of a controller that contains another, if a path continues in it with ``key``; otherwise None."""
     own = vars(part) if is_dataclass(part) else {}
     inner = own.get(WRAPPED)
     if not isinstance(inner, Controller) or (key in own and not (key == WRAPPED and key in vars(inner))):

@@ -1,7 +1,7 @@
 """The effect of a number of a case on a run, found by trying other values; all commands use this one routine.
 
-Either the number occurs unchanged, to the last bit, or other numbers follow from it: P from A_m, a filter's matrices from kappa,
-the weights of a delay. Or it affects only the signals; or another value needs another kernel, or other steps.
+A number may occur unchanged, to the last bit. Other numbers may follow from it: P from A_m, a filter's matrices from kappa,
+the weights of a delay. It may affect only the signals; or another value may need another kernel or other steps.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class DelayEffect:
         numbers.lags[:] = lags
 
 
-@lru_cache(maxsize=1)  # shared by successive controllers
+@lru_cache(maxsize=1)  # cached, because successive controllers share them
 def _delayed(values: bytes, dt: float, solver: Tableau, fused: bool) -> tuple[Array, Array]:
     """Lags (M,) and weights (w, M) of delays [s]."""
     delays = np.frombuffer(values).tolist()
@@ -189,7 +189,8 @@ def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
 
 
 def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
-    """The kind of the number in which the cases differ from the base; ``values`` (1 + K,) are the base's, then theirs."""
+    """The kind of the number in which the cases differ from the base; ``values`` (1 + K,) contains the base's value, then those
+    of the cases."""
     if any(case.simulation != base.simulation for case in cases):
         return Kind.STRUCTURE
     if any(len(case.controllers) != len(base.controllers) for case in cases):
@@ -276,7 +277,7 @@ def effects_of(
 
     taken  rows of each target that other numbers change
     like   the effects on kernels that differ from the targets in their projection: if both have the same numbers at the values
-           tried, they are equal in general, as for everything that a projection does not use
+           tried, they are equal in general, as for every number that the projection does not use
     """
     few = number.tried
     found = _made(number, few, targets, at)
@@ -354,7 +355,7 @@ def _fits(targets: Sequence[Readable], case: Case) -> bool:
 
 
 def composed(target: Target, moved: Sequence[tuple[Effect, float, int]]) -> tuple[Array, Array]:
-    """Parameters and states as a page combines them, from each moved number's value and its index among all values."""
+    """Parameters and states as a page combines them, from the value of each changed number and its index among all values."""
     parameters, states = target.base.parameters[:, 0].copy(), target.base.states[:, 0].copy()
     for effect, value, place in moved:
         rows = np.full(len(effect.rows), value) if effect.table is None else effect.table[place]

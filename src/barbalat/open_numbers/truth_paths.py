@@ -1,4 +1,5 @@
-"""Studies vary the truth: a number of the plant is changed in the simulated plant, and the design stays the same."""
+"""Paths of studies that vary the truth: a number of the plant is changed in the simulated plant, and the design stays the
+same."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ AROUND = ("input", "disturbance", "unmatched", "x0")
 
 
 def is_parameter(path: FieldPath) -> bool:
-    """Whether a path names a physical parameter, whose value in the truth is meant: parameters.k or truth.parameters.k."""
+    """Whether a path names a physical parameter, that is, its value in the truth: parameters.k or truth.parameters.k."""
     return path.keys[-2:-1] == (PARAMETERS,) and path.keys[:-2] in ((), ("truth",))
 
 
@@ -39,7 +40,7 @@ def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None)
 
 
 def place(tables: Tables, path: FieldPath, *, redesign: bool | None) -> FieldPath:
-    """The place of the number that ``path`` varies, see ``put``; what [truth] lacks on the way is copied from [plant]."""
+    """The place of the number that ``path`` varies, see ``put``; missing tables of [truth] are copied from [plant]."""
     if is_parameter(path):
         _require_declared(tables, path)
         return FieldPath(("truth", PARAMETERS, str(path.keys[-1])))
@@ -80,7 +81,7 @@ def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
 
 
 def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tuple[Key, ...] | None:
-    """The place in [truth] of the value at ``keys``, with a copy of it there; None if it stays where it is."""
+    """The place in [truth] of the value at ``keys``, with a copy of the value there; None if its place does not change."""
     plant, apart = tables.get("plant"), "truth" in tables or PARAMETERS in tables
     if not isinstance(plant, dict) or "transfer_function" in plant:
         return None
@@ -110,7 +111,7 @@ def _copied_to_truth(tables: Tables, key: str, own: Any, keys: tuple[Key, ...]) 
 
 
 def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None) -> Problem | None:
-    """The same for Python's objects; None if the number is put like any other field."""
+    """The same for Python's objects; None if the number is an ordinary field."""
     if is_parameter(path):
         return _with_parameter(problem, path, value, redesign is True and path.keys[0] == PARAMETERS)
     key = path.keys[1] if len(path.keys) > 1 else None

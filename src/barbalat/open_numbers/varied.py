@@ -34,7 +34,7 @@ class Varied(ABC):
     @property
     @abstractmethod
     def source(self) -> str:
-        """What a store is compared with, in addition to the equations and their numbers."""
+        """The data with which a store is compared, in addition to the equations and their numbers."""
 
     @abstractmethod
     def at(self, values: Sequence[float] | Array) -> Case:
@@ -222,7 +222,7 @@ def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
     """A case file's tables that contain ``paths``.
 
     If one of them is in theta and the plant is given by A, from which theta follows, A_m and that theta replace A. InputError if
-    A, or what the model makes of it, is to vary as well.
+    A, or a number that follows from it, is to vary as well.
     """
     tables, paths = text.data(), tuple(paths)
     plant, model = tables.get("plant"), tables.get("reference_model")

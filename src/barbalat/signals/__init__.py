@@ -1,6 +1,6 @@
 """Commands, disturbances and recorded data: functions of time that drive the loop.
 
-``Signal`` is the protocol of a signal of your own; ``SIGNALS`` has the package's signals by their names in case files.
+``Signal`` is the protocol for your own signals; ``SIGNALS`` contains the package's signals by their names in case files.
 """
 
 from barbalat.public_names import public

@@ -12,8 +12,8 @@ from barbalat.signals.smooth import Resting, Swinging, outward, store_numbers
 from barbalat.validate import Array, InputError
 
 MOST_BREAKS = 10_000_000
-"""The largest number of breaks returned for an interval, the first ones: all breaks of a signal with a million in each step
-would fill the memory."""
+"""The largest number of breaks returned for an interval, of which the first are returned: all breaks of a signal with a million
+in each step would fill the memory."""
 
 
 def between(start: float, stop: float, instants: Array) -> Array:
@@ -22,7 +22,7 @@ def between(start: float, stop: float, instants: Array) -> Array:
 
 
 def rounding_of(t: Array) -> Array:
-    """A few roundings of a time: a jump this close to a time of the grid is meant to be at that time."""
+    """A few rounding errors of a time: a jump this close to a time of the grid counts as being at that time."""
     return 4 * np.finfo(float).eps * np.abs(np.asarray(t, dtype=float))
 
 
@@ -103,7 +103,7 @@ class Square(Swinging, Settings):
     amplitude  of the swing
     frequency  [rad/s], > 0
     phase      [rad]
-    constant   what it swings around
+    constant   the mean value
     """
 
     amplitude: float

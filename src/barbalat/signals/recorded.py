@@ -89,7 +89,7 @@ class Recorded(Continuous, Settings):
 
         times   if there is no variable of this name, the only one called t, time, times or tout is taken, also within a structure
         values  by default the only other variable with as many numbers; in a matrix with two columns or rows, which is named here
-                or is the only variable, the first has the times. A field of a structure is named with a dot: "out.time"
+                or is the only variable, the first contains the times. A field of a structure is named with a dot: "out.time"
 
         Raises InputError with the file and the variables in it.
         """
@@ -158,7 +158,7 @@ def _path(file: str | Path) -> Path:
 
 
 SEPARATOR_SAID = re.compile(r"sep=([,;\t])", re.IGNORECASE)
-"""The line by which spreadsheets declare their separator."""
+"""The line with which spreadsheets declare their separator."""
 
 
 def _text(content: bytes) -> str:
@@ -230,7 +230,7 @@ def variables(path: Path) -> dict[str, Array]:
 
 
 FILE_BYTE = Estimate(memory=20.0, seconds=2e-7)
-"""The cost of each unpacked byte of a MATLAB file: a number alone in a cell takes 56 bytes there and some 20 times as much
+"""The cost of each unpacked byte of a MATLAB file: a single number in a cell takes 56 bytes there and some 20 times as much
 here."""
 HEADER_BYTES, TAG_BYTES, COMPRESSED = 128, 8, 15
 """Bytes of a version 5 file's header and of the tag before each element, and the type of a compressed element."""
@@ -240,7 +240,7 @@ PIECE_BYTES = 2**20
 
 
 def _unpacked(packed: bytes) -> int:
-    """The number of bytes of a file's variables after decompression, found without storing them.
+    """The number of bytes of a file's variables after decompression, determined without storing them.
 
     A variable counts with its declared size if that is larger. A file of another format is left to the reader.
     """

@@ -59,7 +59,7 @@ class Resting:
 
 @dataclass(frozen=True)
 class Clock(Continuous):
-    """t itself, for equations that contain it. It has no bound."""
+    """The time t, for equations that contain it. It has no bound."""
 
     def __call__(self, t: Array) -> Array:
         return np.asarray(t, dtype=float)
@@ -89,7 +89,7 @@ class Sine(Swinging, Continuous, Settings):
     amplitude  of the swing
     frequency  [rad/s], > 0
     phase      [rad]
-    constant   what it swings around
+    constant   the mean value
     """
 
     amplitude: float
@@ -120,7 +120,7 @@ class Sines(Continuous, Settings):
     amplitudes   of the swings
     frequencies  [rad/s], > 0, one for each amplitude
     phases       [rad], one for each amplitude; zeros by default
-    constant     what they swing around
+    constant     the mean value
     """
 
     amplitudes: tuple[float, ...]
@@ -167,7 +167,7 @@ class Chirp(Swinging, Continuous, Settings):
     frequency_start  [rad/s], >= 0
     frequency_end    [rad/s], >= 0
     duration         of the sweep [s], > 0
-    constant         what it swings around
+    constant         the mean value
     """
 
     amplitude: float

@@ -1,4 +1,4 @@
-"""DOP853: a formula of order eight for fixed steps; with its error estimate and dense output, also for steps that it chooses.
+"""DOP853: a formula of order eight for fixed steps; with its error estimate and dense output, also for variable steps.
 
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, sections II.5 and II.6; the coefficients are SciPy's.
 """
@@ -15,8 +15,8 @@ Rows = tuple[tuple[float, ...], ...]
 
 @cache
 def order_eight() -> Tableau:
-    """The formula of order eight, for oscillations that a method of lower order would damp: it hardly damps what its step
-    resolves."""
+    """The formula of order eight, for oscillations that a method of lower order would damp: it hardly damps oscillations that its
+    step resolves."""
     from scipy.integrate import DOP853
 
     a, count = DOP853.A, DOP853.n_stages

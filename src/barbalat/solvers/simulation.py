@@ -14,7 +14,7 @@ from barbalat.solvers.tableau import AUTO, RK4, Tableau
 from barbalat.validate import Array, InputError
 
 POINT = Estimate(memory=1000.0)
-"""The cost of a recorded instant of a small adaptive loop: several copies of its state and envelope."""
+"""The cost of a recorded instant of a small adaptive loop, for several copies of its state and envelope."""
 STEP = Estimate(seconds=1e-7)
 """The cost of a step of the smallest loop, with one state, in a single run."""
 
@@ -53,7 +53,7 @@ class Simulation(Settings):
     fused          use fused multiply-adds; without them a step takes longer, and exported C and pages agree bit for bit
 
     Raises InputError if dt does not divide t_end, or unless exactly one of dt and tolerance is given. With a tolerance ``dt`` is
-    None, and ``steps`` are those of ``grid``.
+    None, and ``steps`` belongs to ``grid``.
     """
 
     t_end: float
@@ -148,12 +148,12 @@ class Simulation(Settings):
 
     @property
     def resolution(self) -> float:
-        """The step [s]; with a tolerance a tenth of the time between two recorded instants, which a study uses in its place."""
+        """The step [s]; with a tolerance, a tenth of the time between two recorded instants, which studies use as the step."""
         return self.dt if self.tolerance is None else self.t_end / (10 * self.steps)
 
     @property
     def stepped(self) -> Simulation:
-        """With fixed steps; with a tolerance those of RK4 at the ``resolution``."""
+        """The settings with fixed steps; with a tolerance, RK4 at the ``resolution``."""
         return self if self.tolerance is None else Simulation(self.t_end, self.resolution, fused=self.fused)
 
     @property
@@ -173,7 +173,7 @@ class Simulation(Settings):
 
     @property
     def refined_by(self) -> str:
-        """The field of the case that makes it more accurate."""
+        """The field of the case with which a run becomes more accurate."""
         return "simulation.dt" if self.tolerance is None else "simulation.tolerance"
 
     def step_as_json(self) -> dict[str, float | None]:

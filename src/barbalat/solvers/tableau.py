@@ -69,7 +69,7 @@ class Tableau:
 
     @property
     def reach(self) -> float:
-        """No z with |z| beyond this has |R(z)| <= 1: Cauchy's bound of the roots of R - c, |c| <= 1."""
+        """The |z| above which |R(z)| <= 1 never holds: Cauchy's bound of the roots of R - c, |c| <= 1."""
         smaller, leading = self.stability_polynomial[:-1].copy(), self.stability_polynomial[-1]
         smaller[0] += 1
         return 1 + float(np.abs(smaller).max() / abs(leading))
@@ -109,4 +109,5 @@ EULER = Tableau("euler", 1, ((),), (1.0,), (0.0,))
 HEUN = Tableau("heun", 2, ((), (1.0,)), (1 / 2, 1 / 2), (0.0, 1.0))
 RK4 = Tableau("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 1 / 2, 1 / 2, 1.0))
 AUTO = Tableau("auto", 8, ((),), (1.0,), (0.0,))
-"""Stands for DOP853, the method of runs with a tolerance, whose coefficients are in ``order_eight``. It takes no fixed steps."""
+"""A placeholder for DOP853, the method of runs with a tolerance, whose coefficients are in ``order_eight``. It has no fixed
+steps."""

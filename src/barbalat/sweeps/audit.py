@@ -1,5 +1,5 @@
-"""Does a verdict belong to the solver? Repeats some members of a finished sweep, each with half of the step from which its
-verdict comes."""
+"""Checks whether verdicts depend on the solver: repeats some members of a finished sweep, each with half of the step that gave
+its verdict."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from barbalat.sweeps.study import OSCILLATED, RINGS, SETTLED, VERDICT, columns_o
 from barbalat.validate import Array, InputError
 
 AUDITED_SHARE, FEWEST_AUDITED = 0.02, 30
-"""Share of the members, and least number, that are repeated: if 10 % of all verdicts are due to the solver, 96 of 100 audits
-find one."""
+"""Share of the members, and smallest number of members, that are repeated: if 10 % of all verdicts are due to the solver, 96 of
+100 audits find one."""
 FINER_BY = 2
 AGAIN = "run again"
-"""A column of each controller during the audit: which of the drawn members could be run with half the step."""
+"""A column of each controller during the audit: whether a drawn member could be run with half the step."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """The number of audited members for which one verdict on one controller is known, and how many of them lose or gain it."""
+    """The number of audited members for which one verdict on one controller is known, and the number of these whose verdict
+    changes."""
 
     changed: int
     judged: int
@@ -41,11 +42,11 @@ class Audit:
     """The effect of half the step on a sweep's verdicts.
 
     members    numbers of the members that were repeated with at least one controller; ``of`` is the sweep's number of members
-    drawn      number of members selected: unsettled ones can't be repeated, nor those that half the step refuses
+    drawn      number of selected members: those that are unsettled, or for which half the step is refused, cannot be repeated
     changed    number of ``members`` with another verdict on any controller; None if none could be repeated, see ``why``
     verdicts   by verdict, and then by controller
     errors     by controller, members whose largest |e| differs by more than a tenth
-    tolerance  whether the members run by a tolerance, a 32nd of which then takes the place of half the step
+    tolerance  whether the members run with a tolerance, a 32nd of which is then used instead of half the step
     """
 
     members: tuple[int, ...] = ()
@@ -162,7 +163,7 @@ class _Chosen:
 
 
 def _work(settling: Settling, before: _Chosen) -> Work:
-    """The same columns with half the steps, and which members have them."""
+    """The same columns with half the step, and the members that have them."""
     study, numbers, found = settling.study, before.column("member"), {name: v.copy() for name, v in before.columns.items()}
     reruns: list[Rerun] = []
     for i, controller in enumerate(study.controllers):

@@ -22,7 +22,7 @@ ERROR_BOUND = "error_bound"
 
 @dataclass(frozen=True, eq=False)
 class _Certified:
-    """The bound of one controller's members that differ only in theta, NaN for none, and its validity."""
+    """The bound for one controller's members that differ only in theta, NaN if there is none, and its validity."""
 
     bound: float
     known: KnownSet | None
@@ -37,8 +37,8 @@ class Bounds:
     """The guaranteed ``error_bound`` of each member, over the whole known set if theta varies.
 
     A physical parameter that varies within its range moves theta within the set derived from it. A member whose theta is outside
-    its own known set has no bound; none has one if the plan contains more than MOST_CERTIFIED combinations of the other numbers
-    on which a controller depends: this is known before the sweep and independent of the order of the runs.
+    its own known set has no bound. No member has one if the plan contains more than MOST_CERTIFIED combinations of the other
+    numbers on which a controller depends; this is known before the sweep and independent of the order of the runs.
     """
 
     study: Study
@@ -139,6 +139,6 @@ class Bounds:
             return np.zeros((len(rows), 0))
         thetas = np.tile(problem.plant.theta, (len(rows), 1))
         for column in self.thetas:
-            place, *of_input = map(int, self.study.plan.paths[column].keys[2:])  # theta row by row, as the plant stores it
+            place, *of_input = map(int, self.study.plan.paths[column].keys[2:])  # theta row by row, in the order of the plant
             thetas[:, place * problem.plant.inputs + of_input[0] if of_input else place] = rows[:, column]
         return thetas

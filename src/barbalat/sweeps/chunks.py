@@ -1,5 +1,5 @@
-"""Divides members into chunks: the members in one file of a store, the members that run at once for about a second, and the place
-of columns without a store: in memory, or in files if they are too large.
+"""Divides members into chunks: the members in one file of a store, the members that run together for about a second, and the
+storage of columns without a store: memory, or files if they are too large.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def chunks_of(members: int, size: int) -> Iterator[Chunk]:
 
 
 UNIT_SECONDS = 1.0
-"""Approximate duration of a unit of work [s]: if the process is killed, this much work is lost in addition to the unstored
+"""Approximate duration of a unit of work [s]. If the process is killed, this much work is lost in addition to the unstored
 results."""
 GROWTH = 8
 """Largest growth of the number of members between units: the first ones include compilation and are not representative."""
@@ -77,8 +77,8 @@ GROWTH = 8
 class Pace:
     """The number of members that run at once, based on the duration of earlier units. No bit depends on it.
 
-    ahead   units that wait for each that runs: a started unit takes longer than its own work by this factor
-    fewest  least number of members that run at once, so that kernels have work for all their lanes
+    ahead   number of units that wait for each running unit: a started unit takes longer than its own work by this factor
+    fewest  smallest number of members that run together, so that kernels have work for all their lanes
     """
 
     ahead: int = 1
@@ -97,7 +97,7 @@ class Pace:
                 done += unit.size
 
     def done(self, unit: Chunk) -> None:
-        """The next units are sized by the time since this one started."""
+        """Determine the size of the next units from the time since this one started."""
         seconds = (time.perf_counter() - self.begun.pop(unit.first)) / self.ahead
         wanted = unit.size * min(UNIT_SECONDS / max(seconds, 1e-9), GROWTH)
         self.size = int(max(wanted, self.fewest))
@@ -108,7 +108,7 @@ MOST_IN_MEMORY = 2**28
 
 
 Made = Iterator[tuple[Chunk, Columns]]
-"""Chunks with their columns, as they are complete."""
+"""Chunks with their columns, in the order of completion."""
 
 
 def in_order(made: Made) -> Made:

@@ -108,8 +108,8 @@ def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable
 
 @dataclass(frozen=True, eq=False)
 class Canary:
-    """A few members of the study that every worker's process runs before others: it must obtain the client's bits. Hashes of the
-    sources do not reveal a patched package, another compiler's library or a defective processor."""
+    """A few members of the study that every worker's process runs first. The results must equal the client's in every bit. Hashes
+    of the sources do not reveal a patched package, another compiler's library or a defective processor."""
 
     task: WorkerTask
     tables: Tabulated
@@ -139,7 +139,7 @@ _DIGESTS: dict[str, str] = {}
 
 
 def kept(tables: Tabulated) -> Tabulated:
-    """Data that a cluster stores for many chunks; the scheduler recreates it if its worker is lost."""
+    """Data that a cluster stores for many chunks; the scheduler recreates them if their worker is lost."""
     return tables
 
 
@@ -173,7 +173,8 @@ CHUNKS_AHEAD = 2
 MOST_TABLES = 8
 """Number of signal tables that a cluster holds for later chunks: some 10 MB each."""
 MOST_DEATHS = 5
-"""Number of times that a chunk is sent again after the scheduler gave it up, which happens when three workers died with it."""
+"""Number of times that a chunk is sent again after the scheduler has given it up, which happens after three workers died with
+it."""
 
 
 class SchedulerLostError(Exception):
@@ -242,14 +243,14 @@ def _close(cluster: LocalCluster) -> None:
     with contextlib.suppress(TimeoutError, OSError):
         cluster.close(timeout=CLOSING_SECONDS)
         return
-    cluster.shutdown_on_close = False  # it can't be closed twice, and would be at the end of this process
+    cluster.shutdown_on_close = False  # prevents a second close at the end of this process, which would fail
     for process in multiprocessing.active_children():
         if process.pid in workers:
             process.kill()
 
 
 def _require_answer(address: str) -> None:
-    """InputError if no scheduler identifies itself; a client would wait for a port that is open but silent."""
+    """Raise InputError if no scheduler identifies itself. A client would wait for a port that is open but does not answer."""
     from distributed.core import connect
     from distributed.security import Security
 
@@ -273,13 +274,13 @@ def _require_answer(address: str) -> None:
     def wait() -> None:
         with contextlib.suppress(
             Exception
-        ):  # another server may answer anything: a web server's text would be read as a request for 3 EB of memory
+        ):  # the answer of another server may be arbitrary: a web server's text would be read as a request for 3 EB of memory
             asyncio.run(within())
             answered.set()
 
     asking = Thread(target=wait, daemon=True)  # a notebook's own thread already has a running loop
     asking.start()
-    asking.join()  # Ctrl-C abandons it
+    asking.join()  # Ctrl-C ends this without waiting
     if not answered.is_set():
         raise InputError(
             f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
@@ -289,7 +290,7 @@ def _require_answer(address: str) -> None:
 
 @dataclass(eq=False)
 class _Given:
-    """A chunk in progress: its work, the parts that it requested, and the figures of those that have run."""
+    """A chunk in progress: its work, the requested parts, and the figures of the parts that have run."""
 
     chunk: Chunk
     work: Work
@@ -385,7 +386,7 @@ class Workers:
         return self.canary[1]
 
     def _least_busy(self) -> str | None:
-        """The worker to use if it is alive. Dask itself prefers the one that already has the signals."""
+        """The least busy worker, to be used if it is alive. Dask itself prefers a worker that already has the signals."""
         busy = Counter(worker for _, _, worker in self.under_way.values())
         return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
 

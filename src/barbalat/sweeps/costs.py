@@ -1,5 +1,5 @@
-"""The cost of a sweep before it is run: a few members are processed here like all others, with time and memory measured at
-each stage."""
+"""The cost of a sweep before it is run: a few members are processed here like all others, and the time and memory of each stage
+are measured."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ tables."""
 
 
 def require_members(settling: Settling, members: int, certificates: int = 0) -> None:
-    """InputError if this number of members, those that a store lacks, exceeds the budget; before the first of them is built.
+    """Raise InputError if this number of members (those missing from a store) exceeds the budget, before the first of them is
+    built.
 
     If the runs with finer steps could be too many, the plan's first members are run to estimate their cost.
 
@@ -46,7 +47,7 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
     study = settling.study
     loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
     by_tolerance = study.example.simulation.tolerance is not None
-    stored = Estimate(memory=MEMBER.memory * (len(study) - members))  # the evaluation reads all
+    stored = Estimate(memory=MEMBER.memory * (len(study) - members))  # the evaluation reads all members
 
     groups, structures = _apart(study, Kind.SIGNAL, Kind.STRUCTURE), _apart(study, Kind.STRUCTURE)
     alone = Estimate(seconds=GROUP_SECONDS * len(loops))
@@ -96,7 +97,8 @@ def _apart(study: Study, *kinds: Kind) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Costs:
-    """The cost of one member of a sweep, measured here: processor time, not elapsed time, so that other programs matter little.
+    """The cost of one member of a sweep, measured here: processor time rather than elapsed time, so that other programs have
+    little effect.
 
     steps     solver steps, summed over all controllers
     worker    processor time of the worker that simulates it, including its share of compiling for a chunk of a second or two [s]
@@ -104,7 +106,7 @@ class Costs:
     sent, returned, stored  bytes to a worker, from it, and on the disk
     tables    bytes of the signals' samples, which are sent to each worker once
     reruns    evaluations with finer steps, as a multiple of the plain ones, each of which costs RERUN_COST times as much
-    settled   share of the plan's first members that are settled by their own step, or by a finer one that is afforded
+    settled   share of the plan's first members that are settled by their own step or by an affordable finer one
     """
 
     steps: int

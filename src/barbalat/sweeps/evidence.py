@@ -26,7 +26,7 @@ RING, NOT_SETTLED = "estimates ring", "not settled"
 VERDICTS = (*(str(kind) for kind in Class if kind is not Class.FOLLOWS), RING, NOT_SETTLED)
 """The judge's classes whose shares are reported."""
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
-"""Names of shares; any other share has the name of a requirement and counts the members that violate it."""
+"""Names of shares; every other share has the name of a requirement and counts the members that violate it."""
 EXAMINED = "only the estimates: a limit cycle of the control or of the state with constant estimates is not counted"
 """The signals of ``oscillated``."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is still growing, or lost at a smaller size, is not counted"
@@ -74,7 +74,7 @@ class Evidence:
     """Shares, extremes and sensitivities, by verdict or figure, and then by controller.
 
     unexamined  by controller, why ``oscillated`` is unknown for every member
-    filled  median and largest max |e| relative to the guaranteed bound: how much of the guarantee a run can use up
+    filled  median and largest max |e| relative to the guaranteed bound: the part of the guarantee that runs use
     """
 
     shares: dict[str, dict[str, Share]]
@@ -94,7 +94,7 @@ def evidence(
     notes: Sequence[str] = (),
     unexamined: Mapping[str, str] | None = None,
 ) -> Evidence:
-    """The evidence, computed from the columns one after another; ``notes`` are known gaps."""
+    """The evidence, computed from one column after another; ``notes`` are known limitations."""
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
@@ -138,8 +138,8 @@ class Verdict(NamedTuple):
 
     counted  (M,) for which members it is true
     judged   (M,) for which members it is known
-    settled  (M,) for which members it belongs to the plant and not to the solver
-    split    whether the share distinguishes these: ``diverged`` and ``oscillated`` are about the runs as they are
+    settled  (M,) for which members it is not due to the solver
+    split    whether the share distinguishes settled members; ``diverged`` and ``oscillated`` refer to the runs themselves
     """
 
     name: str
@@ -201,7 +201,7 @@ def _fill(filled: dict[str, Extremes], rows: Rows, controller: str) -> None:
 
 
 def _without_bound(rows: Rows, controller: str) -> list[str]:
-    """Why only some members are compared with a bound, as a sentence; none if all are, or none is."""
+    """The reason why only some members are compared with a bound, as a sentence; empty if all or none are compared."""
     if f"{controller}/{ERROR_BOUND}" not in rows.names:
         return []
     bounded = np.isfinite(rows.column(f"{controller}/{ERROR_BOUND}"))

@@ -1,4 +1,5 @@
-"""Pictures of a sweep: the distribution of the members' errors, a map over two axes, and the share of each varied number."""
+"""Pictures of a sweep: the distribution of the members' errors, a map over two axes, and each varied number's share of the
+variance."""
 
 from __future__ import annotations
 
@@ -57,7 +58,7 @@ class WorstRun:
 
 
 def members_by_verdict(found: SweepResult, runs: Sequence[WorstRun], *, narrow: bool = False) -> Figure:
-    """For each controller, the members over the two most influential numbers; beside it, or below it on a phone, its worst
+    """For each controller, the members over the two most influential numbers and, beside them or below them on a phone, its worst
     run."""
     shown = [run for run in runs if f"{run.controller}/{VERDICT}" in found.rows.names][:MOST_SHOWN]
     rows, columns = (2 * len(shown), 1) if narrow else (len(shown), 2)
@@ -74,7 +75,7 @@ def members_by_verdict(found: SweepResult, runs: Sequence[WorstRun], *, narrow: 
 
 
 def deciding(found: SweepResult) -> list[FieldPath]:
-    """The varied numbers, ordered by their own share of the verdicts, or of the tail's error if all verdicts are equal."""
+    """The varied numbers, ordered by their influence on the verdicts, or on the tail's error if all verdicts are equal."""
     judged = []
     for controller in found.controllers:
         kinds = found.column(f"{controller}/{VERDICT}")

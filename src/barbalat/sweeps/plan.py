@@ -1,5 +1,5 @@
-"""The numbers of each member: on a grid, drawn, or every draw at every point of a grid. They follow from the member's number
-alone."""
+"""The numbers of each member: on a grid, drawn, or every draw at every point of a grid. They depend only on the member's
+number."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribu
 from barbalat.validate import Array, InputError
 
 BLOCK_DRAWS = 2**16
-"""Draws that are made together: each block is a separate Latin hypercube, so that a single member needs only its block."""
+"""Draws that are made together: each block is a separate Latin hypercube, so a single member needs only its block."""
 MOST_SOBOL = 2**30
 """Largest number of points of SciPy's Sobol sequence, which has 30 bits."""
 
@@ -176,7 +176,7 @@ class Plan:
         if first:
             sequence.fast_forward(first)
         with warnings.catch_warnings():
-            # the warning that the balance needs a power of two: the documentation says so
+            # SciPy warns that the balance needs a power of two, which the documentation states
             warnings.simplefilter("ignore", UserWarning)
             return np.asarray(sequence.random(count))
 
@@ -205,7 +205,8 @@ class Plan:
 
 @lru_cache(maxsize=2)
 def _hypercube(seed: int, block: int, count: int, dimensions: int) -> Array:
-    """A block's draws, cached for its next chunk: for a chunk of a thousand members they would otherwise dominate the time."""
+    """A block's draws, which are cached for its next chunk; with chunks of a thousand members they would otherwise dominate the
+    time."""
     from scipy.stats import qmc
 
     return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng([seed, block])).random(count))

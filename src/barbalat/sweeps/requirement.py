@@ -23,8 +23,8 @@ _FORM = re.compile(r"\s*(?P<figure>[^<>=]*?)\s*(?P<sign><=|>=|<|>)\s*(?P<limit>[
 
 @dataclass(frozen=True)
 class Requirement:
-    """``figure`` may belong to one controller, as ``L1/max_abs_e[0]``, or else to every one; without brackets all components
-    are meant."""
+    """``figure`` may belong to one controller, as ``L1/max_abs_e[0]``, or to all controllers; without brackets it refers to all
+    components."""
 
     figure: str
     sign: str
@@ -43,7 +43,7 @@ class Requirement:
         return f"{self.figure} {self.sign} {self.limit:g}"
 
     def columns(self, names: list[str], controller: str) -> list[str]:
-        """The columns of a controller that are judged; none if the requirement is about another controller."""
+        """The columns of a controller to which the requirement applies; none if it is about another controller."""
         own = [name for name in names if name.startswith(f"{controller}/")]
         figure = self.figure.removeprefix(f"{controller}/")
         return [name for name in own if name.removeprefix(f"{controller}/").split("[")[0] == figure] or [
@@ -57,7 +57,7 @@ class Requirement:
             raise InputError(f"the requirement {validate.show(str(self))} does not name a figure; known are {', '.join(figures)}")
 
     def broken(self, values: Array) -> Array:
-        """(M,) whether a column violates it; a figure that is missing because the run diverged does."""
+        """(M,) whether a column violates the requirement; a figure that is missing because of divergence violates it."""
         with np.errstate(invalid="ignore"):
             return np.asarray(~COMPARISONS[self.sign](values, self.limit))
 

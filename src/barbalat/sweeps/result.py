@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 DID = {str(Class.CYCLE): "in a limit cycle"}
-"""Verbs for classes whose names do not read well after a number."""
+"""Words for classes whose names do not read well after a number."""
 
 
 def _are_settings(paths: Sequence[str]) -> bool:
@@ -38,7 +38,7 @@ class SweepResult:
 
     resumed     number of members found in the store
     seconds     time for everything that was simulated now
-    redesigned  what is designed again for each member, by the paths from which it follows
+    redesigned  the designs that are repeated for each member, by the paths on which they depend
     redesign    whether that was requested
     audit       the effect of a finer step on the verdicts of some members
     member_steps  solver steps of all members simulated now, over all controllers; 0 with a tolerance
@@ -66,7 +66,7 @@ class SweepResult:
 
     @property
     def judged(self) -> bool:
-        """Whether its members have verdicts: a store that was started before runs were judged has none."""
+        """Whether the members have verdicts; a store from before runs were judged has none."""
         return f"{self.controllers[0]}/{VERDICT}" in self.rows.names
 
     @property
@@ -85,7 +85,7 @@ class SweepResult:
 
     @property
     def unsettled(self) -> dict[str, str]:
-        """Why members are not settled, by controller, if some are not."""
+        """The reasons why members are not settled, by controller."""
         found = {}
         for name in self.controllers if self.judged else ():
             needed = self.column(f"{name}/{FINER_BY}")[self.column(f"{name}/{SETTLED}") != 1]

@@ -1,4 +1,4 @@
-"""How much of a figure's variance over the members each varied number accounts for by itself: first-order Sobol indices."""
+"""The share of a figure's variance over the members that each varied number explains by itself: first-order Sobol indices."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FEWEST_DRAWS = 128
 RESAMPLES = 50
 """Number of resamples of the bootstrap."""
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
-"""A share below this is rounding: the square of that of a sum of 10^6 numbers."""
+"""A share below this is rounding error: the square of that of a sum of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 """The evaluated figures, without indices of components."""
 
@@ -34,7 +34,7 @@ class Sensitivity:
 
     first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
                Estimates below 0 or above 1 are clipped
-    total      the share including what the number accounts for together with others; only for Saltelli's design, else None
+    total      the share including interactions of the number with others; only for Saltelli's design, else None
     estimator  how it was obtained
     """
 
@@ -59,7 +59,7 @@ SALTELLI, RBD_FAST, FACTORIAL = (
 
 
 def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[list[Sensitivity], list[str]]:
-    """Sensitivities of the figures that all members have; and sentences on what has none."""
+    """Sensitivities of the figures that all members have, and sentences on figures and numbers without one."""
     found: list[Sensitivity] = []
     notes: list[str] = []
     if plan.draws and plan.design is not Design.SALTELLI:
@@ -113,13 +113,13 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
 def _near_one(values: Array) -> Array:
     """The values times a power of two, which changes no bit of any share of a variance.
 
-    Squares of very small or very large values would underflow or overflow, so that the variance would be zero or infinite.
+    Squares of very small or very large values would underflow or overflow, and the variance would be zero or infinite.
     """
     return np.ldexp(values, -int(np.frexp(np.abs(values).max())[1]))
 
 
 def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) -> Iterator[Sensitivity]:
-    """The sensitivity to what is drawn, of the mean over the grid, whose variance is a part of the whole."""
+    """The sensitivity of the mean over the grid to the drawn numbers; its variance is a part of the whole variance."""
     from SALib.analyze import rbd_fast
 
     mean = by_point.mean(axis=tuple(range(len(plan.axes)))) if plan.axes else by_point
@@ -142,7 +142,7 @@ def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
     n, d = plan.members, len(plan.draws)
     a, b, ab = values[:n], values[n : 2 * n], values[2 * n :].reshape(d, 1, n)
     if values[: 2 * n].min() == values[: 2 * n].max():
-        return  # the variance that the estimators divide by is that of A and B
+        return  # the estimators divide by the variance of A and B
     found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab}, n=n)
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     mean = values[: 2 * n].mean()

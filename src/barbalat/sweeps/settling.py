@@ -1,4 +1,4 @@
-"""Does a result belong to the plant or to the solver? Members whose step may damp or excite unresolved oscillations are repeated
+"""Separates plant and solver: members whose step may damp or excite unresolved oscillations are repeated
 with a step that resolves them.
 
 The member's figures and verdict are then those with that step.
@@ -38,7 +38,7 @@ ALWAYS_RERUN = 3 * 10**8
 """Number of solver steps that these runs may always take, even in a small sweep: some ten seconds of one core."""
 
 GOLDEN = (5**0.5 - 1) / 2
-"""The multiples of this number modulo 1 are evenly distributed in [0, 1), so that any sequence of them samples the members
+"""The multiples of this number modulo 1 are evenly distributed in [0, 1), so any sequence of them samples the members
 evenly."""
 
 Work = Generator[list[StudyPart], list[list[Figured]], Columns]
@@ -65,8 +65,8 @@ class Afforded(NamedTuple):
         return str(self.finest) + (f" and {self.share:.17g} up to {self.beyond:g}" if self.share else "")
 
     def admits(self, numbers: Array, factor: float) -> Array:
-        """(K,) which members with these numbers are repeated with a step smaller by ``factor``; the answer depends only on
-        their numbers."""
+        """(K,) whether members with these numbers are repeated with a step smaller by ``factor``; this depends only on
+        the numbers."""
         if factor <= self.finest or factor > self.beyond:
             return np.full(len(numbers), factor <= self.finest)
         return np.asarray((numbers * GOLDEN) % 1.0 < self.share)
@@ -76,7 +76,7 @@ class Afforded(NamedTuple):
 class Finer(Varied):
     """The cases of a study with another step. A sampled controller keeps its sample time, and a sampled law its own steps.
 
-    With a tolerance it is the finer one by which runs are measured, whatever the step.
+    With a tolerance, the finer tolerance with which runs are measured is used, whatever the step.
     """
 
     varied: Varied
@@ -102,8 +102,8 @@ class Finer(Varied):
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
-    """Members with one controller and another step: ``places`` are their indices among those requested, ``part`` is what is
-    run."""
+    """Members with one controller and another step: ``places`` are their indices among those requested, and ``part`` contains the
+    members to run."""
 
     controller: int
     places: Array
@@ -180,7 +180,7 @@ class Settling:
             yield Rerun(controller, places[part.which], part, study)
 
     def _settle(self, found: Columns, rerun: Rerun, fine: Figured) -> None:
-        """Use the results of the finer step; whether estimates oscillate with the case's own step is kept as well."""
+        """Use the results of the finer step, but keep the information whether estimates oscillate with the case's own step."""
         name, resolved = self.study.controllers[rerun.controller], fine.finer_by == 0
         (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
         columns = columns_of(fine.metrics) | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}
@@ -191,7 +191,7 @@ class Settling:
     def afforded(self) -> Afforded:
         """The limits for repeated members, so that all repetitions together cost less than MOST_RERUN plain sweeps.
 
-        They follow from the plan's first members, so that they don't depend on which members run together.
+        They are determined from the plan's first members, so they do not depend on the members that run together.
         """
         within = max(MOST_RERUN, ALWAYS_RERUN / (len(self.study) * self.study.steps))
         tried = sorted({factor for factor, _ in self._needed})
@@ -243,12 +243,13 @@ class Settling:
 
     @property
     def _needed(self) -> list[tuple[float, float]]:
-        """For each of the plan's first members and each controller that needs one, a factor and the evaluations that it takes."""
+        """The factors, and the evaluations that they take, for those of the plan's first members and controllers that need
+        one."""
         return [one for one in self._looked_at if 0 < one[0] < np.inf]
 
     @property
     def _unknown(self) -> int:
-        """The number of them for which no factor is sufficient, or none is known."""
+        """The number of the plan's first members for which no factor is sufficient, or none is known."""
         return sum(not np.isfinite(factor) for factor, _ in self._looked_at)
 
     @cached_property

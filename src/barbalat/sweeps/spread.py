@@ -20,7 +20,7 @@ MOST_VALUES = 10**7
 
 @dataclass(frozen=True)
 class Axis:
-    """``count`` values from ``start`` to ``stop``, equally spaced, in the logarithm if requested."""
+    """``count`` values from ``start`` to ``stop``, equally spaced, or equally spaced in the logarithm if requested."""
 
     start: float
     stop: float
@@ -126,7 +126,8 @@ class Normal:
 
 @dataclass(frozen=True)
 class CutNormal:
-    """From ``low`` to ``high``, normal around the middle; truncated at the ends, which are three standard deviations away."""
+    """From ``low`` to ``high``, normal around the middle; truncated at the ends, which are three standard deviations from the
+    middle."""
 
     low: float
     high: float
@@ -168,7 +169,7 @@ class InBall:
 
 
 SHARE_OF_RADIUS = 1 - 2.0**-40
-"""Share of a ball's radius: every draw is inside despite rounding."""
+"""Share of a ball's radius to which draws are limited, so that every draw is inside despite rounding."""
 
 DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {
     "uniform": Uniform,

@@ -1,6 +1,6 @@
 """Statistics of many runs, with intervals that assume no distribution: shares, medians, and significant differences.
 
-A failed run has an infinite figure: it counts as one run on the worse side, and is never left out.
+A failed run has an infinite figure: it counts as one run on the worse side and is never excluded.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
     """For each share, 1 if it is significantly above one half, -1 if it is below, 0 otherwise.
 
     Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not: if
-    all shares are one half, the probability that any is called otherwise is at most 1 - CONFIDENCE_LEVEL.
+    all shares are one half, the probability that any of them is reported as different is at most 1 - CONFIDENCE_LEVEL.
     """
     found = dict.fromkeys(shares, 0)
     for left, name in zip(range(len(shares), 0, -1), sorted(shares, key=lambda one: shares[one].chance), strict=True):
@@ -104,7 +104,8 @@ def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
 class Median:
     """The median of a figure, whose values may be infinite, with its interval.
 
-    value     the mean of the two middle values if their number is even; the lower one for an infinity and its opposite
+    value     the mean of the two middle values if the number of values is even; the lower one if these are infinities of opposite
+              sign
     interval  from the k-th smallest to the k-th largest value, exact by the binomial distribution of the number below (Conover,
               Practical Nonparametric Statistics, section 3.2); an end is missing if there are too few values
     """
@@ -121,7 +122,9 @@ class Median:
         ordered = np.sort(np.where(np.isnan(values), np.inf, values))
         count = len(ordered)
         low, high = float(ordered[(count - 1) // 2]), float(ordered[count // 2])
-        k = int(binom.ppf((1 - CONFIDENCE_LEVEL) / 2, count, 0.5))  # fewer than k below the median: less likely than that
+        k = int(
+            binom.ppf((1 - CONFIDENCE_LEVEL) / 2, count, 0.5)
+        )  # the probability of fewer than k values below the median is less than that
         return cls(
             value=low if np.isneginf(low) else (low + high) / 2,
             interval=(float(ordered[k - 1]), float(ordered[-k])) if k else (-np.inf, np.inf),

@@ -88,7 +88,7 @@ class Store:
         return sum(file["count"] for file in self.index.files.values())
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
-        """Add a chunk's columns: they are on disk when this returns, or not at all."""
+        """Add a chunk's columns: when this returns, they are on disk completely or not at all."""
         self.add_all([(chunk, columns)])
 
     def add_all(self, made: Sequence[tuple[Chunk, Columns]]) -> None:
@@ -133,7 +133,7 @@ class Store:
         self._write(INDEX_FILE, buffer.getvalue())
 
     def _write(self, name: str, content: bytes) -> None:
-        """Write under another name first, and rename once it is on the disk: no reader ever sees an incomplete file."""
+        """Write under another name and rename the file when it is on the disk, so that no reader sees an incomplete file."""
         temporary = self.folder / WRITING_DIR / name
         temporary.parent.mkdir(exist_ok=True)
         try:
@@ -148,7 +148,7 @@ class Store:
 
     @property
     def names(self) -> list[str]:
-        """The columns of its rows, which later rows must have too; none if nothing is stored yet."""
+        """The columns of the stored rows, which later rows must have too; empty if nothing is stored yet."""
         return names_in(self.folder)
 
     def rows(self) -> StoredRows:
@@ -156,10 +156,10 @@ class Store:
 
 
 STORED_EVERY = 3.0
-"""Seconds between two times of storing completed chunks: if the process is killed, this much work is lost in addition to the
+"""Interval at which completed chunks are stored [s]: if the process is killed, this much work is lost in addition to the
 running chunks."""
 MANY_FILES, FILES_FOR_DOUBLE = 1024, 512
-"""Number of files above which a store is written less often, and half as often again with this many more: 4096 files
+"""Number of files above which a store is written less often; the interval grows in proportion to this number, so that 4096 files
 correspond to a day."""
 MOST_WAITING = 4
 """Largest number of chunks that wait in memory, in parts: workers complete them in any order."""
@@ -178,7 +178,7 @@ class Waiting:
         self.stored_at = time.perf_counter()
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
-        """Add complete results, and store what is due."""
+        """Add complete results, and store those that are due."""
         self.made.append((chunk, columns))
         waiting = sum(one.size for one, _ in self.made)
         if time.perf_counter() - self.stored_at >= self.pause or waiting >= MOST_WAITING * self.store.index.chunk:
@@ -193,11 +193,11 @@ class Waiting:
 
     @property
     def pause(self) -> float:
-        """Seconds between two times of storing."""
+        """Interval between two times of storing [s]."""
         return float(STORED_EVERY * 2.0 ** max((len(self.store.index.files) - MANY_FILES) / FILES_FOR_DOUBLE, 0.0))
 
     def put(self) -> None:
-        """Store what is waiting; what could not be stored is dropped."""
+        """Store the waiting results; results that could not be stored are dropped."""
         runs, self.made = self._runs(), []
         if runs:
             self.store.add_all([_joined(several) for several in runs])
@@ -237,7 +237,7 @@ def opened(
 ) -> Iterator[Store]:
     """A new store, or one to continue, locked for this process; a complete one is not written.
 
-    grows  it may have fewer members than are now requested, the first ones of the same plan
+    grows  whether it may have fewer members than are now requested: the first ones of the same plan
 
     InputError for a folder that can't be written, that another process writes, or that contains another sweep or other files.
     """
@@ -273,7 +273,7 @@ def opened(
 def require_place(folder: Path) -> None:
     """InputError for a folder that ``opened`` would refuse in any case, and if a store's dependencies are missing.
 
-    A command calls this before it computes anything. The test leaves nothing behind, and does not write a complete store.
+    A command calls this before it computes anything. The test leaves no files behind and does not write to a complete store.
     """
     require_parquet()
     folder = validate.local_path("the store", folder)
@@ -310,7 +310,7 @@ def _locked(folder: Path) -> Iterator[None]:
         with refused(refusal):
             try:
                 lock.acquire()
-            except Timeout:  # which is an OSError too
+            except Timeout:  # a timeout is an OSError too
                 raise InputError(
                     f"the store {str(folder)!r} is being written by another process: wait for it, or choose another"
                 ) from None
@@ -325,7 +325,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _sync(folder: Path) -> None:
-    """Flush the folder's own entries to the disk; Windows has no handle for that and flushes by itself."""
+    """Flush the folder's own entries to the disk. Windows has no handle for this and flushes by itself."""
     if sys.platform == "win32":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -336,7 +336,7 @@ def _sync(folder: Path) -> None:
 
 
 def _table(columns: Columns) -> pa.Table:
-    """A missing figure is null."""
+    """The columns as a table, in which a missing figure is null."""
     import pyarrow as pa
 
     found = {}

@@ -1,4 +1,4 @@
-"""The contents of a sweep's folder on disk, and how to read it, also while another process writes it."""
+"""Reads a sweep's folder on disk, also while another process writes to it."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreInd
     """The index extended to further members of a plan that keeps its first ones; unchanged for another sweep or the same
     number."""
     plan = index.identity.get("plan", {}) | {"members": members}
-    known = {key: value for key, value in identity.items() if key in index.identity}  # an old store has fewer
+    known = {key: value for key, value in identity.items() if key in index.identity}  # an old store has fewer columns
     if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != known:
         return index
     return replace(index, identity=known, members=members, files=dict(index.files))
@@ -185,7 +185,8 @@ class StoredRows:
 def _table(file: Path, names: list[str] | None) -> pa.Table:
     """These columns of a file, or all of them.
 
-    Arrow gets the open file: it would take a name with a colon for a URL, expand ``~``, and read a folder ``a=1`` as a column.
+    Arrow receives the open file, because it would treat a name with a colon as a URL, expand ``~``, and read a folder ``a=1`` as
+    a column.
     """
     from pyarrow import parquet
 

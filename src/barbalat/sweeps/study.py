@@ -36,17 +36,17 @@ from barbalat.sweeps.plan import Plan
 from barbalat.validate import Array, InputError
 
 REFERENCE_MODEL, OBSERVER = "the reference model", "the observer"
-"""What a member's numbers are used for, in addition to the names of controllers."""
+"""The uses of a member's numbers, in addition to the names of controllers."""
 OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "simulation")
-"""First keys of a designer's choices and knowledge, whose variation means other designs. All other keys belong to the plant."""
+"""First keys of a designer's choices and knowledge: varying them means varying the design. All other keys belong to the plant."""
 OF_NO_DESIGN = (("plant", "x0"),)
-"""The state is measured, so a predictor begins at its initial value, which is not a design choice."""
+"""Parts that are not design choices: the state is measured, so a predictor begins at its initial value."""
 DESIGN_ROUNDING = 1e-9
 """Share of the largest number of an array: far above the rounding of a matrix that does not depend on the varied numbers."""
 
 
 def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
-    """What is designed again for each member, by the paths of the plant's numbers from which it follows.
+    """The designs that are repeated for each member, by the paths of the plant's numbers on which they depend.
 
     A gain or a reference model computed from the plant is no longer that of the case: such a sweep tries many designs, each on
     its own plant, and not one design on many plants.
@@ -171,7 +171,7 @@ class Study:
     def steps(self) -> int:
         """The solver steps of a member's run, the maximum over the ends of what varies; summed over all controllers.
 
-        With a tolerance those that take as long as the first member's run.
+        With a tolerance, the fixed steps that take as long as the first member's run.
         """
         if self.example.simulation.tolerance is not None:
             return round(sum(self.steps_like))
@@ -271,7 +271,8 @@ class Study:
         return self.motions[key]
 
     def oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
-        """For controllers from number ``first`` on (M,): 1 if estimates oscillate, NaN if it is unknown what is large."""
+        """For controllers from number ``first`` on (M,): 1 if estimates oscillate, NaN if the range of the estimates is
+        unknown."""
         problem, motion = setting.example.problem, self._motion(setting)
         found = []
         controllers = setting.example.controllers[first : first + len(metrics)]
@@ -298,13 +299,13 @@ class Study:
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:
-        """Which controllers are made again for each member, by the paths that determine them; see ``redesigned``."""
+        """The controllers that are redesigned for each member, by the paths that determine them; see ``redesigned``."""
         return redesigned(self.varied, self.tried)
 
     @cached_property
     def unexamined(self) -> dict[str, str]:
-        """Why it can't be decided whether a controller's estimates oscillate, by its name; controllers for which it can are
-        left out."""
+        """The reasons why it cannot be decided whether a controller's estimates oscillate, by its name; other controllers are
+        omitted."""
         widths = (known_width(self.example.problem, one) for one in self.example.controllers)
         found = {}
         for name, width in zip(self.controllers, widths, strict=True):
@@ -336,7 +337,7 @@ class Study:
         return hashlib.sha256(_programs(self.setting(self.tried.middle)) + terms).hexdigest()
 
     def identity(self) -> dict[str, object]:
-        """The data that a store must have been made with in order to be continued."""
+        """The data with which a store must have been made to be continued."""
         return {
             "case": self.varied.source,
             "plan": self.plan.as_json(),
@@ -354,7 +355,7 @@ def _programs(setting: Setting) -> bytes:
 
 
 def _tried(plan: Plan) -> Tried:
-    """Values of a plan's varied numbers that are tried to find the effect of each."""
+    """Trial values of a plan's varied numbers, with which the effect of each is determined."""
     found, drawn = [axis.values for axis in plan.axes.values()], list[Array]()
     for one in plan.draws.values():
         found.append(one.at(np.array(TRIED_SHARES), drawn))
@@ -371,7 +372,7 @@ def batches_run(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> list[Batch]:
-    """The members of each controller after their run, which is not recorded."""
+    """The members of each controller after their unrecorded run."""
     simulation = setting.simulation
     if simulation.tolerance is not None:
         shares = [(i / len(members), 1 / len(members)) for i in range(len(members))]

@@ -74,7 +74,7 @@ def sweep(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run a case many times, over a grid, over draws, or with every draw at every point of a grid.
+    """Run a case many times: over a grid, over random draws, or with every draw at every point of a grid.
 
     case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
              controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
@@ -87,7 +87,7 @@ def sweep(
     store    a folder that keeps every row, and from which a repeated call continues
     scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the results are bit for bit those of
                threads, the default
-    bounds   certify what can be certified and compare the errors with it
+    bounds   certify the members where possible and compare their errors with the bounds
     audit    number of members that are repeated with half the step of their verdict, 0 for none; by default 2 % of them, and at
              least 30
     redesign  design reference model and controllers again for each member's plant.A, plant.b and parameters, instead of varying
@@ -132,11 +132,11 @@ def run_study(
     progress: Progress | None = None,
     told: Told | None = None,
 ) -> SweepResult:
-    """Run all members; with a store only those that it lacks.
+    """Run all members; with a store, only the missing ones.
 
     chunk   largest number of members in a file of a new store, by default as many as take about a second; no bit depends on it
     scheduler  of the workers that run them; by default threads of this process
-    bounds  certify what can be certified, a second for each controller, and compare the errors with it
+    bounds  certify the members where possible, which takes a second for each controller, and compare their errors with the bounds
     audit   number of members that are repeated with half of their step; see ``audit.audit``
     told    receives sentences on the store and on the current wait
     Raises InputError for members beyond the budget, and, with its number, for one that gives no valid case; stored rows stay.
@@ -230,10 +230,10 @@ def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Se
         yield UnstoredChunks.room_for(list(chunks_of(len(study), size)), len(columns))
         return
     bounded = any(name.endswith(f"/{ERROR_BOUND}") for name in columns)
-    # which bounds are computed depends on the number of members
+    # the number of members determines which bounds are computed
     grows = study.plan.keeps_its_first and not bounded
     identity = study.identity() | {"bounds": bounded}
-    if study.plan.keeps_its_first:  # which finer steps are afforded depends on the number of members
+    if study.plan.keeps_its_first:  # the number of members determines the affordable finer steps
         identity["finest"] = str(settling.afforded)
     with opened(store, identity, len(study), size, grows=grows) as found:
         yield found
@@ -241,7 +241,7 @@ def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Se
 
 @contextlib.contextmanager
 def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], None]]:
-    """Accepts complete chunks; when it ends in any way, it writes what the store has not written yet."""
+    """Accepts complete chunks; when it ends, for whatever reason, it writes the chunks that are not stored yet."""
     if isinstance(sink, UnstoredChunks):
         yield sink.add
         return
@@ -253,7 +253,7 @@ def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], N
 
 
 def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
-    """The same, with the next pieces sized by the duration of these."""
+    """The same pieces; the size of the next ones follows from the duration of these."""
     for one, columns in made:
         yield one, columns
         pace.fewest = FEWEST_MEMBERS * settling.kernels
@@ -320,7 +320,7 @@ class Replayed:
 
 
 def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
-    """The member with this number, on its sweep's kernel: a kernel made for it alone would round differently.
+    """Run the member with this number on its sweep's kernel, because a kernel made for it alone would round differently.
 
     A recorded run accumulates its sums in other blocks. Its figures are therefore those of the unrecorded run.
     """

@@ -108,7 +108,7 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     """L from A, B and C of the flat state, without the parts that don't belong to the loop.
 
     These are the model, frozen estimates and everything else that a freeze holds, constant states, and states without
-        effect, such as a second layer behind frozen estimates, which would be an integrator.
+    effect, such as a second layer behind frozen estimates, which would be an integrator.
     """
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))

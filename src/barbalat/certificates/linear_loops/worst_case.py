@@ -37,7 +37,7 @@ class LoopsOverTheta:
     plant   the plant whose theta is replaced; its input dynamics are added to the loop here
     gains   the interval of the input's gain if it varies too; a point is then theta followed by the gain
     around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
-               holds for every fixed linear controller, and for one whose gains are affine in theta
+            holds for every fixed linear controller, and for one whose gains are affine in theta
     lag     lag of the sensor, in series with everything that is fed back
     """
 

@@ -1,4 +1,5 @@
-"""The elementary functions as operation lists, which all targets print, so that no target's library can change a bit of a result.
+"""The elementary functions as operation lists. All targets print these lists, so no target's library can change a bit of a
+result.
 
 The coefficients of ``normal`` are Wichura's, all others fdlibm's. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights
 reserved. Permission to use, copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
@@ -20,7 +21,7 @@ class Function:
     """One function of ``arguments`` numbers, inputs (0, 0), (1, 0), ... of its lists.
 
     usual  computes the value and, if there is a rare list, whether the arguments need that one
-    rare   computes the value if ``usual`` says so; otherwise it is not evaluated
+    rare   computes the value if ``usual`` requires it; otherwise it is not evaluated
     """
 
     arguments: int

@@ -19,7 +19,7 @@ class Format:
 
     @property
     def rounder(self) -> float:
-        """Adding and then subtracting it rounds a number below a third of it to a whole number, ties to even."""
+        """The number whose addition and subtraction rounds a number below a third of it to a whole number, ties to even."""
         return 1.5 * 2.0 ** (self.bits - 1)
 
     @property
@@ -33,12 +33,12 @@ class Format:
 
     @property
     def linear_range(self) -> float:
-        """Below it x^3/3 is less than a quarter of a unit in the last place of x."""
+        """The bound of |x| below which x^3/3 is less than a quarter of a unit in the last place of x."""
         return 2.0 ** -((self.bits + 1) // 2 + 1)
 
     @property
     def aligned(self) -> float:
-        """A whole number added to it appears, with the bias, in the last bits of the sum."""
+        """The number for which a whole number added to it appears, with the bias, in the last bits of the sum."""
         return 2.0 ** (self.bits - 1) + self.largest_exponent
 
     def nearest(self, value: Fraction) -> float:

@@ -12,7 +12,8 @@ from barbalat.lowering.functions.exponential import log
 from barbalat.lowering.functions.trace import TracedNumber
 
 CENTRAL = 0.425
-"""|p - 1/2| up to which a rational function of its square is used; beyond it, functions of sqrt(-log min(p, 1 - p)) are used."""
+"""The |p - 1/2| up to which a rational function of its square is used; above it, functions of sqrt(-log min(p, 1 - p)) are
+used."""
 CENTRAL_SQUARED = 0.180625
 TAIL_FROM, FAR_FROM = 1.6, 5.0
 """Values of that root that are subtracted before the functions of the tail and the far tail; the latter begins at FAR_FROM."""

@@ -54,7 +54,9 @@ CONSTANTS: dict[Format, PowerConstants] = {
 def power(x: TracedNumber, y: TracedNumber) -> tuple[TracedNumber]:
     """x^y; NaN if it is not real."""
     a = abs(x)
-    largest = 2.0 ** (x.format.bits + 11)  # a larger y takes every x but 1 out of range: |log2 x| is at least 2^-bits
+    largest = 2.0 ** (
+        x.format.bits + 11
+    )  # with a larger y the result is out of range for every x except 1: |log2 x| is at least 2^-bits
     exponent = (y > largest).then(largest, y)
     exponent = (exponent < -largest).then(-largest, exponent)
     value = _two_to(_times(_log2(a), exponent))
@@ -121,7 +123,7 @@ def _two_to(power: Double) -> TracedNumber:
 def _special(x: TracedNumber, y: TracedNumber, a: TracedNumber, value: TracedNumber) -> TracedNumber:
     """IEEE 754's values at zeros, infinities, negative x and NaN."""
     size = abs(y)
-    near = (size < 2.0**x.format.bits).then(y, 0.0)  # from there on every number is even
+    near = (size < 2.0**x.format.bits).then(y, 0.0)  # every larger number is even
     half = near * 0.5
     whole = ((near - near.floor()).equals(0.0)) & (size <= math.inf)
     odd = whole & ~(half - half.floor()).equals(0.0)

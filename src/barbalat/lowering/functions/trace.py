@@ -1,6 +1,6 @@
 """Operation lists written as formulas: every operator on a ``TracedNumber`` appends one operation, in the order of writing.
 
-The list computes exactly what is written. Nothing is simplified or reordered, because that would cost a function its last bits.
+The list computes exactly what is written. Nothing is simplified or reordered, because that would change a function's last bits.
 Sums and products with their rounding errors, and rounding to whole numbers, use only additions and multiplications (Knuth, The
 Art of Computer Programming 2, 4.2.2, theorem B; Dekker, Numer. Math. 18 (1971) 224-242).
 """

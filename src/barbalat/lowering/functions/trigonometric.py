@@ -118,7 +118,7 @@ def large(x: TracedNumber) -> Reduced:
     for _ in range(3):  # 24 + 24 + 5 bits, or 8 + 8 + 8, of which the last part is signed
         digits.append(rounded(rest))
         rest = (rest - digits[-1]) * 2.0**bits
-    skipped = rounded((e - 3.0 - (bits - 1) / 2) * (1 / bits))  # digits of 2/pi whose products are multiples of 8
+    skipped = rounded((e - 3.0 - (bits - 1) / 2) * (1 / bits))  # skips the digits of 2/pi whose products are multiples of 8
     weight = (e - bits * (skipped + 1.0)).two_to_this()
     entries = [(skipped + float(_LEADING_ZEROS + i)).entry_of(of.digits) for i in range(-2, of.products)]
     terms = []
@@ -133,8 +133,8 @@ def large(x: TracedNumber) -> Reduced:
 
 
 def _fraction(terms: list[TracedNumber]) -> tuple[TracedNumber, Double]:
-    """The whole number nearest to the sum of the terms, and the remainder; three numbers hold the digits that cancellation
-    leaves."""
+    """The whole number nearest to the sum of the terms, and the remainder; three numbers contain the digits that remain after
+    cancellation."""
     total = terms[0] + terms[1]  # exact: 47 bits, or 17
     n = rounded(total)
     high, low = two_sum(total - n, terms[2])
@@ -177,7 +177,7 @@ T = (
     2.59073051863633712884e-05,
 )  # fmt: skip
 TAN_TURNS = 0.67434
-"""Above it tan y is computed from tan(pi/4 - y), as in fdlibm."""
+"""The y above which tan y is computed from tan(pi/4 - y), as in fdlibm."""
 _PI_4 = float.fromhex("0x1.921fb54442d18p-1"), float.fromhex("0x1.1a62633145c07p-55")
 PI_4 = {DOUBLE: _PI_4, SINGLE: SINGLE.parted(whole(*_PI_4), SINGLE.bits)}
 
@@ -200,21 +200,21 @@ def _cosine(y: TracedNumber, low: TracedNumber) -> TracedNumber:
 
 
 def sin(x: TracedNumber, at: Reduced) -> TracedNumber:
-    """sin y, in odd quadrants cos y, with the half turn's sign."""
+    """sin y, or cos y in odd quadrants, with the half turn's sign."""
     quadrant, y, low = at
     value = abs(quadrant).equals(1.0).then(_cosine(y, low), _sine(y, low))
     return _or_itself(x, ((quadrant < -0.5) | (quadrant > 1.5)).then(-value, value))
 
 
 def cos(_: TracedNumber, at: Reduced) -> TracedNumber:
-    """cos y, in odd quadrants sin y, with the half turn's sign."""
+    """cos y, or sin y in odd quadrants, with the half turn's sign."""
     quadrant, y, low = at
     value = abs(quadrant).equals(1.0).then(_sine(y, low), _cosine(y, low))
     return ((quadrant > 0.5) | (quadrant < -1.5)).then(-value, value)
 
 
 def tan(x: TracedNumber, at: Reduced) -> TracedNumber:
-    """tan y in odd quadrants -1/tan y; above TAN_TURNS by 1 - 2 (t - ...)/(1 + t), t = tan(pi/4 - |y|)."""
+    """tan y, or -1/tan y in odd quadrants; above TAN_TURNS by 1 - 2 (t - ...)/(1 + t), t = tan(pi/4 - |y|)."""
     quadrant, y, low = at
     odd, turns, negative = abs(quadrant).equals(1.0), abs(y) >= TAN_TURNS, y < 0.0
     size, size_low = abs(y), negative.then(-low, low)
@@ -268,7 +268,7 @@ AT = {
 }
 """atan of 1/2, 1, 3/2 and infinity, each in two numbers."""
 ASYMPTOTE_FROM = {DOUBLE: 2.0**66, SINGLE: 2.0**34}
-"""From here on atan x is pi/2 to the last bit."""
+"""The x from which atan x is pi/2 to the last bit."""
 
 
 def atan(x: TracedNumber) -> tuple[TracedNumber]:

@@ -1,7 +1,7 @@
-"""Operation list -> LLVM IR text: one step with the time loop around it, for a vector of W members at once.
+"""Translates an operation list to LLVM IR text: one step with the time loop around it, for a vector of W members at once.
 
 The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every
-block of steps and written out at its end, so that figures over all steps cost no memory. The kernel knows nothing else.
+block of steps and written out at its end, so that figures over all steps need no memory. The kernel has no other function.
 
 A quantity may be monitored: every window of steps keeps its largest value, with the state and the step at which it occurred. It
 is evaluated before every WATCH_EVERY-th step, counted from t = 0. Windows are independent of blocks. NaN is never the largest
@@ -34,8 +34,8 @@ from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, WATCH_EVERY, LoopSh
 class ExternalFunction:
     """``void function(double *numbers, int64_t step)`` at an address of this process, called at every sample.
 
-    given  rows of the state as the list computes them at this sample: they come first in ``numbers``
-    kept   rows whose old values follow there, and whose new values the function writes in their place
+    given  rows of the state as computed by the list at this sample; they come first in ``numbers``
+    kept   rows whose old values follow, and which the function replaces by the new values
     """
 
     address: int
@@ -90,7 +90,7 @@ def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str],
 def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
     """``lines`` compute the quantity; ``due`` computes %watch.due from %watch.phase.
 
-    New largest values are rare, so that a branch is cheaper than a selection for every entry of the state.
+    New largest values are rare, so a branch is cheaper than a selection for every entry of the state.
     """
     stores = []
     for i in range(states):
@@ -176,7 +176,8 @@ def loop(
                 room for ``mask`` of them
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0; the first row is that of ``start``
 
-    watched     rows of ``watch``, see ``keep_largest``; then the first step of the first window and the number of steps of each
+    watched     rows of ``watch``, see ``keep_largest``; followed by the first step of the first window and the number of steps of
+                each
     at last     ``sample_every`` and ``noise_hold``, which are read if the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
@@ -285,7 +286,7 @@ def _sampling(
 
 
 def _due(shape: LoopShape, sampler: Printer) -> list[str]:
-    """%due: whether the sampled part is called before this step; with ``sample_row``, if some member requests it."""
+    """%due: whether the sampled part is called before this step; with ``sample_row``, whether any member requests it."""
     if shape.sample_row is None:
         return [f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}", *due(shape, "due", "%phase")]
     zero, own = sampler.splat(0.0), f"%x{shape.sample_row}.held"

@@ -1,7 +1,7 @@
 """IR that loads a step's inputs: the table of signals, which is the same for all members, and each member's noise and past.
 
 The past is a ring buffer outside the loop, one for each delayed channel. The ring's first TAPS_PER_CHANNEL - 1 rows are repeated
-after its last, so that the taps of a step are adjacent: one address for each member, for any number of taps and channels.
+after its last, so the taps of a step are adjacent: each member needs one address, for any number of taps and channels.
 """
 
 from __future__ import annotations

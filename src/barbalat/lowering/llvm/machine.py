@@ -1,4 +1,4 @@
-"""LLVM IR -> machine code for this computer, which Python calls without the interpreter's lock."""
+"""Translates LLVM IR to machine code for this computer, which Python calls without the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ _SCHEDULER = threading.Lock()
 def _unscheduled() -> Iterator[None]:
     """Makes LLVM keep the list's order of operations. The switch applies to the whole process, so it is set back afterwards.
 
-    LLVM's scheduler moves long chains forward, which is right for one member. It costs two vectors of members in 16 registers a
-    sixth of their speed, because values are spilled (docs/laboratory/kernel.md).
+    LLVM's scheduler moves long chains forward, which is suitable for one member. With two vectors of members in 16 registers it
+    costs a sixth of the speed, because values are spilled (docs/laboratory/kernel.md).
     """
     with _SCHEDULER:
         llvm.set_option("", "-enable-misched=false")
@@ -119,7 +119,7 @@ def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
     pipeline = llvm.create_new_module_pass_manager()
     pipeline.add_instruction_combine_pass()  # addresses: without this, a step of quickly compiled code takes a third longer
     pipeline.run(module, passes)
-    NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; in llvmlite 0.50 the base class would free nothing
+    NewPassManager._dispose(pipeline)  # frees 0.1 to 0.2 MB; in llvmlite 0.50 the base class frees nothing
     pipeline.detach()
     return llvm.create_mcjit_compiler(module, machine)
 
@@ -177,7 +177,7 @@ class Kernel:
         sample_every: int | None = None,
         noise_hold: int | None = None,
     ) -> Callable[[], None]:
-        """The call with these arrays, checked once, for repeated use; it keeps them alive.
+        """The call with these arrays, which are checked once, for repeated use; it keeps the arrays alive.
 
         Shapes: see ``llvm.ir.loop``; all arrays are C-contiguous float64.
 
@@ -187,7 +187,7 @@ class Kernel:
         records  (W R, width), R for each member: required for a step that reads records of earlier ones, with room for those of
                  this call
         start  number of the first step since t = 0
-        sample_every, noise_hold  if the shape leaves them open
+        sample_every, noise_hold  if the shape does not fix them
         """
         w, s = self.lanes, self.shape
         every, hold = _count("sample_every", s.sample_every, sample_every), _count("noise_hold", s.noise_hold, noise_hold)

@@ -1,4 +1,5 @@
-"""Operations -> LLVM IR text, for numbers or for vectors of W members at once. Elementary functions become separate functions."""
+"""Translates operations to LLVM IR text, for numbers or for vectors of W members. Elementary functions become separate
+functions."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Operation list -> WebAssembly: a module with the same time loop, for pages that simulate."""
+"""Translates an operation list to a WebAssembly module with the same time loop, for pages that simulate."""

@@ -1,4 +1,4 @@
-"""Operation list -> a WebAssembly module with the kernel's time loop, made from the kernel's IR for one member."""
+"""Translates an operation list to a WebAssembly module with the kernel's time loop, from the kernel's IR for one member."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""LLVM IR -> a WebAssembly module: LLVM's wasm32 target writes an object file, and the linker's work is done here.
+"""Translates LLVM IR to a WebAssembly module: LLVM's wasm32 target writes an object file, and this module does the linker's work.
 
-There is little to do: with only one object, its indices and the addresses of its data, which begin at 0, are final. What is
-added is a memory, a stack pointer if there is a stack, and exports.
+Little is needed: with only one object, its indices and the addresses of its data, which begin at 0, are final. A memory,
+a stack pointer if there is a stack, and exports are added.
 
 Formats: WebAssembly core specification, version 1, chapter 5; "WebAssembly object file linking" of its tool conventions.
 """
@@ -36,7 +36,7 @@ class _Kind(IntEnum):
 def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
     """A module that exports the first function of ``source`` as ``entry``, and its ``memory``.
 
-    Its initial memory contains the module's tables, and a stack of ``stack_bytes`` if its functions need one. The host adds
+    Its initial memory contains the module's tables and, if its functions need one, a stack of ``stack_bytes``. The host adds
     pages for its own data. ValueError for IR that needs an external function.
     """
     sections = _sections(_object_file(source))

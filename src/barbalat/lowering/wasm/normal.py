@@ -16,7 +16,8 @@ MULTIPLIERS = 0xD2E7470EE14C6C93, 0xCA5A826395121157
 WEYL = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
 """The increments of the two halves of the key from round to round: the golden ratio and sqrt(3) - 1, in 64 bits."""
 UNUSED_BITS = 11
-"""Unused bits of 64: the other bits are a whole number in a double, to which half a unit is added, so that it is never 0."""
+"""Number of unused bits of 64. The other bits are a whole number in a double, to which half a unit is added, so the result is
+never 0."""
 
 _HIGH_HALF = """
 ; the upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)
