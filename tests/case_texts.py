@@ -39,3 +39,29 @@ t_end = 2.0
 dt = 1e-2
 """
 """A plant of two states for laws of users' own files."""
+
+DRIVE = """
+name = "Drive"
+[plant]
+A_m = [[-2.0]]
+b = [1.5]
+theta = [1.0]
+x0 = [0.3]
+[reference_model]
+k_0 = 1.3
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 1.2
+[uncertainty]
+lower = [-3.0]
+upper = [3.0]
+[simulation]
+t_end = 4.0
+tolerance = 1e-6
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 3.0
+"""
+"""A small drive with a sine command, simulated with a tolerance under MRAC."""

@@ -81,6 +81,13 @@ class CaseOf:
         )
         return float(kinds[random.integers(len(kinds))])
 
+    def listed(self, i: int) -> list[int]:
+        """The numbers of the list that begins with this one; none if it begins none."""
+        *parent, last = self.paths[i].keys
+        return [
+            j for j, one in enumerate(self.paths) if last == 0 and isinstance(one.keys[-1], int) and [*one.keys[:-1]] == parent
+        ]
+
     def neighbours(self, i: int) -> list[int]:
         """The numbers that follow this one in the case, of the same kind."""
         return [j for j in range(len(self.paths)) if j != i and self.paths[j].keys[0] == self.paths[i].keys[0]] or [i]
@@ -99,12 +106,13 @@ def disagreements(problem, controller, simulation, draws: int) -> tuple[list[dic
     opened = Opened.of(problem, controller, simulation, tunable=True)
     case, random = CaseOf(opened, problem, controller, simulation), np.random.default_rng(5)
     found, counts = [], [0, 0]
-    for k in range(draws if len(case.paths) else 0):
+    lists = [whole for i in range(len(case.paths)) if len(whole := case.listed(i)) > 1]
+    for k in range(draws + len(lists) if len(case.paths) else 0):
         values = case.values.copy()
         first = k % len(values)
-        several = [first, *random.choice(case.neighbours(first), random.integers(0, 3))]
+        several = lists[k - draws] if k >= draws else [first, *random.choice(case.neighbours(first), random.integers(0, 3))]
         for i in several:
-            values[i] = case.drawn(random, i, values)
+            values[i] = 0.0 if k >= draws else case.drawn(random, i, values)
         told, accepts = all(one.holds(values) for one in opened.conditions), case.accepts(values)
         counts[accepts] += 1
         if told != accepts and not on_a_sphere(opened.conditions, values):

@@ -15,35 +15,12 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.studies import contest
 from barbalat.study import fixed_steps as module
 from barbalat.study.fixed_steps import fixed_steps
+from case_texts import DRIVE
 from independent import refusal
 
 PAPER = load_case("paper")
 MRAC, L1 = (next(c for c in PAPER.controllers if c.name == name) for name in ("MRAC", "L1"))
 SLOW = replace(MRAC, gamma=1.0)
-DRIVE = """
-name = "Drive"
-[plant]
-A_m = [[-2.0]]
-b = [1.5]
-theta = [1.0]
-x0 = [0.3]
-[reference_model]
-k_0 = 1.3
-[reference]
-kind = "sine"
-amplitude = 1.0
-frequency = 1.2
-[uncertainty]
-lower = [-3.0]
-upper = [3.0]
-[simulation]
-t_end = 4.0
-tolerance = 1e-6
-[[controller]]
-name = "MRAC"
-scheme = "mrac"
-gamma = 3.0
-"""
 
 
 def test_steps_of_a_case_are_its_own() -> None:

@@ -12,32 +12,9 @@ from barbalat.studies import delay_margins, trade_off, tune
 from barbalat.study.finer_step import refined
 from barbalat.study.ideal_benchmark import shortest_delay
 from barbalat.study.resolved import resolved
+from case_texts import DRIVE
 from independent import refusal
 
-DRIVE = """
-name = "Drive"
-[plant]
-A_m = [[-2.0]]
-b = [1.5]
-theta = [1.0]
-x0 = [0.3]
-[reference_model]
-k_0 = 1.3
-[reference]
-kind = "sine"
-amplitude = 1.0
-frequency = 1.2
-[uncertainty]
-lower = [-3.0]
-upper = [3.0]
-[simulation]
-t_end = 4.0
-tolerance = 1e-6
-[[controller]]
-name = "MRAC"
-scheme = "mrac"
-gamma = 3.0
-"""
 STEPPED = DRIVE.replace("tolerance = 1e-6", "dt = 4e-4")
 GIVEN = {"t_end": 4.0, "dt": None, "solver": "auto", "tolerance": 1e-6}
 CASE = parse_case(DRIVE)

@@ -76,23 +76,28 @@ class Order:
 
 @dataclass(frozen=True)
 class Apart:
-    """A number that must not be this constant."""
+    """Numbers of which at least one must differ from this constant."""
 
-    number: Entry
+    numbers: tuple[Entry, ...]
     value: float
 
     @property
     def entries(self) -> tuple[Entry, ...]:
         """All numbers and constants of the condition."""
-        return self.number, self.value
+        return *self.numbers, self.value
+
+    @property
+    def always(self) -> bool:
+        """Whether one of its constants differs, so that it holds for all values of the others."""
+        return any(not isinstance(one, int) and one != self.value for one in self.numbers)
 
     def placed(self, at: Callable[[Entry], Entry]) -> Apart:
         """The condition with other entries."""
-        return Apart(at(self.number), self.value)
+        return Apart(tuple(map(at, self.numbers)), self.value)
 
     def holds(self, values: Array) -> Array:
         """(K,) whether columns of numbers, (P, K), satisfy it."""
-        return np.asarray(of(self.number, values) != self.value)
+        return np.any([np.asarray(of(one, values) != self.value) for one in self.numbers], axis=0)
 
     def around(self, _i: int, _values: Array) -> tuple[float, float]:
         """The smallest interval that contains all admitted values."""
@@ -100,15 +105,18 @@ class Apart:
 
     def as_c(self, text: Text, _real: Real) -> str:
         """A test in C."""
-        return f"{text(self.number)} != {text(self.value)}"
+        return " || ".join(f"{text(one)} != {text(self.value)}" for one in self.numbers)
 
-    def of_number(self, _i: int, name: Text) -> str:
-        """The bound of the number in words."""
-        return f"!= {name(self.value)}"
+    def of_number(self, i: int, name: Text) -> str:
+        """The bound of the number in words, such as "!= 0 where num[1] = 0"."""
+        others = " and ".join(f"{name(one)} = {name(self.value)}" for one in self.numbers if not is_number(i, one))
+        return f"!= {name(self.value)}" + (f" where {others}" if others else "")
 
     def in_words(self, name: Text) -> str:
         """What is required."""
-        return f"{name(self.number)} must be != {name(self.value)}"
+        if len(self.numbers) == 1:
+            return f"{name(self.numbers[0])} must be != {name(self.value)}"
+        return f"{', '.join(map(name, self.numbers))} must not all be {name(self.value)}"
 
 
 @dataclass(frozen=True)
@@ -190,9 +198,12 @@ def numbers(condition: Condition) -> set[int]:
 
 
 def placed(conditions: Sequence[Condition], at: Callable[[int], Entry]) -> tuple[Condition, ...]:
-    """The conditions with other indices, or with constants, for their numbers; those without a number are left out."""
+    """The conditions with other indices, or with constants, for their numbers.
+
+    Those without a number, and those that the constants satisfy by themselves, are left out.
+    """
     found = (one.placed(lambda entry: at(entry) if isinstance(entry, int) else entry) for one in conditions)
-    return tuple(one for one in found if numbers(one))
+    return tuple(one for one in found if numbers(one) and not (isinstance(one, Apart) and one.always))
 
 
 class NotFoundError(Exception):
@@ -247,8 +258,8 @@ class Acceptance:
         norms = [one for one in found if isinstance(one, Norm)]
         orders = [*(one for one in found if isinstance(one, Order)), *filter(None, map(self._above_zero, norms))]
         orders = [*orders, *self._not_both(orders)]
-        apart = [Apart(i, 0.0) for i in range(len(self.paths)) if self._is_apart(i, orders)]
-        return (*orders, *apart, *norms)
+        apart = [Apart((i,), 0.0) for i in range(len(self.paths)) if self._is_apart(i, orders)]
+        return (*orders, *apart, *self._lists_apart([*orders, *apart, *norms]), *norms)
 
     @cached_property
     def points(self) -> list[Array]:
@@ -311,8 +322,15 @@ class Acceptance:
         """The bound, if it holds at all points."""
         if not all(self._ends_at(point, i, side, float(of(entry, point))) for point in self.points):
             return None
-        strict = not all(self._takes(point, i, float(of(entry, point))) for point in self.points)
+        strict = not all(
+            self._takes(point, i, float(of(entry, point))) for point in self.points if not self._empties(point, i, entry)
+        )
         return Order(i, entry, strict) if side > 0 else Order(entry, i, strict)
+
+    def _empties(self, point: Array, i: int, entry: Entry) -> bool:
+        """Whether this value makes the whole list of the i-th number zero, which has a condition of its own."""
+        others = [j for j in self._list(i) if j != i]
+        return len(others) > 0 and float(of(entry, point)) == 0.0 and not point[others].any()
 
     def _fits(self, norm: Norm, i: int, side: int) -> bool:
         return all(self._ends_at(point, i, side, norm.around(i, point)[side > 0]) for point in self.points)
@@ -372,3 +390,14 @@ class Acceptance:
         near = CLOSE * (abs(float(self.values[i])) or 1.0)
         point = self.points[0]
         return not self._takes(point, i, 0.0) and self._takes(point, i, near) and self._takes(point, i, -near)
+
+    def _lists_apart(self, known: Sequence[Condition]) -> Iterator[Apart]:
+        """Lists that must not be all zero, such as a numerator, where no other condition says so."""
+        for whole in dict.fromkeys(tuple(self._list(i)) for i in range(len(self.paths))):
+            if len(whole) == 1:
+                continue
+            zero, near = self.values.copy(), self.values.copy()
+            zero[list(whole)] = 0.0
+            near[list(whole)] *= CLOSE
+            if all(one.holds(zero) for one in known) and not self.accepts(zero) and self.accepts(near):
+                yield Apart(whole, 0.0)

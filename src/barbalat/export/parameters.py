@@ -144,7 +144,7 @@ class Opened:
 def _followed(row: Array) -> int | None:
     """Member k + 1 is the case with another value of parameter k."""
     moved = np.flatnonzero(row != row[0])
-    return moved[0] - 1 if len(moved) else None
+    return int(moved[0]) - 1 if len(moved) else None
 
 
 def _placed(path: FieldPath, place: int) -> FieldPath:

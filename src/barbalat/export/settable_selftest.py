@@ -43,7 +43,7 @@ def _beyond(contents: Contents) -> list[tuple[int, float]]:
     values = np.array([one.value for one in contents.parameters])
     for condition in contents.conditions:
         if isinstance(condition, Apart):
-            found += [(i, condition.value) for i in acceptance.numbers(condition)]
+            found += [(i, condition.value) for i in acceptance.numbers(condition) if len(condition.numbers) == 1]
             continue
         strict = isinstance(condition, Order) and condition.strict
         for i in sorted(acceptance.numbers(condition)):

@@ -1,6 +1,6 @@
-"""Does a result belong to the solver? Repeats what a study reports with a quarter of its step, or a 32nd of its tolerance, and
-simulates the reported loops
-without any delay.
+"""Does a result belong to the solver? What a study reports is repeated with a quarter of its step, or a 32nd of its tolerance.
+
+The reported loops are also simulated without any delay.
 
 A study judges thousands of runs only by their figures. The few that it reports are examined here.
 """

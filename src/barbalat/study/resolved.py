@@ -17,7 +17,7 @@ FEWEST_INSTANTS, MOST_INSTANTS = 2000, 50_000
 motion's own times can then be tried; and most."""
 ATTEMPTS_EACH_INSTANT = 5
 """Steps of the case's own runs for each recorded instant. A step turns the fastest oscillation by some 1.5 rad, and RK4 would
-bear 2.8 rad in a step of the resolution: gains are tried at which the loop oscillates up to four times as fast as in them."""
+tolerate 2.8 rad in a step of the resolution: gains are tried at which the loop oscillates up to four times as fast as in them."""
 
 
 def resolved(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> Simulation:
