@@ -8,7 +8,9 @@ import pytest
 from barbalat import Simulation, load_case, simulate, simulate_ensemble
 from barbalat.budget import Budget
 from barbalat.controllers.sampled import Sampled
+from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedObjects
+from barbalat.plants import PlantInput
 from barbalat.problem.faults import Dropout, Jitter
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.sweeps.known_set_draws import sampled
@@ -70,6 +72,19 @@ def test_members_with_signals_of_their_own_are_single_runs(path, values) -> None
         alone.append(simulate(one, [controller], simulation)["MRAC"].figures["rms_e"][1])
     assert found == pytest.approx(np.array(alone), rel=1e-9)
     assert len(np.unique(found)) == len(values)
+
+
+@pytest.mark.parametrize("path", ["plant.theta[0]", "plant.input.delay"])
+def test_every_member_has_its_own_delay(path) -> None:
+    """The kernel is made of five examples, whose delays all members once had."""
+    problem = replace(CASE.problem, plant=replace(CASE.problem.plant, input=PlantInput(delay=0.02)))
+    case = replace(CASE, problem=problem, controllers=SLOW, simulation=Simulation(3.0, tolerance=1e-8))
+    values = np.linspace(*((2.0, 4.0) if "theta" in path else (0.01, 0.08)), 9)
+    found = sweep(case, vary={path: f"{values[0]}:{values[-1]}:9"}, bounds=False, audit=0).rows.column("MRAC/max_abs_e[0]")
+    for value, figure in zip(values, found, strict=True):
+        one = VariedObjects(case, (FieldPath.parse(path),), False).at([value])
+        (alone,) = simulate(one.problem, one.controllers, one.simulation).values()
+        assert figure == pytest.approx(alone.figures["max_abs_e"][0], rel=1e-9)
 
 
 def test_the_budget_counts_what_the_tolerance_costs() -> None:

@@ -176,7 +176,24 @@ def _start(place: str) -> str:
 def _near(context: dict[str, Any]) -> list[str]:
     """The known key that an unknown one may stand for, if any: closely spelt or beginning with it, and not given."""
     key, free = context["key"], [one for one in context["known"] if one not in context["given"]]
+    if SYNONYMS.get(key) in free:
+        return [SYNONYMS[key]]
     return difflib.get_close_matches(key, free, n=1) or [one for one in free if len(key) > 2 and one.startswith(key)][:1]
+
+
+SYNONYMS = {
+    "range": "between",
+    "bounds": "between",
+    "percentage": "tolerance",
+    "plusminus": "tolerance",
+    "limit": "saturation",
+    "limits": "saturation",
+    "dead_time": "delay",
+    "resolution": "quantization",
+    "initial": "x0",
+    "initial_state": "x0",
+}
+"""Words that other tools use for a key."""
 
 
 def _paths(table: type[Table], start: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:

@@ -135,6 +135,7 @@ class Family:
             parameters=numbers.parameters,
             numbers=streams,
             lags=numbers.lags,
+            delays=None if self.members.delays is None else numbers.delays,
             history=numbers.history,
             seeds=numbers.seeds,
             longest_delay=float(numbers.delays.max(initial=0.0)),
