@@ -20,7 +20,8 @@ from barbalat.roles import Role
 from barbalat.validate import Array, InputError, Vector, show
 
 PLACEMENT_TOLERANCE = 1e-6
-"""Relative tolerance of the observer's characteristic polynomial: beyond it a state or the disturbance is hardly observable."""
+"""Relative tolerance of the observer's characteristic polynomial; with a larger error, a state or the disturbance is hardly
+observable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +155,7 @@ class Adrc(Scheme):
     output     c, (n,): the extended-state observer of order n + 1 then measures only c'x, as in the textbooks. By default the
                whole state is measured, and only the disturbance is observed: f_hat = omega_o/(s + omega_o) [f]
     nominal    theta_0, (n,), or (n m,) with m inputs: the parameters that the observer assumes; zero by default, so that it uses
-               the model's A_m. For the textbooks' chain of integrators, give the theta_0 that makes A one
+               the model's A_m. For the textbooks' chain of integrators, give the theta_0 with which A is such a chain
     b_0        the assumed effectiveness of the input, > 0; 1 by default
     saturated_predictor  against windup: the observer receives sat(u); off by default
 

@@ -18,7 +18,7 @@ from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
-    """No state and no estimate."""
+    """An empty state: the baseline has neither states nor estimates."""
 
     theta_hat: Value  # (0,)
 

@@ -34,7 +34,7 @@ class GainSettings(Adaptive, Protocol):
 
 
 def check_gains(settings: GainSettings) -> None:
-    """Check and store the settings, as far as that is possible without the plant."""
+    """Check and store the settings as far as possible without the plant."""
     check_common(settings)
     object.__setattr__(settings, "gamma", gain.accept("gamma", settings.gamma))
     if settings.gamma_r is not None:
@@ -54,7 +54,7 @@ def feedforward_gain(settings: GainSettings) -> float:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlGains:
-    """Both gains for a plant: their initial values, the sets onto which they are projected, and the control that they give.
+    """Both gains for a plant: their initial values, the sets onto which they are projected, and the resulting control.
 
     With m inputs and q commands k_x (p m,) and k_r (m q,) are stored row by row, and each input has its own omega.
     """
@@ -71,7 +71,7 @@ class ControlGains:
     @classmethod
     def of(cls, settings: GainSettings, known: Known) -> ControlGains:
         """InputError if the settings don't fit the plant."""
-        projection_set(settings.projection, known)  # refuses a value that is not a switch, and a projection without a set
+        projection_set(settings.projection, known)  # refuses a value that is not a boolean, and a projection without a set
         regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
         if known.inputs > 1 and gamma.is_matrix:

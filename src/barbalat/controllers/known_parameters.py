@@ -48,8 +48,8 @@ class KnownParameters(Scheme):
     """u = k_0 r - theta'phi(x), divided by omega if the plant's input gain is unknown: the values to which estimates should
     converge.
 
-    With ``theta=problem.parameters`` the loop equals the reference model if nothing lies between controller and plant; it shows
-    how a delay, a limit or noise alone affects the tracking.
+    With ``theta=problem.parameters`` the loop equals the reference model if no dynamics, limits or delay lie between controller
+    and plant; it shows how a delay, a limit or noise alone affects the tracking.
 
     theta  (p,), with the input gains last if the problem has unknown ones; checked neither against the plant nor against the
            known set

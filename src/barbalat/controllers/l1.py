@@ -91,7 +91,7 @@ class Predictor:
         return replace(self, frozen=frozen)
 
     def _remembered(self, before: Any, memory: Any) -> Any:
-        """The memory with new data; while it is held, only the filters of the measurements continue."""
+        """The memory with new data; if it is held, only the filters of the measurements continue."""
         learning = self.continuous.modifications.learning
         return memory if self.frozen is None or learning is None else resting(self.frozen, learning.roles, before, memory)
 
@@ -279,6 +279,6 @@ def require_low_pass(C: TransferFunction) -> TransferFunction:
         raise InputError(f"filter must be strictly proper (degree of num below that of den), got {shown}")
     if not C.is_stable:
         raise InputError(f"filter must be stable, but a pole has real part {C.poles.real.max():.6g}: {shown}")
-    if abs(C.dc_gain - 1) > 1e-9:  # coefficients are typed as decimals, and a ratio of two of them has this error
+    if abs(C.dc_gain - 1) > 1e-9:  # coefficients are entered as decimals, and a ratio of two of them has this error
         raise InputError(f"filter must have unit DC gain, C(0) = 1, got {C.dc_gain:.9g}: {shown}")
     return C

@@ -1,8 +1,7 @@
 """L1 adaptive control with the piecewise-constant law, the one used in flight: always sampled, without an adaptive gain.
 
-The law estimates no parameters; at every sample it estimates sigma, the uncertainty that acts on the plant. As it is linear and
-has
-no memory beyond a sample, the whole controller is linear, time-invariant and sampled: see ``realisation``.
+The law estimates no parameters; at every sample it estimates sigma, the uncertainty that acts on the plant. Because it is linear
+and has no memory beyond a sample, the whole controller is linear, time-invariant and sampled: see ``realisation``.
 """
 
 from __future__ import annotations
@@ -115,7 +114,7 @@ class L1PiecewiseConstant(Scheme):
     saturated_predictor  against windup: the predictor receives sat(u); off by default
 
     Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3; the form as flown: Wu et al., L1Quad (2023), whose
-    code is not used here. US patent 8,712,559 is named by that project: ask before you fly this law.
+    code is not used here. That project names US patent 8,712,559: clarify the licence before you fly this law.
     """
 
     sample_time: float
@@ -196,7 +195,7 @@ class Realisation(NamedTuple):
     """s[k+1] = A s[k] + B y[k], u[k] = C s[k] + D y[k] with y = (x, r), the measurement at sample k.
 
     s = (x_hat, the filter's states before their sample); in the exact form x_hat is e^(A_m T) x + Phi b u of the last sample, so
-    that the predictor forgets its previous state.
+    the predictor does not depend on its previous state.
     """
 
     A: Array

@@ -34,7 +34,7 @@ class Equations:
     c: Array
     theta_0: Array
     K: StateSpace
-    L: Array  # (order of K,) gain by which K(s) receives what the limits cut off; zero without anti_windup
+    L: Array  # (order of K,) gain with which K(s) receives the part of u beyond the limits; zero without anti_windup
     limits: Array | None = None
 
     roles: ClassVar[Mapping[str, Role]] = {"K": Role.other("state of the linear controller K(s)")}
@@ -72,7 +72,7 @@ class LinearFeedback(Scheme):
                  this value it is back-calculation with the time constant T_i. Off by default
 
     Any linear controller of the measured states closes some loop L(s) at the plant's input. If c'(sI - A_m)^-1 b is minimum
-    phase, a scalar K(s) can give every such loop of its relative degree, so that feeding back c'x restricts nothing.
+    phase, a scalar K(s) can give every such loop of its relative degree, so feeding back c'x is no restriction.
     """
 
     controller: StateSpace | TransferFunction

@@ -70,8 +70,9 @@ class MitRule(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, with gains that descend the gradient of (c'e)^2/2: dk/dt = -gamma (c'e) d(c'e)/dk.
 
     With G(s) = c'(sI - A_m)^-1 b, k_x_hat' = proj(Gamma (c'e) G[phi(x)]), k_r_hat' = proj(-gamma_r (c'e) G[r]); the input's gain
-    omega > 0 is absorbed into Gamma, as in the textbook. Its known limitation: the gradient assumes constant gains, so that above
-    some adaptive gain, or some size of the command, the gains diverge from their ideal values; no Gamma works for every command.
+    omega > 0 is absorbed into Gamma, as in the textbook. Its known limitation: the gradient assumes constant gains, so above
+    some adaptive gain, or some size of the command, the gains diverge from their ideal values; no Gamma is suitable for every
+    command.
 
     gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     gamma_r     adaptive gain of the feedforward, > 0; by default gamma, if that is a number

@@ -1,4 +1,4 @@
-"""Direct MRAC, which also adapts its feedforward: only the sign of the input's gain is known, and nothing is divided by it."""
+"""Direct MRAC, which also adapts its feedforward: only the sign of the input's gain is known, and no signal is divided by it."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class DirectMrac(Scheme):
     The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing else about it needs to be known.
     The
     estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat. With several inputs each
-    has its own omega, so that the plant's input matrix is b diag(omega): unknown factors are admitted, an unknown coupling of
-    inputs is not.
+    has its own omega, so the plant's input matrix is b diag(omega): factors may be unknown, but not a coupling of
+    inputs.
 
     gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p); with m inputs a
                 number or a diagonal (p m,)

@@ -18,9 +18,9 @@ from barbalat.validate import Array, InputError, Vector
 
 DEFAULT_NEURONS = 10
 LEAKAGES = np.geomspace(1e-4, 1.0, 12)
-"""The values of sigma that are tried, from one at which the weights hardly decay to one at which they stay as small as e'P b."""
+"""The trial values of sigma, from one with which the weights hardly decay to one with which they stay as small as e'P b."""
 DOUBLE_BITS = 53
-"""The bits of 64 random ones that a number in [0, 1) uses."""
+"""The number of the 64 random bits that a number in [0, 1) uses."""
 
 
 class State(NamedTuple):
@@ -33,7 +33,7 @@ class State(NamedTuple):
 def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> Array:
     """Uniformly distributed in [-spread, spread); a seed gives the same bits with every version of NumPy.
 
-    NumPy guarantees that only for a generator's raw bits, not for its distributions.
+    NumPy guarantees this only for a generator's raw bits, not for its distributions.
     """
     raw = np.random.PCG64(seed).random_raw(shape[0] * shape[1])
     even = (np.asarray(raw, dtype=np.uint64) >> np.uint64(64 - DOUBLE_BITS)) * 2.0**-DOUBLE_BITS
@@ -44,7 +44,7 @@ def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> A
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """The gradient law of both layers, with the inner layer's linear part subtracted in the outer one, which makes the pair
+    """The gradient law of both layers, in which the outer layer subtracts the inner layer's linear part; this makes the pair
     passive."""
 
     B: Array  # (n, m)
@@ -127,7 +127,7 @@ class NetworkMrac(Scheme):
     spread      > 0; 1 by default
     V_hat0      (1 + n, N), these weights instead of random ones; the weights of the constant come first
 
-    Source: Lewis, Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996, and the texts on the modifications.
+    Source: Lewis, Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996, and the textbooks on the modifications.
     """
 
     gamma: float

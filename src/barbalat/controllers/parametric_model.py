@@ -41,7 +41,7 @@ def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
     return W_m
 
 
-@lru_cache(maxsize=64)  # the members of an ensemble mostly share all three
+@lru_cache(maxsize=64)  # most members of an ensemble share all three
 def _model(c_0: bytes, A_m: bytes, b: bytes) -> TransferFunction:
     c, A, b_ = (np.frombuffer(part) for part in (c_0, A_m, b))
     return transfer_function(c, A.reshape(len(b_), len(b_)), b_)
@@ -130,7 +130,7 @@ class ParametricEquations(Equations, Protocol):
 
 
 class Learnt(NamedTuple):
-    """The new parts of a state at the end of the sample, after the law has learnt."""
+    """The new parts of a state at the end of the sample, after the law's step."""
 
     theta_hat: Value
     memory: Any
@@ -176,7 +176,7 @@ class Estimator(SampledForm):
         return self.model.end(state.swapping, Xi_mid @ (following.theta_hat - state.theta_hat) / self.sample_time)
 
     def filtered(self, state: Any, following: Any, before: Sample, now: Sample) -> Value:
-        """The state of Q(s) at the end of the sample; ``following`` has the rest of the new state."""
+        """The state of Q(s) at the end of the sample; ``following`` contains the rest of the new state."""
         if self.filter is None:
             return state.filter
         argument = self.continuous.auxiliary_input_argument

@@ -57,8 +57,8 @@ def inverse(G: Array) -> Array:
 
 
 LONGEST_SPAN = 1e4
-"""The count of samples stops at this number, so that no number leaves an export's range, which is at least 1e6, during a long
-freeze."""
+"""The count of samples stops at this number, so that during a long freeze no number leaves an export's range, which is at least
+1e6."""
 
 
 def memory_of(A_m: Array, T: float) -> float:
@@ -69,9 +69,9 @@ def memory_of(A_m: Array, T: float) -> float:
 def shared(error: Value, answered: Value, span: Value) -> Value:
     """One sample's share of a prediction error that accumulated over ``span`` samples without a measurement.
 
-    The law treats the whole error as the effect of one sample. Applied to an error of m samples it would compensate m times the
-    uncertainty, and until the next measurement for several samples: a loop that misses two of three samples would diverge. So the
-    part of the error that sigma_hat does not yet explain is divided by the number of samples.
+    The law treats the whole error as the effect of one sample. With an error of m samples it would compensate m times the
+    uncertainty, for several samples until the next measurement: a loop that misses two of three samples would diverge. Therefore
+    the part of the error that sigma_hat does not yet explain is divided by the number of samples.
     """
     return answered + (error - answered) / np.maximum(span, 1.0)
 
@@ -126,7 +126,7 @@ class AsFlown(Settings):
     def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
         """The step from sample to sample, with the assumed T [s]."""
         a = self.poles(len(A_m))
-        with np.errstate(over="ignore"):  # for a T far longer than the loop's own time scale the factor tends to 0
+        with np.errstate(over="ignore"):  # for a T far longer than the loop's own time scale, the factor tends to 0
             decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
         factor = np.where(a == 0, 1 / T, a / np.where(a == 0, 1.0, decay))
         A_s, memory = np.diag(a), float(np.abs(1 + T * a).max())

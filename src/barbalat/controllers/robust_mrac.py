@@ -128,15 +128,15 @@ class RobustMrac(Scheme):
 
     Erratum of (14). By the swapping lemma, without modelling error and with x_m(0) = x(0),
         c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a],
-    so that u_a = -Q(s)[epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat']] leaves the fraction 1 - 1/(tau s + 1)^n* of it.
+    so u_a = -Q(s)[epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat']] leaves the fraction 1 - 1/(tau s + 1)^n* of it.
     The paper's W_c0 = -c_0'(sI - A_m)^-1 with a plus in front contradicts that identity.
 
-    Windup. With xi' = A_m xi + b sat(u) the model z = theta'phi is exact whatever the limit does, and so is
+    Windup. With xi' = A_m xi + b sat(u) the model z = theta'phi is exact for every limit, and so is
         c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a + sat(u) - u]:
-    what the limit cuts off moves e and does not affect learning. With u instead, epsilon would contain W_m(s)[sat(u) - u], which
+    the part of u beyond the limit affects e but not learning. With u instead, epsilon would contain W_m(s)[sat(u) - u], which
     no theta explains.
 
-    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). Windup: our own, from (13).
+    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). The treatment of windup is ours, from (13).
     """
 
     tau: float

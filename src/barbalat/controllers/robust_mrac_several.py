@@ -28,7 +28,7 @@ from barbalat.validate import Array, InputError
 class AuxiliaryFilter:
     """Q(s) = W_m(s)^-1/(tau s + 1): q' = A q + B v, Q[v] = C q + D v.
 
-    C_0 q is v after the lag, by an input chosen so that C_0 q' = (v - C_0 q)/tau.
+    C_0 q is v after the lag; the input is chosen so that C_0 q' = (v - C_0 q)/tau.
     """
 
     A: Array
@@ -135,7 +135,7 @@ def equations(
 
 
 def require_minimum_phase(C_0: Array, known: Known) -> None:
-    """InputError unless C_0 B is regular and the zeros of W_m, the modes with C_0 x = 0, decay."""
+    """Raise InputError unless C_0 B is regular and the zeros of W_m, the modes with C_0 x = 0, decay."""
     CB = C_0 @ known.b
     if np.linalg.matrix_rank(CB) < known.inputs:
         raise InputError(f"c_0 must make c_0 b regular, with a row for each input, but c_0 b = {validate.show(CB)}")

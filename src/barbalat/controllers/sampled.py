@@ -1,4 +1,4 @@
-"""Any controller as a flight computer runs it: it measures at its sample times and holds its control in between."""
+"""Any controller in the form for a flight computer: it measures at its sample times and holds its control in between."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ from barbalat.validate import Array, InputError
 
 
 class Scheme(Settings, Controller):
-    """The base of the package's schemes; with it type checkers accept a list of schemes as one of controllers.
+    """The base of the package's schemes; it lets type checkers accept a list of schemes as a list of controllers.
 
-    beyond  names of ``PLANT_FEATURES`` that the scheme does not support: its ``bind`` calls ``require_taken``, docs and schema
-            show them
+    beyond  names of ``PLANT_FEATURES`` that the scheme does not support: its ``bind`` calls ``require_taken``, and docs and
+            schema show them
     """
 
     beyond: ClassVar[tuple[str, ...]] = ()
@@ -34,7 +34,7 @@ class PatentNamed(Protocol):
 
     @property
     def patent(self) -> str:
-        """Sentences on what to ask before it flies."""
+        """Sentences on the questions to clarify before flight."""
         ...
 
 
@@ -90,11 +90,11 @@ def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None,
 
 @dataclass(frozen=True)
 class PlantFeature:
-    """A feature of plants that not every scheme takes.
+    """A feature of plants that not every scheme supports.
 
     found    whether a plant has it, from its known part
     refusal  the message after the name of a scheme that does not support it; {inputs} is the number of inputs
-    others   the text after the names of the schemes that do
+    others   the text after the names of the schemes that support it
     """
 
     found: Callable[[Known], bool]
@@ -124,8 +124,8 @@ PLANT_FEATURES = {
 
 
 def require_taken(scheme: type[Scheme], known: Known) -> None:
-    """InputError for a plant with a feature that the scheme does not support; the message lists schemes that do."""
-    from barbalat.controllers import SCHEMES  # the registry is imported after this room
+    """Raise InputError for a plant with a feature that the scheme does not support; the message lists schemes that support it."""
+    from barbalat.controllers import SCHEMES  # imported here, because the registry imports this module
 
     for name in scheme.beyond:
         feature = PLANT_FEATURES[name]
@@ -143,7 +143,8 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
-    """The plant features that a scheme declares as not supported; for a class from outside they are unknown until it is bound."""
+    """The plant features that a scheme declares as not supported; for a class from outside the package they are unknown until it
+    is bound."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
 
@@ -172,7 +173,7 @@ def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[st
 
 
 def require_separable(modifications: Modifications) -> None:
-    """InputError for modifications of a law that would treat the baseline as a part of what was learnt."""
+    """Raise InputError for modifications of a law that would treat the baseline as part of the learnt estimates."""
     if modifications.leakage is not None:
         raise InputError(
             "leakage pulls the estimates towards zero, and the baseline's gains with them: do not combine leakage with a baseline"

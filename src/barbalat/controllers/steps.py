@@ -1,7 +1,7 @@
 """Sampled controllers whose steps are dissipative in x_tilde and theta_hat: implicit steps in closed form, O(n^2) per sample.
 
 docs/sampled.md states and proves the guarantees. Measurements are taken at the middle of the sample, x_mid = (x + x_next)/2,
-estimates at its end.
+and estimates at its end.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class LinearStep:
 
 @dataclass(frozen=True, eq=False)
 class Filter:
-    """C(s), Q(s) by the trapezoidal rule (Tustin): stable for every T, the same gain at DC."""
+    """C(s) or Q(s) by the trapezoidal rule (Tustin), which is stable for every T and keeps the gain at DC."""
 
     system: StateSpace
     step: LinearStep

@@ -18,7 +18,7 @@ from barbalat.validate import Array, Vector
 SLOW_SLOPE = 10.0
 """Multiple of the slowest time constant: |s kappa_2/(s kappa_2 + 1)| of a second slope is 0.995 or more for everything faster."""
 SLOWNESS_RATIO = 100.0
-"""Ratio to the model's slowest rate: anything slower has no effect within a run."""
+"""Ratio to the model's slowest rate below which dynamics have no effect within a run."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,9 +26,9 @@ class TuningGrid:
     """A scheme and the settings that are varied, in all combinations; ``make`` builds the controller.
 
     traded  whether trade-offs include it by default; contests include all schemes
-    open    settings whose range ends arbitrarily, and not because of the step or the model: a search may leave it
+    open    settings whose range has arbitrary ends that do not follow from the step or the model: a search may leave it
     whole   settings whose values already cover their whole range
-    aims    keys of its certificate that designers look at: its guarantees and their conditions
+    aims    keys of its certificate that matter to designers: its guarantees and their conditions
     """
 
     scheme: str
@@ -72,7 +72,7 @@ class TuningScale:
         """The ranges for a contest of sampled controllers: gains ``beyond`` times as large, time constants from half a sample to
         ten times the slowest.
 
-        The midpoint form of a lag has its pole at zero if the time constant is half a sample, and rings if it is shorter.
+        The midpoint form of a lag has its pole at zero if the time constant is half a sample, and oscillates if it is shorter.
         """
         return replace(
             self,
@@ -98,7 +98,7 @@ class TuningScale:
 
     @property
     def slope_ratios(self) -> Array:
-        """Ratios of the second to the first time constant of ``two_slopes``: 1, and one so large that C is (6)."""
+        """Ratios of the second to the first time constant of ``two_slopes``: 1, and a ratio so large that C is (6)."""
         return np.array([1.0, SLOW_SLOPE * self.times[-1] / self.times[0]])
 
     @property
@@ -134,8 +134,8 @@ class OutputTunable(Protocol):
 
 @runtime_checkable
 class Tunable(Protocol):
-    """A scheme's class that declares which of its settings trade tracking for robustness; others enter trade-offs only by
-    hand."""
+    """A scheme's class that declares which of its settings trade tracking for robustness. Other schemes enter trade-offs only
+    with fixed settings."""
 
     def knobs(self, reach: TuningScale) -> TuningGrid:
         """The settings that are varied, with their ranges."""

@@ -1,7 +1,7 @@
 """Remedies against windup: they keep an adaptive law from learning from an input at its limit.
 
-There are two, both off by default. If a scheme computes what the plant's state or output should be (L1-AC's predictor, the
-parametric model of the normalised schemes), this computation receives sat(u), which reaches the plant: ``saturated_predictor``.
+There are two remedies, both off by default. If a scheme predicts the plant's state or output (L1-AC's predictor, the
+parametric model of the normalised schemes), the prediction uses sat(u), which reaches the plant: ``saturated_predictor``.
 MRAC compares with the reference model instead, and uses the modified error.
 """
 
@@ -28,12 +28,12 @@ class ModifiedError(Settings):
             u = (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits
     margin  of the inner limits, 0 <= margin < 1: they are (1 - margin) times the actuator's
 
-    u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without remedy; omega_hat = 1 if the input gain is known, and
+    u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without a remedy; omega_hat = 1 if the input gain is known, and
     otherwise sat(u) is the regressor of omega in the law. Then exactly (e - e_d)' = A_m (e - e_d) - b (theta_tilde'phi +
     omega_tilde sat(u)), so that V = (e - e_d)'P(e - e_d) + theta_tilde'Gamma^-1 theta_tilde, with omega_tilde included in
     theta_tilde, decreases as without a limit: the estimates and e - e_d are bounded. x_m + e_d is the adapted reference model.
-    Boundedness of e_d itself is not claimed: with a limited input an unstable plant can diverge from a large enough initial
-    state, whatever is learnt.
+    Boundedness of e_d itself is not claimed: with a limited input, an unstable plant can diverge from a sufficiently large
+    initial state for any estimates.
 
     Source: Karason and Annaswamy (1994), IEEE TAC 39(11); Lavretsky and Hovakimyan (2007), Automatica 43(3), whose estimated
     gain of the control deficiency is omega_hat here.

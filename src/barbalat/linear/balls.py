@@ -23,7 +23,7 @@ class Ball:
     value: arb
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any) -> Any:
-        """NumPy's functions act on arrays of objects by these objects' methods and operators."""
+        """Use NumPy's functions on arrays of objects through the objects' methods and operators."""
         return getattr(ufunc, method)(*(part.reshape() if isinstance(part, Ball) else part for part in inputs))
 
     def reshape(self, *shape: int) -> Array:

@@ -9,7 +9,7 @@ from barbalat.validate import Array, InputError, show
 
 
 def balance(A: Array) -> tuple[Array, Array]:
-    """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded. Fast states then no longer dominate the
+    """(S^-1 A S, s) with S = diag(s) of powers of two, so nothing is rounded. Fast states then do not dominate the
     norm."""
     from scipy.linalg import matrix_balance
 
@@ -19,7 +19,7 @@ def balance(A: Array) -> tuple[Array, Array]:
 
 
 def scaled(matrix: Array) -> tuple[Array, float]:
-    """The matrix divided by a power of two near its largest entry, exactly, and that power. Norms and roots of the result don't
+    """The matrix divided by a power of two near its largest entry, exactly, and that power. Norms and roots of the result do not
     overflow."""
     exponent = int(np.frexp(np.abs(matrix).max(initial=0.0))[1])
     with np.errstate(under="ignore"):
@@ -27,13 +27,13 @@ def scaled(matrix: Array) -> tuple[Array, float]:
 
 
 def rounding(A: Array) -> float:
-    """The size of a few rounding errors in an eigenvalue of the balanced A: a smaller eigenvalue can't be distinguished from
+    """The size of a few rounding errors in an eigenvalue of the balanced A: a smaller eigenvalue cannot be distinguished from
     zero."""
     return 10 * len(A) * float(np.finfo(float).eps * np.linalg.norm(A, 2))
 
 
 def require_hurwitz(field: str, A: Array) -> None:
-    """InputError unless every eigenvalue has a negative real part, by more than rounding."""
+    """Raise InputError unless the real part of every eigenvalue is negative by more than rounding."""
     largest, stable = largest_real_part(A)
     if not stable:
         raise InputError.of(field, f"must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
@@ -57,7 +57,7 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
     norm = float(np.linalg.norm(balanced, 2))
     for eigenvalue in np.linalg.eigvals(balanced):
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
-        # 100 because the eigenvalue itself has a few rounding errors
+        # a factor of 100 because the eigenvalue itself has a few rounding errors
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
             raise InputError.of(
                 fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
@@ -67,7 +67,7 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
 def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex | None:
     """An eigenvalue of A whose mode is not observable in y = C x, beyond rounding; None if there is none.
 
-    stable_too  whether modes in Re s < 0 are included; without them the test is for detectability
+    stable_too  whether modes in Re s < 0 are included; without them this is a test of detectability
     """
     unit, half = scaled(A.T)
     balanced, scale = balance(unit)

@@ -39,7 +39,7 @@ class Crossings:
         """All w > 0 with function(L(j w)) = 0, from the zeros of ``system`` on the axis and from sign changes on a grid around
         the poles.
 
-        The zeros cover what lies between grid points; the grid guards against rounding errors of zeros near lightly damped poles.
+        The zeros cover the frequencies between grid points; the grid covers rounding errors of zeros near lightly damped poles.
         Both are bracketed and refined on the function itself, so that no spurious crossing is returned.
         """
         from scipy.optimize import brentq
@@ -54,7 +54,7 @@ class Crossings:
             left, right = float(points[k]), float(points[k + 1])
             if at(left) * at(right) < 0:
                 found.append(float(brentq(at, left, right, xtol=1e-300, rtol=1e-13)))
-            else:  # single values differ from the grid's in the last bits, which near a zero decide the sign
+            else:  # single values differ from the grid's in the last bits, which determine the sign near a zero
                 found.append(min(left, right, key=lambda w: abs(at(w))))
         return sorted(found)
 
@@ -64,17 +64,17 @@ _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
 
 
 _ROUNDING = 1e-15
-"""Relative distance: a pole this close to the axis, and a frequency this close to the pole, count as on it."""
+"""Relative distance within which a pole counts as on the axis, and a frequency as at the pole."""
 
 
 _LARGE_RESPONSE = 1e3
 """The ratio by which a response keeps growing towards lower frequencies if L is c/s or c/s^2 there."""
 _LEAST_SHARE = 1e-15
-"""Share of the lowest frequency: below it, the other poles' responses are lost in an integrator's rounding errors."""
+"""Share of the lowest frequency: below it, rounding errors of an integrator exceed the other poles' responses."""
 
 
 def frequency_grid(loop: StateSpace) -> Array:
-    """Frequencies from far below to far above the poles, dense near the narrow peaks of lightly damped ones."""
+    """Frequencies from far below to far above the poles, dense near the narrow peaks of lightly damped poles."""
     poles = np.linalg.eigvals(loop.A)
     sizes = np.abs(poles)
     sizes = sizes[sizes > _ROUNDING * np.linalg.norm(loop.A)]  # an integrator's pole is zero up to rounding
@@ -85,7 +85,9 @@ def frequency_grid(loop: StateSpace) -> Array:
     peaks = [p.imag + max(abs(p.real), 1e-12 * abs(p.imag)) * offsets for p in poles if p.imag > 0]
     grid = np.concatenate([wide, *peaks])
     on_axis = np.array([p.imag for p in poles if p.imag > 0 and abs(p.real) <= _ROUNDING * p.imag])
-    at_pole = (np.abs(grid[:, None] - on_axis) <= _ROUNDING * on_axis).any(axis=1)  # there the response is infinite
+    at_pole = (np.abs(grid[:, None] - on_axis) <= _ROUNDING * on_axis).any(
+        axis=1
+    )  # excludes a frequency at which the response is infinite
     return np.asarray(grid[(grid > 0) & ~at_pole])
 
 
@@ -133,5 +135,5 @@ def zeros(system: StateSpace) -> Array:
 def axis_zeros(system: StateSpace) -> Array:
     """The positive w near which the system vanishes at s = j w."""
     found = zeros(system)
-    # a wide band: a spurious zero costs some evaluations, but a missed one gives a wrong margin
+    # a wide band, because a spurious zero costs some evaluations, but a missed one gives a wrong margin
     return np.asarray(found[(np.abs(found.real) <= 1e-3 * np.abs(found)) & (found.imag > 0)].imag)

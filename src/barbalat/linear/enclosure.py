@@ -66,4 +66,4 @@ def float_below(value: arb) -> float:
 
 
 OUTWARD_FACTOR = 1 + 1e-12
-"""Covers a handful of rounding errors, each at most 1.2e-16, in arithmetic on numbers that are already bounds."""
+"""Covers a few rounding errors, each at most 1.2e-16, in arithmetic on numbers that are already bounds."""

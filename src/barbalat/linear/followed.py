@@ -24,9 +24,9 @@ MOST_STEPS = 2000
 MISSED = 2.0**-60
 """Admissible remainder of a step's Taylor polynomial relative to the outputs, far below the printed digits of a certificate."""
 SHORTEST_STEP = 2.0**-40
-"""Shortest step [s]. If a shorter one is needed, the balls' radii are the cause, and the precision is increased."""
+"""Shortest step [s]. If a shorter one is needed, the cause is the balls' radii, and the precision is increased."""
 GROWTH_ROOM = 0.5
-"""[1/s], added to the growth rate of the matrix of magnitudes: it keeps the components' weights within a moderate range."""
+"""Addition to the growth rate of the matrix of magnitudes [1/s], which keeps the components' weights within a moderate range."""
 SPREAD = 2.0**-30
 """Admissible radius of the state's balls, relative to the state; beyond it the precision is increased."""
 
@@ -56,7 +56,7 @@ class Followed(NamedTuple):
 
     bounds   for each step an array (outputs, 25), whose rows' largest entries bound the outputs; the entries are Bernstein
              coefficients, so that sums of magnitudes of outputs can be bounded entry by entry too
-    steps    the durations [s] of each piece's steps but the last, which ends with the piece
+    steps    the durations [s] of each piece's steps except the last, which ends with the piece
     weights  v > 0 of ``growth``
     bits     the precision
     """
@@ -89,7 +89,7 @@ class _Steps:
         for k in range(POLYNOMIAL_DEGREE + 1):
             powers += rows.tolist()
             rows = rows * A * (arb(1) / (k + 1))
-        self.powers = arb_mat(powers)  # C A^k/k!, one below the other
+        self.powers = arb_mat(powers)  # C A^k/k!, stacked
         self.beyond = A ** (POLYNOMIAL_DEGREE + 1) * (arb(1) / math.factorial(POLYNOMIAL_DEGREE + 1))
         self.weights, self.growth = growth(A)
         self.gains = [sum((abs(one) * v for one, v in zip(row, self.weights, strict=True)), arb(0)) for row in motion.C.tolist()]
@@ -129,7 +129,7 @@ class _Steps:
         return float_above(max((abs(one) / v).upper() for one, v in zip(z.entries(), self.weights, strict=True)))
 
     def _longest(self, beyond: float) -> float | None:
-        """The longest power of two with a small remainder, at most twice the last step; None if rounding forbids it."""
+        """The longest power of two with a small remainder, at most twice the last step; None if rounding prevents it."""
         step, size = 2 * self.step, float(self.growth)
         scale = max(self.largest, self.first)
         room = math.log(MISSED * scale / self.gain) if self.gain * scale > 0 else math.inf

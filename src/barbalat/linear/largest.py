@@ -1,7 +1,7 @@
 """The largest tolerated value: bisection in ratio, for single searches and for many in parallel.
 
-Nothing here depends on what is tolerated. A search finds *a* boundary between tolerated and untolerated values; if there are
-several, the caller's steps decide which.
+The searches work for any quantity. A search finds *a* boundary between tolerated and untolerated values; if there are
+several, the caller's steps determine which one.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ SECANTS = 5
 
 
 def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
-    """A value between ``low``, which is tolerated or 0, and ``high``, which is not: it is tolerated, and the value ``within``
-    above it is not.
+    """A value between ``low``, which is tolerated or 0, and ``high``, which is not: it is tolerated, and the value larger by the
+    share ``within`` is not.
 
     ``within`` is relative. 0 if no positive value was found to be tolerated.
     """
@@ -56,7 +56,7 @@ def largest_from(
 def largest_of_size(size: Callable[[float], float], start: float, *, within: float) -> float:
     """The search of ``largest_from`` for values that are tolerated if their ``size``, a smooth function of them, is below 1.
 
-    It uses secants of the logarithms (the Illinois algorithm): some eight sizes are computed, where bisection takes 25.
+    It uses secants of the logarithms (the Illinois algorithm), which need some eight sizes, compared with 25 for bisection.
 
     Source: Dowell and Jarratt, A modified regula falsi method for computing the root of an equation, BIT 11 (1971).
     """
@@ -74,7 +74,7 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
         if high - low <= within * high:
             break
         middle = low * (high / low) ** (below / (below - above))
-        # past the root by a third of the requested width, toward the farther end, so that both ends come close to it
+        # goes past the root by a third of the requested width, towards the farther end, so that both ends come close to the root
         middle *= 1 - within / 3 if middle > geometric_mean(low, high) else 1 + within / 3
         if step % SECANTS == 0 or not low < middle < high:
             middle = geometric_mean(low, high)

@@ -19,7 +19,7 @@ from barbalat.validate import Array, InputError
 LARGEST_FACTOR = 1e6
 """Largest change of the gain, up or down: a loop that is practically open, or that tolerates this change, has no margin. A
 crossing beyond it depends on the last bits of a cancellation in L or on a theta that is practically zero, and no actuator's
-gain varies that much."""
+gain varies so much."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Margins:
 
     gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite and 0 if there is none up to
                         ``LARGEST_FACTOR``, or down to its inverse
-    phase               the smallest phase lag or lead [rad] at which it does, over all crossovers
-    delay               the smallest additional delay [s] at which it does, over all crossovers
+    phase               the smallest phase lag or lead [rad] at which the loop loses stability, over all crossovers
+    delay               the smallest additional delay [s] at which the loop loses stability, over all crossovers
     crossovers          (K,) frequencies [rad/s] with |L| = 1
     """
 

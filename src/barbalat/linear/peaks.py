@@ -1,7 +1,7 @@
 """Peak gains over all frequencies: H-infinity norms of SISO systems, Ms and Mt of a loop.
 
 Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak if no zero of level^2 -
-G(-s)G(s) is on the imaginary axis, so that no peak between grid points is missed.
+G(-s)G(s) is on the imaginary axis, so no peak between grid points is missed.
 
 For a loop with a delay, the peaks of |S| and |T| are found by branch and bound over frequency, which misses no peak either.
 

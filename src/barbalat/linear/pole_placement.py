@@ -18,7 +18,7 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     """A - b K with the requested poles, where K is found by state feedback; b is (n,) or (n, m).
 
     A complex pole is given once, as [real, imaginary], or as a complex number; a pole may be repeated as often as there are
-    inputs, and with one input without limit.
+    inputs, or, with one input, any number of times.
 
     Source: Ackermann's formula for repeated poles with one input; otherwise Tits and Yang (1996), in SciPy's implementation.
     """
@@ -99,7 +99,7 @@ def _robust(A: Array, b: Array, wanted: list[complex], field: str) -> Array:
 
     try:
         with warnings.catch_warnings():
-            # every iterate has the requested poles; only their sensitivity to A has not converged
+            # every iterate has the requested poles; only the sensitivity has not converged
             warnings.filterwarnings("ignore", "Convergence was not reached", UserWarning)
             return np.asarray(place_poles(A, b, np.array(wanted)).gain_matrix.real)
     except ValueError as error:

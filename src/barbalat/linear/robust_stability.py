@@ -1,8 +1,8 @@
 """The uncertainty that a linear loop tolerates: mu of the matched family over all frequencies, and the parameters that
 destabilise it.
 
-A grid proves nothing between its points. Therefore every peak of mu is refined, the frequencies at which a real parameter could
-act alone are computed, and the destabilising parameters from mu are verified by eigenvalues.
+A grid proves nothing between its points. Therefore every peak of mu is refined, the frequencies at which a single real parameter
+could act are computed, and the destabilising parameters found by mu are verified by eigenvalues.
 
 The family is the matched one, (1) and (11): real parameters, and complex dynamics at the plant's input.
 
@@ -13,7 +13,8 @@ w_i e_i'(jw I - A)^-1 b S(jw), the responses of the states to a perturbation at 
     mu = max {t real: t = sum delta_i a_i + rho z, |delta_i| <= 1, |z| <= 1}
        = min over m of  sum |Re a_i + m Im a_i| + rho sqrt(1 + m^2).
 
-Every m gives an upper bound; the minimum is convex and is computed exactly, among the breakpoints and the points between them.
+Every m gives an upper bound; the function is convex, and its minimum is computed exactly among the breakpoints and the points
+between them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Loops with a delay: all frequencies at which L(j w) e^(-j w d) is real and negative, and its distance from -1.
 
-The delay makes the loop's phase rotate endlessly, and the pencils of ``crossings`` need rational functions. But the phase is a
+With the delay the loop's phase rotates without end, and the pencils of ``crossings`` need rational functions. But the phase is a
 sum of arcs, each monotone in w: one for every zero and pole of L, and -w d. It can therefore be bounded over an interval of w,
 and intervals are halved until each provably contains no crossing, or exactly one.
 """
@@ -16,8 +16,8 @@ from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
 
 HALVING_STEPS = 60
-"""Halvings of an interval, down to below rounding. If an interval is still undecided then, its phase touches -pi without
-crossing it."""
+"""Number of halvings of an interval, down to rounding errors. If an interval is still undecided then, its phase touches -pi
+without crossing it."""
 
 CLEAR_OF_A_LEVEL = 1e-9
 """Relative allowance, far above the rounding errors of a phase in whatever order it is summed."""
@@ -63,7 +63,7 @@ class Rotation:
         return self._start + self._arcs(w)
 
     def swing(self, left: Array, right: Array) -> tuple[Array, Array]:
-        """How far the phase can be below and above its value at the left end, anywhere in the interval."""
+        """The largest distance of the phase below and above its value at the left end, anywhere in the interval."""
         rises = self._each(right) - self._each(left)
         return rises @ (self._sense < 0) + (right - left) * self.delay, rises @ (self._sense > 0)
 
@@ -108,7 +108,7 @@ class Rotation:
         """The frequency at which the phase, monotone between the two, has this value: one w or none."""
         from scipy.optimize import brentq
 
-        def off(w: float) -> float:  # ``phase`` minus the level, in one call: most of a search's time is spent here
+        def off(w: float) -> float:  # ``phase`` minus the level in one call, because most of a search's time is spent here
             arcs = np.arctan((np.array([[w]]) - self._at) / self._width) @ self._sense
             return float(self._start + (arcs[0] - w * self.delay)) - level
 

@@ -7,17 +7,17 @@ v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, at f
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
 margins and peaks of one input are those of L(z) on the unit circle with the other inputs closed; with z = (1 + s T/2)/(1 - s
-T/2) they are those of a continuous system. What no single L(z) shows is found by a search.
+T/2) they are those of a continuous system. Margins that no single L(z) gives are found by a search.
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are not whole samples) and 8.2.
 
 No single transfer function shows the delay margin, nor that of a gain that all inputs share.
 
-The search starts from a stable loop and advances by steps over which stability is certain. For a delay the step is certain while
+The search starts from a stable loop and advances by steps over which stability is certain. For a delay, the step is certain if
 |change of L| < |1 + L| at every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For
-a factor k on all inputs det(I + k L) = 0 means that k is -1/lambda for an eigenvalue lambda of L: k may move by its distance from
-all of these. Near the boundary the spectral radius decides. The delay of one input, with the others closed, is the delay of the
-loop with one input whose resolvent is
+a factor k on all inputs, det(I + k L) = 0 means that k is -1/lambda for an eigenvalue lambda of L: k may change by its distance
+from all of these. Near the boundary the spectral radius decides. The delay of one input, with the others closed, is the delay of
+the loop with one input whose resolvent is
 
     R_i - L_io (I + L_oo)^-1 R_o,    R_i - L_io (I + L_oo)^-1 R_o, where o are the other inputs with their own delays.
 """
@@ -175,7 +175,7 @@ SHARE_OF_ROOM = 0.9
 def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:
     """The smallest additional delay [s] at which the loop with ``delay`` loses stability; infinite if there is none.
 
-    at  the one input whose delay grows; by default the delays of all inputs grow alike
+    at  the one input whose delay grows; by default the delays of all inputs grow equally
     InputError if the loop is unstable, and if nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
     """
     return _DelaySearch(_stable(loop, delay), delay, at).margin()
@@ -202,7 +202,7 @@ def _grid(loop: SampledLoop, M: Array) -> Array:
     highest = np.pi / loop.T
     w = np.union1d(np.geomspace(1e-6 * highest, highest, FREQUENCIES), np.linspace(0, highest, FREQUENCIES)[1:])
     modes = np.linalg.eigvals(M)
-    own = np.abs(np.angle(modes[np.abs(modes) > 0.5])) / loop.T  # others decay within a few samples and have no narrow peak
+    own = np.abs(np.angle(modes[np.abs(modes) > 0.5])) / loop.T  # other modes decay within a few samples and have no narrow peak
     return np.union1d(w, own[own > w[0]])
 
 

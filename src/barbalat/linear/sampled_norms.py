@@ -17,11 +17,11 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.validate import Array, InputError
 
 TAIL_SHARE = 1e-3
-"""Share of the sum at which the tail is negligible; a bound need not be tighter."""
+"""Share of the sum below which the tail is negligible for a bound."""
 MOST_SAMPLES = 4_000_000
 """Largest number of summed samples; a loop that decays more slowly has no bound."""
 PROVEN_SHARE, CERTAIN_SHARE = 1e-4, 0.999
-"""Approximate share of a sum that a proof leaves out, and share of the decay that it claims."""
+"""Approximate share of a sum that a proof omits, and share of the decay that it uses."""
 MOST_PROVEN = 12_000
 """Largest number of samples that ``barbalat-check`` follows, which takes some minutes."""
 BLOCK_SAMPLES = 64
@@ -54,7 +54,8 @@ class SampledNorms:
         return self._bounded(s, 1)[1]
 
     def _bounded(self, s: Array, order: float) -> tuple[Array, int]:
-        """The norm of this order of the sequence C M^k s, and the samples followed. A tail's sum bounds all its norms."""
+        """The norm of this order of the sequence C M^k s, and the number of samples followed. The sum of a tail bounds all its
+        norms."""
         from scipy.linalg import matrix_balance
 
         M, (scale, _) = matrix_balance(self.M, permute=False, separate=True)  # by powers of two: exact

@@ -113,7 +113,7 @@ class StateSpace(Settings):
 
     def response(self, w: Array) -> Array:
         """C (j w I - A)^-1 B + D at frequencies (K,) in rad/s."""
-        # a sum instead of a matrix product, for which BLAS would start threads that wait for each other on a busy machine
+        # a sum instead of a matrix product, because BLAS would use threads, which wait for each other on a busy machine
         return np.asarray((states_response(self.A, self.B, w) * self.C).sum(axis=1) + self.D)
 
     @property
@@ -122,8 +122,8 @@ class StateSpace(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> StateSpace:
-        """A system from one of ours, matrices (A, B, C, D), or anything that ``TransferFunction.accept`` takes, proper;
-        InputError names the field.
+        """A proper system from one of the package's systems, matrices (A, B, C, D), or anything that ``TransferFunction.accept``
+        accepts; InputError names the field.
 
         A foreign state space is used directly: conversion to polynomials would lose digits if it has both slow and fast poles.
         """
@@ -176,8 +176,8 @@ class TransferFunction(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> TransferFunction:
-        """A transfer function from one of ours, (num, den), matrices (A, B, C, D), or a continuous SISO system of python-control
-        or SciPy.
+        """A transfer function from one of the package's systems, (num, den), matrices (A, B, C, D), or a continuous SISO system
+        of python-control or SciPy.
 
         InputError names the field.
         """
@@ -311,7 +311,7 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
 
     try:
         return solved(w)
-    except np.linalg.LinAlgError:  # the frequency is a pole; next to it the response is as large as floats allow
+    except np.linalg.LinAlgError:  # the frequency is a pole; at a neighbouring frequency the response is as large as floats allow
         return solved(w * (1 + POLE_OFFSET_SHARE) + POLE_OFFSET_SHARE * float(np.abs(A).max(initial=0.0)))
 
 
@@ -342,11 +342,11 @@ def two_slopes(kappa: float, ratio: float = 1.0) -> TransferFunction:
 def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
     """c'(sI - A)^-1 b, by the Faddeev-LeVerrier recursion (Gantmacher, The Theory of Matrices, ch. IV).
 
-    Leading coefficients of the numerator that are zero up to rounding are dropped: they determine the relative degree.
+    Leading coefficients of the numerator that are zero up to rounding are dropped, because they determine the relative degree.
     """
     n = len(b)
     A, scale = balance(A)
-    size = float(np.abs(c).max(initial=0.0)) or 1.0  # squares of very large entries would leave the range of floats
+    size = float(np.abs(c).max(initial=0.0)) or 1.0  # squares of very large entries would exceed the range of floats
     b, c = b / scale, c / size * scale
     den, num = [1.0], []
     adjugate = np.eye(n)  # coefficient of s^(n-1-k) in adj(sI - A)

@@ -1,5 +1,5 @@
-"""The shell around a sampled controller, and the faults: the samples that the controller receives, and the control that is put
-out.
+"""The shell around a sampled controller, and the faults: the samples that the controller receives, and its output
+control.
 
 Exported code has the same shell in C: ``export/templates/controller.c``. The operations here are the same, in the same order, and
 tests compare the two bit for bit.
@@ -24,13 +24,13 @@ from barbalat.protocols import kept as choose
 from barbalat.validate import Array, InputError
 
 MOST_COUNTED = 10**9
-"""The largest count of consecutive misses, at which the counter stays. The count plus any increment fits into the long of
+"""The largest count of consecutive misses, at which the counter stops. The count plus any increment fits into the long of
 every C compiler."""
 LOST = 2.0
 """The value of the freeze switch at a sample without a measurement, where an observer is not corrected; the value 1 freezes
-only what is learnt."""
+only the estimates and the law's memory."""
 ROUNDINGS = 4 * float(np.finfo(float).eps)
-"""Allowed relative rounding of a time between two calls at the edge of the band, since the edge belongs to the band."""
+"""Allowed relative rounding of a time between two calls at the edge of the band, because the edge belongs to the band."""
 MOST_LATE = 1000
 """The largest latency in samples, each of which is stored."""
 
@@ -42,26 +42,26 @@ class Kept(NamedTuple):
     fade_left: Value  # () remaining samples of the fade after a fallback
     bump: Value  # (m,) the step that fades out
     repeats: Value  # (k,) consecutive good samples equal to the previous one, for the channels that may be stuck
-    offered: Value  # (y,) the sensor's last output, right or wrong
+    offered: Value  # (y,) the sensor's last output, good or bad
     lost: Value  # (2,) 1 if the last measurement, or the last command, was lost
     late: Value  # (d y,) earlier measurements, the newest first
     age: Value  # () samples since the last good measurement, if a rate is limited; MOST_COUNTED before the first
     command_outage: Value  # () samples in a row without a good command, if a command's rate is limited; MOST_COUNTED at first
-    advanced: Value  # () misses by which wrong times advanced the outage, if they are checked, as the next two
+    advanced: Value  # () misses by which wrong times advanced the outage, if times are checked (also for the next two)
     fade: Value  # () samples of the fade that fade_left belongs to
     paused: Value  # () fade_left when the baseline began to act as the fallback
-    commanded: Value  # (q,) the last command that arrived, right or wrong, if commands are checked
+    commanded: Value  # (q,) the last command that arrived, good or bad, if commands are checked
     timer: Value  # (4,) steps to the next call, lateness of the last one, steps since it, time between the last two; or (0,).
     # Without fixed steps, when only calls are evaluated: 0, the next one's lateness, the time until it, time between the last two
 
 
 class Taken(NamedTuple):
-    """A sample in the form that the controller's list receives, and the decisions about it."""
+    """A sample in the form that the controller's list receives, and the shell's decisions about it."""
 
     y: Value
     r: Value
     freeze: Value  # LOST on a miss, else 0
-    begun: Value  # 1 if there is a controller that continues, now or before
+    begun: Value  # 1 if a controller continues, at this sample or before
     fresh: Value  # 1 if y is a good measurement, also at a wrong time
     elapsed: Value  # samples since the last call, the last of which may not be whole
     due: Value  # 1 if the timer calls
@@ -76,7 +76,7 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnLoop:
-    """The effect of a fault while it is present; signals state when it is.
+    """The effect of a fault while it is present; signals determine when it is.
 
     where    (y,) the channels that it affects
     command  whether it affects the command instead
@@ -120,7 +120,7 @@ class Around:
     u_low, u_high  (m,) the actuators' limits, within which a fade begins; ``limited``: the inputs that have limits
     T          [s] between two calls, with the tolerance ``band`` [s]; None if a wrong time is only reported
     longest    consecutive misses before the fallback acts, a whole number; None for no limit
-    fade       samples of the fallback's fade and of the return's, a whole number; ``fades`` says whether there is one
+    fade       samples of the fallback's fade and of the return's, a whole number; ``fades`` tells whether there is one
     """
 
     low: Array
@@ -230,9 +230,9 @@ class Around:
         return any(one.kind == Jitter.kind for one in self.faults)
 
     def calls(self, faults: Sequence[Callable[[Array], Array]], end: float) -> Array:
-        """The exact instants [s] of the timer's calls, from t = 0 to the first one after ``end``.
+        """The exact instants [s] of the timer's calls, from t = 0 to the first call after ``end``.
 
-        faults  the signals of the case's faults; the jitter at each call determines when the next one comes
+        faults  the signals of the case's faults; the jitter at each call determines the instant of the next one
         """
         jitters = [(fault, one.time) for fault, one in zip(faults, self.faults, strict=True) if one.kind == Jitter.kind]
         found = [0.0]
@@ -320,7 +320,7 @@ class Around:
         )
 
     def _spoilt(self, one: OnLoop, value: Value, offered: Value, kept: Kept) -> Value:
-        """The sensor's output with one more fault."""
+        """The sensor's output with one further fault."""
         if one.kind == Latency.kind:
             size = offered.size
             wrong = np.where(value > 0, kept.late[(one.samples - 1) * size : one.samples * size], offered)
@@ -370,7 +370,7 @@ class Around:
         return np.concatenate(counted)
 
     def _timer(self, timer: Value, next_late: Value, dt: Value) -> tuple[Value, Value, Value]:
-        """Whether the timer calls at this step, whether at a time that is not accepted, and its updated values."""
+        """Whether the timer calls at this step, whether the time is not accepted, and the timer's updated values."""
         if not self.jitters:
             return np.ones(()), np.zeros(()), timer
         left, was_late, since, _ = timer[0], timer[1], timer[2], timer[3]
@@ -456,10 +456,10 @@ class Around:
         return found.reshape(u.shape), kept._replace(fade=whole.reshape(1)) if self.band is not None else kept
 
     def _after_wrong_times(self, returns: Value, old: Kept) -> tuple[Value, Value]:
-        """The samples left of a fade, and of the whole of it, where wrong times may have triggered the fallback.
+        """The remaining samples of a fade, and its whole number of samples, if wrong times may have triggered the fallback.
 
-        If no more samples were missed than the longest outage, the return takes no more samples than were missed, and what was
-        left of an earlier fade goes on: otherwise calls that are wrong again and again would hold the control for ever.
+        If no more samples were missed than the longest outage, the return takes no more samples than were missed, and the
+        rest of an earlier fade continues: otherwise repeated wrong calls would hold the control for ever.
         """
         earlier = old.fade_left[0] if self.baseline is None else old.paused[0]
         missed = old.outage[0] - old.advanced[0]

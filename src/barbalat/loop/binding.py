@@ -63,7 +63,7 @@ class Bindings:
 
     def __init__(self) -> None:
         self._last: tuple[Controller, Any, Equations | SampledEquations] | None = None
-        self._outside = False  # whether the first, and so every member, involves a class from outside
+        self._outside = False  # whether the first member, and therefore every member, involves a class from outside
 
     def __call__(self, problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
         known = problem.known
@@ -81,10 +81,10 @@ class Bindings:
 
 
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:
-    """Try a controller's equations on a problem in the way in which a run uses them; for tests of your own classes.
+    """Try a controller's equations on a problem as a run does; for tests of your own classes.
 
     Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so that the traced equations
-    compute what the code says. Raises InputError with the class, the equation, the shape and what would be right.
+    agree with the code. Raises InputError with the class, the equation, the shape and the required one.
     """
     validate.instance("problem", problem, TrackingProblem)
     equations = _equations(problem, controller, outside=comes_from_outside(controller))
@@ -158,7 +158,7 @@ def _renamed(controller: Any, name: str) -> Any:
     if "name" in own:
         return replace(controller, name=name)
     for field, part in (parts_of(controller) or {}).items():
-        # its name is that of its inner controller
+        # its name is the inner controller's
         if field in own and isinstance(part, Controller) and part.name == controller.name:
             return replace(controller, **{field: _renamed(part, name)})
     return controller

@@ -23,8 +23,8 @@ from barbalat.validate import Array, counted, show
 POINTS_TRIED = 4
 """States at which the equations are evaluated: the initial one, and others drawn around it."""
 AGREEMENT_WITHIN = 1e-8
-"""Tolerance relative to an equation's largest entry: the same sums in another order differ by far less, different equations by
-far more."""
+"""Tolerance relative to an equation's largest entry: the same sums in another order differ by far less, and different equations
+by far more."""
 CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial", "control", "advance")
 
 
@@ -52,7 +52,7 @@ class Arguments(NamedTuple):
 
 
 def check_equations(equations: Equations | SampledEquations, ports: Ports, whose: Subject) -> None:
-    """InputError if the equations can't be traced, or give other values on symbols than on numbers.
+    """Raise InputError if the equations cannot be traced, or give different values on symbols and on numbers.
 
     ``whose`` is the controller, for the messages.
     """

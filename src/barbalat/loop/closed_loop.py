@@ -46,7 +46,7 @@ class ClosedLoop:
     around: Around | None = None  # its shell and its faults
     baseline: FixedController | None = None  # equations receive its own states after the measurement
     external: FixedController | None = (
-        None  # other code computes its control, and passes it to a sampled controller at its samples
+        None  # other code computes its control and passes it to a sampled controller at its samples
     )
     reads: Array | None = None  # (p, n) C of the measurement; None if that is the plant's output itself
     true_reads: Array | None = None  # (p, N) C of the measurement of a truth's own states, in place of ``reads``
@@ -90,8 +90,8 @@ class ClosedLoop:
         )
 
     def require_run(self) -> None:
-        """InputError for loops that can be analysed but not simulated: with a continuous controller on a quantised measurement,
-        or with a sample time too long for a baseline's anti-windup."""
+        """Raise InputError for loops that can be analysed but not simulated: with a continuous controller on a quantised
+        measurement, or with a sample time too long for a baseline's anti-windup."""
         for fixed in (self.baseline, self.external):
             if fixed is not None and self.sample_time is not None:
                 fixed.require_sampled(self.sample_time)
@@ -337,7 +337,7 @@ class ClosedLoop:
         return self._output(state, given).reshape(-1)
 
     def reading(self, x: Value) -> Value:
-        """The measurement of the plant's state x, without lag and noise: (p,), or a scalar."""
+        """The measurement of the plant's state x without lag and noise: (p,), or a scalar."""
         if self.true_reads is not None:
             return self.true_reads @ x
         y = self.plant.output(x)
@@ -357,7 +357,7 @@ class ClosedLoop:
         return as_array(self.equations.control(state.controller, *self._handed(state, self._measured(state, given)), given.r))
 
     def _seen(self, state: LoopState, y: Value) -> Value:
-        """The plant's state as the controller knows it: the measurement, or an observer's estimate."""
+        """The plant's state as known to the controller: the measurement, or an observer's estimate."""
         return y if self.observer is None or self.sampled else self.observer.estimate(state.observer, y)
 
     def _handed(self, state: LoopState, y: Value) -> tuple[Value, Value]:
@@ -368,7 +368,7 @@ class ClosedLoop:
         return np.concatenate([seen, state.baseline]), state.x_m
 
     def received(self, state: LoopState, x: Value) -> Value:
-        """What the equations receive, without noise, if x is the plant's own state or output: x or an observer's estimate of
+        """The input of the equations, without noise, if x is the plant's own state or output: x or an observer's estimate of
         it, followed by a baseline's own states."""
         own: Any = state.held if self.sampled else state
         if self.observer is not None and self.reads is not None:

@@ -12,7 +12,7 @@ from barbalat.protocols import Value
 
 Paths = tuple[InputPath | None, ...]
 States = tuple[Any, ...]
-"""The state of each path; an empty tuple without a path."""
+"""The state of each path; an empty tuple if there is no path."""
 
 
 def initial(paths: Paths) -> States:

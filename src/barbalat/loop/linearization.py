@@ -85,5 +85,5 @@ def _sample(loop: ClosedLoop, frozen: bool) -> Traced:
 def _jacobian(state: ca.SX, signals: ca.SX, value: ca.SX) -> ca.Function:
     import casadi as ca
 
-    # sparse, without a search for common subexpressions: for 900 states that takes 40 s and saves nothing in the evaluation
+    # sparse, without a search for common subexpressions, which takes 40 s for 900 states and does not speed up the evaluation
     return ca.Function("jacobian", [state, signals], [ca.jacobian(value, state)])

@@ -1,4 +1,4 @@
-"""A sampled controller with everything that it keeps from sample to sample: exactly what a flight computer runs.
+"""A sampled controller with everything that it keeps from sample to sample, exactly as it runs on a flight computer.
 
 It receives only the measurement and the command. It contains the reference model, advanced from sample
 to sample under the sampled command; ``ClosedLoop`` integrates (2) separately, and e is reported with respect to that.
@@ -38,7 +38,7 @@ def held_model(model: Any, T: float, commands: int | None) -> HeldSystem:
 class SampledController:
     """A scheme's equations, the reference model under a held command, and the values kept from one sample to the next.
 
-    model     the problem's model: its initial state, and the part of its state that is to be followed
+    model     the problem's model: its initial state, and the part of its state that the plant should follow
     discrete  the model from sample to sample
     inputs    number of entries of u
     commands  ``None`` for one command, a scalar
@@ -102,7 +102,7 @@ class SampledController:
         return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller), xi, z, held.around))
 
     def external_control(self, held: Held, y: Value, r: Value) -> Value:
-        """(m,) the control that the external baseline computes at the sample y: simulated from the same states."""
+        """(m,) the control that the external baseline computes at the sample y, simulated from the same states."""
         assert self.external is not None
         z = self._observed(held, y)
         before, seen = self._seen(held.observer, self._measured(held.measured)), self._seen(z, y)
@@ -145,5 +145,5 @@ class SampledController:
         return resting(frozen, roles_of(self.equations), controller, self.equations.advance(controller, before, u, now))
 
     def _theta_hat(self, controller: Any) -> Value:
-        """The estimates whose motion is counted."""
+        """The estimates whose path is summed."""
         return taken_from(controller, main_estimates(state_parts(self.equations, controller)))

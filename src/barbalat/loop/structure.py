@@ -1,4 +1,4 @@
-"""The structure of equations: the parts of an object, whoever wrote its class, and everything about them but the numbers."""
+"""The structure of equations: the parts of an object of any class, and all their properties except the numbers."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def parts_of(part: Any) -> dict[Any, Any] | None:
 
 
 _FIELDS: dict[type, tuple[str, ...] | None] = {}
-"""The fields of a dataclass by class; ``None`` for any other class. Looked up for every member of an ensemble."""
+"""The fields of a dataclass by class; ``None`` for any other class. Cached, because it is needed for every member of an
+ensemble."""
 
 
 def _field_names(kind: type) -> tuple[str, ...] | None:
@@ -60,7 +61,7 @@ def with_parts(part: Any, parts: list[Any]) -> Any:
         return named
     twin = copy.copy(part)
     if is_dataclass(part) and hasattr(twin, "__dict__"):
-        vars(twin).clear()  # and with it cached values that were computed from the other parts
+        vars(twin).clear()  # also copies cached values that were computed from the old parts
     for name, value in named.items():
         object.__setattr__(twin, name, value)
     return twin
@@ -140,5 +141,6 @@ def comes_from_outside(part: Any, depth: int = 0) -> bool:
 
 
 _OWN: dict[type, bool] = {}
-"""Whether a class is the package's own, or a container of Python's; cached, since it is asked for every member of an ensemble."""
+"""Whether a class is the package's own, or a container of Python's; cached, because it is needed for every member of an
+ensemble."""
 _PACKAGE = __name__.partition(".")[0] + "."

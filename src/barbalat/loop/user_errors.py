@@ -1,4 +1,4 @@
-"""Messages about equations that can't be used: which controller and equation, where in its file, and what would be right."""
+"""Messages about equations that cannot be used: the controller and equation, the line in its file, and the remedy."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from barbalat.validate import InputError
 
 PACKAGE = Path(__file__).parents[1]
 LONGEST_REASON = 160
-"""Largest number of characters quoted from another package's message; its beginning says what went wrong."""
+"""Largest number of characters quoted from another package's message; its beginning describes the problem."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """The subject of a message: ``said`` begins the sentence, and ``controller`` is the controller's name in it."""
+    """The subject of a message: ``said`` begins the sentence, and ``controller`` is the controller's name in the sentence."""
 
     said: str
     controller: str = ""
@@ -114,7 +114,7 @@ def _shown(value: Any) -> str:
 
 @contextmanager
 def telling_user_errors(what: Subject) -> Iterator[None]:
-    """Turns any error raised by the user's code into one sentence with its line."""
+    """Turns any error raised by the user's code into one sentence with the line."""
     try:
         yield
     except InputError:
@@ -142,7 +142,7 @@ REMEDIES = {
 
 
 def _reason(error: BaseException, what: Subject) -> str:
-    """What went wrong, with the remedy if it is known."""
+    """The cause, with the remedy if it is known."""
     said = f"{type(error).__name__}: {' '.join(str(error).split())[:LONGEST_REASON]}"
     if not what.symbolic:
         return said

@@ -1,7 +1,7 @@
 """The delay, or the error of the gain, that a loop tolerates in simulation: a scan, then bisection, for many loops and two
 criteria at once.
 
-Unlike the exact margin of a linear loop, it applies to the adaptive loop in motion, but only for the run that was made: it is
+Unlike the exact margin of a linear loop, it applies to the loop while it adapts, but only for the simulated run: it is
 measured, not guaranteed.
 """
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LONGEST_DELAY, LONGEST_IN_STEPS = 2.0, 200
-"""The largest delay that is tried by default [s], and its minimum in solver steps: for a slow plant two seconds are a
+"""The default of the largest delay that is tried [s], and its minimum in solver steps, because for a slow plant two seconds are a
 negligible delay."""
 SCANNED_DELAYS = 12
 """Number of delays from the shortest up to the largest: a factor of 2 to 3 between successive delays."""
@@ -83,7 +83,7 @@ class DelaySearch:
         self.loses[0, begun] = 0.0
 
     def open_members(self) -> Array:
-        """The members for which one of the criteria has not yet seen a delay that loses."""
+        """The members for which, by one of the criteria, no delay has yet been found with which they are lost."""
         return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
     def between(self) -> tuple[Array, Array]:
@@ -95,7 +95,7 @@ class DelaySearch:
 
     def take(self, chosen: Array, added: Array, verdicts: tuple[Array, Array]) -> None:
         """Narrow the brackets of members ``chosen`` by their verdicts with errors of the sizes ``added``: onset, loss."""
-        for size in np.unique(added):  # from short to long: a member may have been run with several
+        for size in np.unique(added):  # from short to long, because a member may have been run with several sizes
             for c, lost in enumerate(verdicts):
                 within = (added == size) & (self.bears[c, chosen] < size) & (size < self.loses[c, chosen])
                 self.loses[c, chosen[within & lost]] = size
@@ -103,7 +103,7 @@ class DelaySearch:
         self.runs += len(chosen)
 
     def to_come(self) -> float:
-        """Expected number of further runs, as if the open members were lost evenly over the rest of the scan."""
+        """Expected number of further runs, if the open members are lost evenly over the rest of the scan."""
         scans = len(self.open_members()) * (1 + self.scans_left / 2)
         inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
         both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
@@ -126,7 +126,7 @@ class Bracket:
 class DelayMargins(Plotted):
     """For M members; statements about a delay apply to any modelling error that was tried.
 
-    onset, loss  where each begins to oscillate, and where it loses its motion, by ``Lost``: either may come first
+    onset, loss  the sizes at which each loop begins to oscillate and at which it is lost (see ``Lost``); either may be smaller
     tracks       (M,) whether the loop follows its model without a delay, with and without its noise; one that does not tolerates
                  nothing: 0 and 0
     oscillates   (M,) whether it already oscillates without a delay, judged without noise; its onset is then 0 and 0
@@ -134,7 +134,7 @@ class DelayMargins(Plotted):
     noisy        whether the members have measurement noise
     undelayed    figures without an added delay, with the noise
     runs         number of simulations
-    ends         for each, why the onset is where it is, in words; empty if no size that was tried ends its margin
+    ends         for each loop, the reason why its margin ends at the onset, in words; empty if no size that was tried ends it
     """
 
     onset: Bracket
@@ -292,7 +292,7 @@ BESIDE_SCAN = 20 + 2 * SIZES_TRIED
 """Largest number of a member's runs in addition to the scan: bisections between two delays by two criteria, and runs of loops
 with known theta."""
 RUNS_AT_ONCE = 64
-"""Runs that are made at once instead of one size after the other: they fill the kernel's lanes."""
+"""Number of runs that are made together instead of one size after the other, to fill the kernel's lanes."""
 
 
 def _advance(search: DelaySearch, judged: JudgedRuns, sizes: Array, progress: Progress | None) -> None:

@@ -1,8 +1,8 @@
-"""Does a result belong to the solver? What a study reports is repeated with a quarter of its step, or a 32nd of its tolerance.
+"""Repeats a study's reported runs with a quarter of the step or a 32nd of the tolerance, to check whether they depend on it.
 
 The reported loops are also simulated without any delay.
 
-A study judges thousands of runs only by their figures. The few that it reports are examined here.
+A study judges thousands of runs only by their figures. The few reported runs are examined here.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ class PlainRun:
     h_lambda_max  the largest step times |eigenvalue| along it, and ``limits`` the solver's on the imaginary and the real axis;
                   None with a tolerance
     label         *outside the region of stability from ...*, or None
-    damping       what the solver's own damping may hide, as a sentence, or None
+    damping       a sentence if the solver's own damping may hide an oscillation, or None
     verdict       the judge's
     settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; otherwise it
-                  decides nothing
+                  settles nothing
     """
 
     h_lambda_max: float | None
@@ -117,7 +117,8 @@ VERDICTS = {
 
 @dataclass(frozen=True)
 class Confirmed:
-    """The result of a finer step for ``what`` one member tolerates: how many checks were made, and which disagreed."""
+    """The result of a finer step for the size (``what``) that one member tolerates: the number of checks, and those that
+    disagreed."""
 
     what: str
     simulation: Simulation
@@ -151,7 +152,8 @@ def delays_confirmed(
     """Whether a finer step confirms the delays ``found`` for each of M members.
 
     A slightly smaller delay must be tolerated with the finer step too, and a slightly larger one must not; a loop that oscillates
-    without a delay must do so too. Delays that are too short to be simulated or longer than the longest are not checked.
+    without a delay must also oscillate with the finer step. Delays that are too short to be simulated or longer than the longest
+    are not checked.
     """
     longest = longest_delay(simulation) if longest is None else longest
     asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.resolution, longest, lambda size: f"{size:.3g} s")
@@ -182,7 +184,7 @@ class _Asking:
 
 
 def _beside(found: DelayMargins) -> Array:
-    """All sizes to either side of those found."""
+    """The sizes on either side of those found."""
     both = np.concatenate([found.onset.bears, found.loss.bears])
     return np.unique(np.outer([1 - BESIDE_SHARE, 1 + BESIDE_SHARE], both[both > 0]))
 

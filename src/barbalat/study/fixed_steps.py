@@ -1,4 +1,5 @@
-"""Fixed steps for contests and pages of a case with a tolerance: the longest that show what its own runs show with it."""
+"""Fixed steps for contests and pages of a case with a tolerance: the longest with which its own runs agree with those with the
+tolerance."""
 
 from __future__ import annotations
 
@@ -18,14 +19,15 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u")
-"""The figures that must agree: not a trajectory, since an oscillating loop repeats its amplitude and not its phase."""
+"""The figures that must agree. Trajectories are not compared, because an oscillating loop repeats its amplitude but not its
+phase."""
 AGREES = 0.01
 """Relative difference up to which two figures, or two times of a divergence, agree."""
 SMALL = 0.05
 """Errors in the tail are compared relative to at least this share of the largest error, since a tolerance may not resolve
 smaller ones."""
 FEWEST_STEPS, MOST_STEPS = 20_000, 10_000_000
-"""Fewest steps of a run, so that delays, filters and gains well beyond the motion's own times can be tried."""
+"""Smallest number of steps of a run, so that delays, filters and gains well beyond the time scales of the motion can be tried."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Runs with a modelling error, judged without noise, and again with noise relative to the loop with known theta.
 
-Noise moves estimates and controls as fast as an oscillation does, and no criterion distinguishes the two. So the judge decides
-without noise; with noise a loop must not be lost, and the noise must not cost it more than without the modelling error and than
-it costs the loop with known parameters under the same noise.
+Noise moves estimates and controls as fast as an oscillation does, and no criterion distinguishes the two. Therefore the judge
+decides without noise. With noise a loop must not be lost, and the effect of the noise must not exceed both that without the
+modelling error and that on the loop with known parameters.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def shortest_delay(simulation: Simulation) -> str:
 
 
 SIZES_TRIED = 16
-"""Sizes of a modelling error at which the loop with known theta is run; in between, the cost of noise is interpolated."""
+"""Number of sizes of a modelling error at which the loop with known theta is run; in between, the effect of noise is
+interpolated."""
 NOISE_SENTENCE = (
     "oscillation is judged on the same run without the case's measurement noise, which moves controls as fast as an oscillation "
     "does; with the noise the loop must not be lost, nor may the noise add more to the run's RMS error than a third of the "
@@ -44,18 +45,18 @@ NOISE_SENTENCE = (
 )
 NOISE_BAND_SHARE = 1 / 3
 """Share of the judge's band, which is for the largest error: a third of it is the RMS of an error as random as the noise.
-Largest errors do not measure it: for a run in which any change matters, as at a command's steps, two noises differ by more."""
+Largest errors are not suitable: at steps of a command, for example, two realisations of the noise differ by more."""
 
 
 def ideal(problem: Problem) -> Member:
     """The problem, with every sample used as it is, and the controller that knows its parameters."""
-    true = problem.true_parameters  # a truth with other states has none: then those of the design plant
+    true = problem.true_parameters  # a truth with other states has no parameters; those of the design plant are then used
     return problem.nominal, KnownParameters(theta=problem.parameters if true is None else true)
 
 
 @dataclass(eq=False)
 class Ideals:
-    """The cost of measurement noise for the loop with known theta, with modelling errors of some sizes; computed on demand.
+    """The effect of measurement noise on the loop with known theta, for modelling errors of some sizes; computed on demand.
 
     sizes  (K,) of the modelling error with which the loop is run; [s] for a delay
     """
@@ -67,14 +68,14 @@ class Ideals:
 
     @classmethod
     def over(cls, simulation: Simulation, longest: float) -> Ideals:
-        """For delays from the shortest one on [s]."""
+        """The same for delays from the shortest one on [s]."""
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.resolution, longest, SIZES_TRIED))
 
     def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
         """(J, n) the increase of the RMS error due to the noise of these streams with errors of these sizes; infinite without
         theta.
 
-        0 if the loop with known theta oscillates itself: its own limit cycle explains nothing.
+        0 if the loop with known theta itself oscillates, because its own limit cycle explains nothing.
         """
         if not isinstance(problems[0], Problem):
             return np.array(np.inf)
@@ -178,7 +179,7 @@ class JudgedRuns:
     undelayed  their runs without a modelling error
     numbers    (M,) of the members' noise
     runs       number of simulations so far, without those of ``undelayed``
-    ends       why a member's margin ends by the onset at a size, in words, for both criteria
+    ends       the reason why a member's margin ends at a size by the onset, in words, for both criteria
     """
 
     members: Sequence[Member]
@@ -223,8 +224,8 @@ class JudgedRuns:
     ) -> tuple[Array, Array]:
         """(J,) by the onset and by the loss: which of the members ``chosen`` are lost with errors of the sizes ``added``.
 
-        If only one criterion is ``asked``, the other's answer may be too good: runs that are decided without noise are not
-        repeated with it.
+        If only one criterion is ``asked``, the result for the other may be too favourable, because runs that are decided without
+        noise are not repeated with it.
         """
         if not len(chosen):
             return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)

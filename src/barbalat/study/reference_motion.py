@@ -11,7 +11,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 
 REST_SHARE = 0.1
-"""Share of the largest magnitude: the regressor's square, which drives the law, is then a hundredth of its maximum."""
+"""Share of the largest magnitude at which the regressor's square, which drives the law, is a hundredth of its maximum."""
 REST_SENTENCE = (
     "in the last quarter, which the judge evaluates, the command requires less than a tenth of the run's motion: an "
     "oscillation that occurs only while the plant moves is not detected"
@@ -25,7 +25,7 @@ class ReferenceMotion:
     largest    the largest magnitude of a component
     of_each    the largest magnitude of each component
     rms        of |x_m|_2 over the run
-    crossings  how often a component crosses its own range [1/s]: from the run's variation, or from the model's fastest mode,
+    crossings  rate at which a component crosses its own range [1/s]: from the run's variation, or from the model's fastest mode,
                |lambda|/pi as for a sine, whichever is larger
     in_tail    the largest magnitude in the last quarter of the run
     """

@@ -1,4 +1,4 @@
-"""Replays a recorded flight through a scheme's estimator: what it would have learnt while another controller was in control."""
+"""Replays a recorded flight through a scheme's estimator, to find its estimates while another controller is in control."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ CLOCK = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control that it would have applied; flown (N, m);
-    names (p,) of the estimates without a hat."""
+    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control that it would have applied; flown (N, m),
+    the recorded control; names (p,) of the estimates without a hat."""
 
     times: Array
     theta_hat: Array
@@ -59,10 +59,10 @@ def replay_case(
 
 
 def replay(problem: Problem, controller: Controller, times: Array, measured: Array, inputs: Array, commands: Array) -> Replay:
-    """Replay a recording through a sampled controller, which is told at each sample that its control was the recorded one.
+    """Replay a recording through a sampled controller, whose own control is replaced at each sample by the recorded one.
 
     Its estimator, model and filters run as in flight; its own control is only recorded. The model starts at the first
-    measurement: if that was noisy, not exactly where it started in flight.
+    measurement: if that was noisy, this is not exactly its initial state in flight.
 
     times     (N,) [s], spaced by the controller's sample time
     measured  (N, n), the states of the plant, or with an observer (N, p), its measurements

@@ -1,4 +1,4 @@
-"""The simulation of a study of a case with a tolerance: every run has its own steps, and a grid stands for the step where a study
+"""The simulation of a study of a case with a tolerance: every run has its own steps, and a grid replaces the step where a study
 needs one."""
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from barbalat.run.kernel.members import Members
 from barbalat.solvers.simulation import Simulation
 
 FEWEST_INSTANTS, MOST_INSTANTS = 2000, 50_000
-"""Fewest recorded instants of a run, a tenth of whose distance is the study's resolution: delays and filters well beyond the
-motion's own times can then be tried; and most."""
+"""Smallest and largest number of recorded instants of a run; a tenth of their distance is the study's resolution. With the
+smallest number, delays and filters well beyond the time scales of the motion can be tried."""
 ATTEMPTS_EACH_INSTANT = 5
-"""Steps of the case's own runs for each recorded instant. A step turns the fastest oscillation by some 1.5 rad, and RK4 would
-tolerate 2.8 rad in a step of the resolution: gains are tried at which the loop oscillates up to four times as fast as in them."""
+"""Steps of the case's own runs for each recorded instant. The fastest oscillation advances by some 1.5 rad in a step, and RK4 is
+stable up to 2.8 rad in a step of the resolution: gains are tried at which the loop oscillates up to four times as fast as in the
+case's own runs."""
 
 
 def resolved(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> Simulation:

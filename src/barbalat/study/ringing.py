@@ -13,20 +13,20 @@ from barbalat.run.kernel.metrics import Metrics
 from barbalat.validate import Array
 
 SPAN_SHARE = 0.1
-"""Share of an estimate's known range over which it moves in the tail if it oscillates."""
+"""Smallest share of its known range over which an oscillating estimate moves in the tail."""
 CROSSINGS_MULTIPLE = 2.0
 """Multiple of the speed at which the estimate would cross that range whenever the model crosses its own: a faster estimate
-oscillates."""
+counts as oscillating."""
 POINT_SHARE, ROUNDING_SHARE = 1e-3, 1e-9
-"""A range that is narrower than this share of its own largest value, or than this share of the largest value of all ranges, is a
-point: its estimate is known and does not oscillate."""
+"""A range that is narrower than this share of its own largest value, or than this share of the largest value of all ranges,
+counts as a point: its estimate is known and does not oscillate."""
 
 
 def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
-    """(M,) which runs have an estimate that oscillates in the tail.
+    """(M,) whether a run has an estimate that oscillates in the tail.
 
     width      (p,) of the known range of each estimate; infinite if it is unknown, 0 if it is nearly a point
-    crossings  how often the model crosses its own range [1/s]
+    crossings  rate at which the model crosses its own range [1/s]
     """
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
     fast = metrics.theta_hat_variation_rate > CROSSINGS_MULTIPLE * crossings * width
@@ -34,11 +34,11 @@ def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
 
 
 FILLED_SHARE = 0.9
-"""Share of that range over which an estimate moves in the tail if it is said to fill it."""
+"""Smallest share of its known range over which an estimate moves in the tail if it counts as filling the range."""
 
 
 def fills(metrics: Metrics, width: Array) -> Array:
-    """(M,) which runs have an estimate that moves in the tail from end to end of its known range."""
+    """(M,) whether a run has an estimate that moves in the tail from end to end of its known range."""
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
     return np.asarray(((span >= FILLED_SHARE * width) & (width > 0)).any(axis=1))
 
@@ -46,7 +46,7 @@ def fills(metrics: Metrics, width: Array) -> Array:
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta.
 
-    0 where the set is nearly a point: an estimate that is projected onto it hardly moves, whatever the range is compared with.
+    0 where the set is nearly a point, because an estimate that is projected onto it hardly moves.
     """
     loop = ClosedLoop.of(problem, controller)
     theta, known_set = true_values(problem, loop), estimate_set(loop)

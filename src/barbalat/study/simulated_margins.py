@@ -1,5 +1,5 @@
-"""Certificates with the case's own margins in simulation, with its limits, commands and noise, in addition to those of the
-linear loops, which ignore these."""
+"""Adds to certificates the case's margins in simulation, with its limits, commands and noise, which the margins of
+linear loops ignore."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FILLED_SENTENCE = (
     "its estimates already cover the known set without a delay: the noise drives one of them from end to end in the last quarter"
 )
 PARTS = 3
-"""Searches for each controller: the delay, the gain upwards and downwards."""
+"""Number of searches for each controller: the delay, the gain upwards and the gain downwards."""
 
 
 def with_simulated_margins(
@@ -148,7 +148,7 @@ class _Measured:
 
     @property
     def _begun(self) -> str:
-        """Why the margin is zero."""
+        """The reason why the margin is zero."""
         return "; it already oscillates without a delay and without noise" if self.delay.oscillates[0] else ""
 
     def _in_words(self, simulation: Simulation) -> str:
@@ -165,13 +165,13 @@ class _Measured:
         return f"{borne}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
 
     def _beside(self, certificate: Certificate, longest: float) -> list[str]:
-        """Findings if the linear loop is said to tolerate more than twice as much as the case does."""
+        """Findings if the linear loop tolerates more than twice as much as the case."""
         values, delay = certificate.values, float(self.delay.onset.bears[0])
         keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
-        known = "gain_margin" in values and "gain_reduction_margin" in values  # None there: no gain destabilises it
+        known = "gain_margin" in values and "gain_reduction_margin" in values  # None: no gain destabilises the linear loop
         linear = min(up or np.inf, 1 / down if down else np.inf)
         if known and linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
             said.append(
@@ -194,7 +194,7 @@ def _until(ends: str) -> str:
 
 
 def less_than_half(measured: float, linear: float | None, largest: float = LONGEST_DELAY) -> bool:
-    """Whether a margin measured up to ``largest`` is less than half of a linear loop's; None stands for an infinite one."""
+    """Whether a margin measured up to ``largest`` is less than half of a linear loop's; None is an infinite margin."""
     return measured < 0.5 * (largest if linear is None else min(linear, largest))
 
 

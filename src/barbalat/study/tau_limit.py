@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROUNDING_SHARE = 1e-9
-"""Share of the model's motion; the growth of smaller errors may be that of rounding."""
+"""Share of the model's motion below which the growth of errors may be due to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class Grown:
     growth  the largest |e| of the run's last quarter relative to that of the best quarter before, > 1. It detects an oscillation
             that starts and stays bounded, and an unstable mode of rate sigma [1/s] once it dominates the error and sigma t_end/4
             > ln(growth). Each quarter should contain the same part of the command, such as one or more whole periods
-    share   of the largest |x_m| of the run, for the largest |e| after the first quarter, which is reserved for learning: detects
+    share   of the largest |x_m| of the run, for the largest |e| after the first quarter, which is reserved for learning; detects
             bounded oscillations and passing bursts
     """
 
@@ -135,7 +135,7 @@ class TauStudy:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> TauLimits:
-        """The map over all pairs, then at each size bisection between the smallest tolerated tau and the one below it.
+        """The map over all pairs, then bisection at each size between the smallest tolerated tau and the next smaller one.
 
         sizes, taus  ascending, above zero
         near         simulation settings near the boundary; by default those of the map. A longer run detects slower growth: a tau
@@ -179,7 +179,7 @@ def _amplitude(problem: Problem, simulation: Simulation) -> float:
 
 
 class _TauSearch:
-    """The brackets of S sizes: up the scan to a tau that is also tolerated near the boundary, then bisection below it."""
+    """The brackets of S sizes: first up the scan to a tau that is also tolerated near the boundary, then bisection below it."""
 
     def __init__(self, sizes: Array, taus: Array, tail: Array) -> None:
         borne = ~np.isnan(tail)

@@ -1,7 +1,7 @@
-"""The results of M runs of a study: their figures, and the judge's verdicts. Two questions are asked about a run with a modelling
-error: does the loop begin to oscillate, and does it lose its motion?
+"""The results of M runs of a study: their figures, and the judge's verdicts. A run with a modelling
+error is evaluated by two criteria: whether the loop begins to oscillate, and whether its motion is lost.
 
-The ranking of adaptive schemes depends on the question: see docs/robustness.md.
+The ranking of adaptive schemes depends on the criterion: see docs/robustness.md.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Member = tuple[TrackingProblem, Controller]
 
 
 class Criterion(Enum):
-    """Where a margin ends: at the onset of oscillation, or at the loss of the motion."""
+    """The end of a margin: the onset of oscillation, or the loss of the motion."""
 
     ONSET = "onset"
     LOSS = "loss"
@@ -49,7 +49,7 @@ class Verdicts:
 
     metrics     figures over every solver step
     lost        (M,) whether the judge's class is *lost*
-    oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation is still growing when the judge stops looking
+    oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation is still growing at the end of the judge's search
     error       (M, n) the tail's largest |e|; infinite if the run is lost
     rms         (M, n) the root mean square of e over the run; infinite if it is lost
     band        (M, n) the judge's band for the tail's error
@@ -125,7 +125,7 @@ class Lost(Settings):
 
     share  of the largest |x_m| of the run, for the increase of the tail's largest |e| over that without the modelling error. 1 by
            default: the increase of the error has become as large as the commanded motion. It is not a stability boundary: an
-           oscillation that projection or saturation keeps smaller than that is tolerated
+           oscillation that projection or saturation keeps smaller than this is tolerated
     """
 
     share: float = 1.0
@@ -134,6 +134,6 @@ class Lost(Settings):
         validate.freeze(self, share=validate.positive("share", self.share))
 
     def judge(self, runs: Verdicts, without: Verdicts) -> Array:
-        """(M,) which runs lost their motion; ``without`` are the same members without the modelling error."""
+        """(M,) whether a run's motion is lost; ``without`` are the same members without the modelling error."""
         usual = without.error.max(axis=1) + self.share * without.scale.max(axis=1)
         return np.asarray(runs.lost | ~(runs.error.max(axis=1) <= usual))

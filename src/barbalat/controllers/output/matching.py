@@ -9,7 +9,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
 SLOWEST_POLE_SHARE = 1e-9
-"""Smallest ratio of a filter's pole to the model's fastest: below it a pole can't be distinguished from an integrator."""
+"""Smallest ratio of a filter's pole to the model's fastest: a slower pole cannot be distinguished from an integrator."""
 
 
 def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None) -> Array:
@@ -35,15 +35,15 @@ def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None)
 
 
 def input_filter(Lambda: Array) -> StateSpace:
-    """alpha(s)/Lambda(s) with alpha = [s^(n-2), ..., 1]': the state itself is the output, C is not used."""
+    """alpha(s)/Lambda(s) with alpha = [s^(n-2), ..., 1]'; the state itself is the output, and C is not used."""
     order = len(Lambda) - 1
     A = np.vstack([-Lambda[1:], np.eye(order)[:-1]]) if order else np.zeros((0, 0))
     return StateSpace(A, np.eye(order)[:, 0] if order else np.zeros(0), np.zeros(order), 0.0)
 
 
 def refuse_contradiction(plant: TransferFunction, order: int, relative_degree: int, sign: int) -> None:
-    """InputError if a plant of at most the assumed order is not in the assumed class; the rest of a higher-order plant is
-    unmodelled."""
+    """Raise InputError if a plant of at most the assumed order is not in the assumed class; the additional part of a higher-order
+    plant is unmodelled."""
     if len(plant.poles) > order:
         return
     if plant.relative_degree != relative_degree:

@@ -127,7 +127,7 @@ class MracOutput(Scheme):
         )
 
     def _box(self, model_sign: float) -> ParameterBox | None:
-        """The known set, with c_0 = k_m/k_p kept on its side of zero."""
+        """The known set, in which c_0 = k_m/k_p stays on its side of zero."""
         sign = self.sign * model_sign
         if self.lower is None and self.c_0_min is None:
             if self.unnormalized:

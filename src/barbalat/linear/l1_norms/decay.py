@@ -1,7 +1,7 @@
-"""Foundations in ball arithmetic: outward floats, exact spectra, verified decay certificates.
+"""Foundations in ball arithmetic: floats rounded outward, exact spectra, verified decay certificates.
 
-Every quantity that enters a bound is an Arb ball (python-flint); plain floats only steer choices
-(step sizes, precision, iteration counts) whose outcome is verified afterwards in ball arithmetic.
+Every quantity that enters a bound is an Arb ball (python-flint); plain floats only determine choices
+(step sizes, precision, iteration counts) whose results are verified in ball arithmetic.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     from scipy.linalg.lapack import dgebal
 
     n, m, p = A.shape[0], B.shape[1], C.shape[0]
-    # gebal scales by powers of two; any other scale is reduced to a power of two, so that exactness does not depend on gebal.
+    # gebal scales by powers of two. Any other scale is reduced to a power of two, so exactness does not depend on gebal.
     _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
     exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
     rows = A.tolist()
@@ -75,7 +75,7 @@ def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
     return list(_eigenvalues(tuple(A.ravel().tolist()), ctx.prec))
 
 
-@lru_cache(maxsize=64)  # the norms of one system share it, and it may take seconds
+@lru_cache(maxsize=64)  # cached: the norms of one system share it, and it may take seconds
 def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb, int], ...]:
     """Return enclosures, at a precision in bits, of the eigenvalues of a matrix given row by row."""
     n = math.isqrt(len(entries))
@@ -189,7 +189,7 @@ def _approximate_lyapunov(M: arb_mat, weight: arb_mat, spectrum: Sequence[comple
 
 
 def _doublings(spectrum: Sequence[complex]) -> int:
-    """Return how often to square the Cayley transform until its powers vanish at the working precision."""
+    """Return the number of squarings of the Cayley transform after which its powers vanish at the working precision."""
     # -2 ln|(1 + z)/(1 - z)| = -ln(1 + 4 Re z/|1 - z|^2), for each eigenvalue z of M scaled by the shift
     decays = [-0.5 * math.log1p(max(4.0 * z.real / abs(1.0 - z) ** 2, -1.0 + 2.0**-52)) for z in spectrum]
     slowest = max(min(decays), 2.0**-1000)
@@ -198,7 +198,7 @@ def _doublings(spectrum: Sequence[complex]) -> int:
 
 
 def _diagonally_dominant(matrix: arb_mat) -> bool:
-    """Say whether a symmetric matrix is certainly positive definite by Gershgorin's discs."""
+    """Whether a symmetric matrix is certainly positive definite by Gershgorin's discs."""
     n = matrix.nrows()
     for i, row in enumerate(matrix.tolist()):
         off_diagonal = sum((abs(row[j]) for j in range(n) if j != i), arb(0))

@@ -1,4 +1,4 @@
-"""L1 norms in floating point, accurate to a few percent. They decide what is then enclosed, and are never reported."""
+"""L1 norms in floating point, accurate to a few percent. They determine which norms are enclosed, and are never reported."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _TIME_CONSTANTS = 23.0
 
 @dataclass(frozen=True)
 class SlowOscillation:
-    """Simple complex pair eigenvalue, conj(eigenvalue) that outlives every other mode.
+    """The simple complex pair eigenvalue, conj(eigenvalue) that decays more slowly than every other mode.
 
     `projector` (n, n) is the complex spectral projector on the eigenvalue with positive imaginary part;
     `complement` is I - 2 Re(projector), the projector on all other modes. `remainder` bounds the motion of
@@ -117,7 +117,7 @@ def _oscillation_integral(amplitude: acb, eigenvalue: acb) -> arb:
         return arb(0).union((deviation / decay).upper())
     first_zero = _first_zero(centre, frequency)
     if first_zero is None:
-        # A zero exactly at the start cannot be distinguished from one just before it, so the phase is turned slightly.
+        # A zero exactly at the start cannot be distinguished from one just before it, so the phase is rotated slightly.
         turned = acb((centre * acb(0, -(arb(2) ** (-(ctx.prec // 2)))).exp()).mid())
         deviation += abs(turned - centre).upper()
         centre = turned
@@ -272,7 +272,7 @@ def needed_bits(model: NormModel, budget: arb) -> int:
         for j in range(model.B.ncols())
     ]
     rounding = max(log2_above(model.certificate.tail(model.certificate.norm(box))) for box in boxes)
-    # Rounding also excites fast modes again that have died out, and through the Taylor remainder these would keep the segments
+    # Rounding also excites decayed fast modes again, and through the Taylor remainder these would keep the segments
     # short. They must be negligible over the longest segment.
     longest = arb(LONGEST_STEP / model.slowest)
     constant = longest * remainder_constant(longest)
@@ -284,7 +284,7 @@ def needed_bits(model: NormModel, budget: arb) -> int:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Target values for one input; they steer the work and are never part of a proof."""
+    """Target values for one input; they guide the computation and are never part of a proof."""
 
     remainder_rate: arb  # Taylor remainder per unit of time
     tail: arb
@@ -304,7 +304,7 @@ def tolerances(model: NormModel, start: arb_mat, budget: arb) -> Tolerances:
 
 
 def log2_above(value: arb) -> float:
-    """Return approximately log2 of the upper end of a ball, -inf if that is not positive; only for steering."""
+    """Return approximately log2 of the upper end of a ball, -inf if it is not positive; used only to guide the computation."""
     return float(value.upper().log()) / math.log(2.0) if value.upper() > 0 else -math.inf
 
 

@@ -140,7 +140,7 @@ class _March:
         self.gaps = [arb(0)] * rows
         self.signs = [0] * rows
         certificate = self.model.certificate
-        # The state is an exact vector plus an error of which only the norm is known; the flow contracts this norm. A box around
+        # The state is an exact vector plus an error with a known norm, which the flow contracts. A box around
         # the vector would instead grow with every turn of the state (the wrapping effect).
         state = start.mid()
         error = certificate.norm(start - state).upper()
@@ -158,7 +158,7 @@ class _March:
             error = (rung.contraction * error + certificate.norm(moved - state)).upper()
 
     def _finish(self, state: arb_mat, error: arb) -> bool:
-        """Close the integral with a bound on the rest if that is small enough or the work limit is hit."""
+        """Complete the integral with a bound on the rest if this is small enough or the work limit is reached."""
         certificate, oscillation = self.model.certificate, self.model.oscillation
         stray = certificate.tail(error)
         if oscillation is not None:
@@ -221,7 +221,7 @@ _PRECISION_LIMIT = 4096
 # Each repeated attempt tightens every tolerance by this factor.
 _TIGHTENING = 2.0**-6
 _ATTEMPTS = 4
-# The ends differ by at least two units in the last place (2^-52 each), so that no narrower width can be promised.
+# The ends differ by at least two units in the last place (2^-52 each), so no narrower width can be guaranteed.
 _NARROWEST_WIDTH = 1e-15
 
 
@@ -294,9 +294,9 @@ def row_norms(
 
 @lru_cache(maxsize=4096)
 def enclosed(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> Enclosure:
-    """The norm of a system given by the shapes and bytes of A, B, C and D, so that it can be cached.
+    """The norm of a system given by the shapes and bytes of A, B, C and D, which makes it cacheable.
 
-    Most norms of a certificate are requested again, by its other entries and by other controllers of the same plant.
+    Most norms of a certificate are needed again, for its other entries and for other controllers of the same plant.
     """
     system = System(*(np.frombuffer(data).reshape(shape) for shape, data in matrices))
     require_hurwitz(system.A)
@@ -363,7 +363,7 @@ class _NormSearch:
                 return self.best
             attempts += 1
             tightening *= _TIGHTENING
-            bits += bits // 2  # in case rounding, not a tolerance, kept the enclosure wide
+            bits += bits // 2  # in case rounding rather than a tolerance kept the enclosure wide
         if self.best is None:
             raise ArithmeticError(f"the L1 norm needs {bits} bits of precision, more than the limit of {_PRECISION_LIMIT}")
         return self.best
@@ -398,7 +398,7 @@ def _intersection(first: Enclosure, second: Enclosure, width: float) -> Enclosur
 
 
 def _identically_zero(system: System) -> bool:
-    """Say whether D = 0 and every Markov parameter C A^j B vanishes, exactly, over the rationals."""
+    """Whether D = 0 and every Markov parameter C A^j B vanishes exactly, over the rationals."""
     if system.D.any():
         return False
 

@@ -13,7 +13,7 @@ from flint import arb, arb_mat, arb_poly, ctx
 POLYNOMIAL_DEGREE = 24
 # A piece that has been halved this often is shorter than the rounding of its ends; its unresolved sign then widens the enclosure.
 _HALVINGS_LIMIT = 64
-# Newton doubles the digits each time: from one digit to beyond float64 in four or five steps.
+# Newton's method doubles the digits in each step: from one digit to beyond float64 in four or five steps.
 _NEWTON_STEPS = 8
 # A root relatively this close to an end is not split off; the piece is halved instead, so that no piece degenerates.
 _NEAREST_SPLIT = 2.0**-40
@@ -64,7 +64,7 @@ class BernsteinPiece:
             self.gap = 2 * min(below, above) / len(coefficients)
 
     def blurred(self) -> bool:
-        """Say whether the gap is due to the radii of the coefficients, which halving cannot reduce."""
+        """Whether the gap is due to the radii of the coefficients, which halving cannot reduce."""
         noise = sum((value.rad() for value in self.coefficients), arb(0)) / len(self.coefficients)
         # A coefficient that is only noise contributes at most twice its radius, and the gap counts it twice.
         return not self.gap > 4 * noise

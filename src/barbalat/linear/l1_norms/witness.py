@@ -1,7 +1,7 @@
 """Witnesses of L1 norms: a quadratic form with its rate, and the steps on which an impulse response is followed.
 
 They prove nothing by themselves: a checker follows the response on these steps in ball arithmetic (docs/proofs.md, "The L1
-norm"). A step ends where an output changes its sign, so that its integral of |h| is known to the last digits.
+norm"). A step ends where an output changes its sign, so its integral of |h| is known to the last digits.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, BernsteinPiece, b
 from barbalat.validate import Array
 
 CLOSENESS = 2.0**-60
-"""Target width of the enclosure relative to the norm: far within the float ends of a certificate's enclosure."""
+"""Target width of the enclosure relative to the norm, far below that of a certificate's enclosure."""
 FIRST_BITS, MOST_BITS = 256, 4096
 RATES = (0.5, 0.25, 0.05)
 """Shares of the slowest decay that are tried."""
@@ -28,7 +28,7 @@ MOST_STEPS = 40_000
 NEAREST_ROOT = 2.0**-60
 """Working precision of a step in bits; a root is computed to twice as many."""
 SHORTEST_PIECE = 2.0**-90
-"""Relative to the step: a sign that is undecided on a shorter interval widens the enclosure."""
+"""Relative length, in steps, of an interval on which an undecided sign widens the enclosure instead of ending the step."""
 
 
 def dyadic(value: arb) -> str:
