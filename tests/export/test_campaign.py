@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.flight_cases import CASES
 
+from barbalat.cases.load import load_case
 from barbalat.export.campaign import LOST_SHARES, TOLERATED, Campaign, Degradation, export_campaign
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.plants import Dropout, Jitter, Shell, Spike
@@ -45,6 +46,17 @@ def test_its_figures_are_those_of_the_simulation(scheme) -> None:
     assert one_percent.worst == tuple(np.max([largest(replace(problem, faults=each), controller) for each in lost], axis=0))
     t = np.arange(round(RUN.t_end / T)) * T
     assert one_percent.missed == pytest.approx(np.mean([fault.there(t, 0).mean() for (fault,) in lost]))
+
+
+@needs_gcc
+def test_with_an_observer_the_errors_are_those_of_all_states() -> None:
+    """Only two of the four states are measured, and their names once stood above the errors of the first two."""
+    case = load_case("flexible-joint")
+    controller = next(one for one in case.controllers if one.name == "ADRC")
+    found = export_campaign(case.problem, controller, replace(case.simulation, t_end=1.0), draws=1)
+    assert found.names == ("theta", "alpha", "theta_dot", "alpha_dot")
+    assert found.units == ("rad", "rad", "rad/s", "rad/s")
+    assert len(found.nominal) == len(found.names)
 
 
 @needs_gcc

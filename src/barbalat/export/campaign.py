@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat.budget import Progress
 from barbalat.export.in_the_loop import Exported
-from barbalat.judge.settings import Judge
+from barbalat.judge.settings import Judge, component_names
 from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.faults import LARGEST_SEED, Dropout, Fault, uniform
@@ -135,10 +135,10 @@ def export_campaign(
     starts = tuple((simulation.t_end / 4 * (1 + uniform(0, 0, np.arange(STARTS)))).tolist())
     most = int(simulation.t_end / 4 / T)
     longest = flights.longest(starts, most, told)
-    labels = problem.measured_labels
+    labels = problem.labels
     return Campaign(
         controller=controller.name,
-        names=problem.handed_names,
+        names=component_names(problem),
         units=() if labels is None else labels.units,
         sample_time=T,
         nominal=tuple(flights.nominal.tolist()),
