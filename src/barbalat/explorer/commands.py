@@ -1,4 +1,4 @@
-"""The commands and disturbances of a page: formulas as a module, records as points, all others as runs of equal rows."""
+"""The commands and disturbances of a page: formulas as a module, records as points, and all others as runs of equal rows."""
 
 from __future__ import annotations
 
@@ -24,39 +24,41 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_RUNS = 20_000
-"""Largest number of equal rows in a page: some 500 kB."""
+"""Largest number of runs of equal rows in a page: some 500 kB."""
 MOST_POINTS = 20_000
 """Largest number of points of a record in a page: some 430 kB."""
 GRID_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 10.0)
 """Steps that a page offers if signals jump, as multiples of the case's step: the jumps' positions in the grid are tabulated
 for each."""
 HORIZON_FACTORS = (0.5, 2.0, 0.25, 0.75, 1.5, 0.1, 3.0, 5.0)
-"""Horizons that it offers, at the case's own step."""
+"""Horizons that it offers at the case's own step, as multiples of the case's horizon."""
 MOST_GRID_BYTES = 250_000
-"""Largest size of these tables, without that of the case's own step, in the above order; in a page they take a third more."""
+"""Largest size of these tables, which are made in the above order, without the table of the case's own step. In a page they
+take a third more."""
 
 
 def is_formula(signal: Signal) -> bool:
-    """Whether a page's module computes it, which requires a formula of t and of the signal's own numbers, without jumps."""
+    """Whether a page's module computes the signal. This requires a formula of t and of the signal's own numbers, without
+    jumps."""
     if not isinstance(signal, Continuous) or isinstance(signal, InterpolatedSignal):
         return False
     try:
         _, t = symbols("t", 1)
         (opened,), _ = _opened((signal,))
         return isinstance(opened(t), type(t))
-    except (TypeError, ValueError, RuntimeError):  # code that converts one to a float or branches on it is not a formula
+    except (TypeError, ValueError, RuntimeError):  # code that converts a symbol to a float or branches on it is not a formula
         return False
 
 
 def is_computed(signal: Signal) -> bool:
-    """Whether a page computes its values: those of formulas, records and faults; for all others rows are stored."""
+    """Whether a page computes the signal's values. It does so for formulas, records and faults; for others it stores rows."""
     return isinstance(signal, (InterpolatedSignal, FaultSignal)) or is_formula(signal)
 
 
 def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
-    """The points of a record for a page's JSON, up to the first after ``longest`` [s]; None for any other signal.
+    """Return the points of a record for a page's JSON, up to the first after ``longest`` [s]; None for any other signal.
 
-    InputError if they exceed what a page holds.
+    InputError if there are more points than a page can contain.
     """
     if not isinstance(signal, InterpolatedSignal):
         return None
@@ -64,19 +66,20 @@ def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
     kept = min(len(times), int(np.searchsorted(times, longest)) + 1)
     if kept > MOST_POINTS:
         raise InputError(
-            f"the command or a disturbance is recorded at {kept} instants within a page's horizons, and it holds {MOST_POINTS}: "
-            "record fewer, or simulate with barbalat run"
+            f"the command or a disturbance is recorded at {kept} instants within a page's horizons, and a page can contain "
+            f"{MOST_POINTS}: record fewer, or simulate with barbalat run"
         )
     return {"times": doubles(times[:kept]), "values": doubles(values[:kept])}
 
 
 def breaks_anywhere(signals: Sequence[Signal]) -> bool:
-    """Whether a grid of steps has to be computed before it can be used."""
+    """Whether the signals have breaks, so that the grid of steps must be computed beforehand."""
     return any(isinstance(signal, (BreakingSignal, InterpolatedSignal)) or not is_computed(signal) for signal in signals)
 
 
 def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
-    """A module whose blocks return the formulas' values at the time in a row; and their numbers, its parameters."""
+    """Return a module whose blocks compute the formulas' values at the time in a row, and the formulas' numbers, which are its
+    parameters."""
     import casadi as ca
 
     smooth = tuple(signal for signal in signals if is_formula(signal))
@@ -92,7 +95,8 @@ def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
 
 
 def _opened(signals: tuple[Signal, ...]) -> tuple[tuple[Any, ...], Any]:
-    """The signals with symbols in place of their numbers, and the column of these, in the order of ``Columns``."""
+    """Return the signals with symbols in place of their numbers, and the column of these symbols, in the order of
+    ``Columns``."""
     column, parameters = symbols("parameters", sum(leaf.size for leaf in Columns(signals).leaves))
     return with_symbols(signals, iter(list(parameters))), column
 
@@ -102,7 +106,8 @@ class Grid:
     """A run's steps, with the jumps of signals.
 
     cuts    (K, 3) the breaks inside steps: the step, the position within it, the time [s]
-    starts  rows at which the values of the other signals change, and values (len(starts), nodes * signals) from there on
+    starts  rows at which the values of the signals that are not computed change
+    values  (len(starts), nodes * signals) their values from each of these rows on
     last    (signals,) their values at t_end
     """
 
@@ -125,7 +130,9 @@ class Grid:
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool = False) -> Grid:
-        """InputError if a signal that a page does not compute has more different rows than a page holds.
+        """Return the grid of a simulation.
+
+        InputError if a signal that a page does not compute has more different rows than a page can contain.
 
         whole  steps are not split at breaks, as for steps with a memory
         """
@@ -137,8 +144,8 @@ class Grid:
         starts = np.concatenate([[0], 1 + np.flatnonzero((kept[1:] != kept[:-1]).any(axis=1))]) if kept.shape[1] else np.zeros(1)
         if len(starts) > MOST_RUNS:
             raise InputError(
-                f"the command or a disturbance takes {len(starts)} different values, and a page holds {MOST_RUNS}: give it as a "
-                "smooth signal or one that jumps, or simulate with barbalat run"
+                f"the command or a disturbance takes {len(starts)} different values, and a page can contain {MOST_RUNS}: give it "
+                "as a smooth signal or one that jumps, or simulate with barbalat run"
             )
         starts = starts.astype(int)
         cuts = np.zeros((0, 3))
@@ -153,11 +160,13 @@ class Grid:
 
 
 def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool, most_steps: int) -> list[Grid]:
-    """Grids for this run and for runs with other steps or another horizon, all for one kind of kernel: in pieces, or not.
+    """Return grids for this run and for runs with another step or horizon, all for the same kind of kernel.
+
+    The kernel either splits steps into pieces or, with ``whole``, does not.
 
     InputError if the run's own grid has too many rows.
     """
-    simulation = replace(simulation, solver=RK4)  # its nodes include those of all methods
+    simulation = replace(simulation, solver=RK4)  # RK4's nodes include those of all methods
     own = Grid.of(signals, simulation, whole=whole)
     found, room = [own], MOST_GRID_BYTES
     for other in _runs_offered(simulation):
@@ -172,7 +181,7 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
 
 def _runs_offered(simulation: Simulation) -> Iterator[Simulation]:
-    """The run with other steps, and with other horizons, if the step divides the horizon."""
+    """Yield the run with other steps and with other horizons, as far as the step divides the horizon."""
     steps = [(factor * simulation.dt, simulation.t_end) for factor in GRID_FACTORS]
     for dt, t_end in [*steps, *((simulation.dt, factor * simulation.t_end) for factor in HORIZON_FACTORS)]:
         try:

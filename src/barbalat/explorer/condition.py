@@ -1,4 +1,5 @@
-"""A page's estimate of Theorem 1's condition on the filter: the impulse response of W_b (1 - C), simulated; no certificate."""
+"""A page's estimate of Theorem 1's condition on the filter, from a simulated impulse response of W_b (1 - C). It is not a
+certificate."""
 
 from __future__ import annotations
 
@@ -27,17 +28,18 @@ from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
 TAYLOR_TERMS = 4
-"""Terms of e^(hA) in a step, those of RK4 on a linear system."""
+"""Number of terms of e^(hA) in a step, as for RK4 on a linear system."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """One controller's A_m, b, the filter's A, B, C and the known set's bounds, in this order, as numbers of a module."""
+    """The numbers of a module for one controller: A_m, b, the filter's A, B and C, and the known set's bounds, in this order."""
 
     index: int
 
     def parts(self, case: Case) -> list[Array] | None:
-        """These arrays; None if the condition is meaningless: for another scheme or plant, or without projection onto a box."""
+        """Return these arrays, or None if the condition has no meaning: for another scheme or plant, or without projection onto
+        a box."""
         problem = case.problem
         if not isinstance(problem, Problem):
             return None
@@ -50,7 +52,10 @@ class Filtered:
         return [problem.known.A_m, problem.known.b, C.A, C.B, C.C, known_set.lower, known_set.upper] if plain else None
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """InputError if one has none."""
+        """Read the numbers of several cases.
+
+        InputError if a case has none.
+        """
         columns = []
         for case in cases:
             parts = self.parts(case)
@@ -64,8 +69,8 @@ class Filtered:
 
 
 def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> dict[str, Any] | None:
-    """The condition for a page's JSON; sliders whose effect can't be reproduced are named: if they are moved there is no
-    estimate."""
+    """Return the condition for a page's JSON. It names the sliders whose effect cannot be reproduced; if one of them is moved,
+    there is no estimate."""
     target = Filtered(index)
     parts = target.parts(case)
     if parts is None:
@@ -88,7 +93,8 @@ def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> d
 
 
 def _module(shapes: Sequence[tuple[int, ...]]) -> bytes:
-    """Steps of x' = A_m x - b C z, z' = A z; its accumulators are the integrals of |x_i|, its last parameter is the step [s]."""
+    """Return a module that makes steps of x' = A_m x - b C z, z' = A z. Its accumulators are the integrals of |x_i|, and its last
+    parameter is the step [s]."""
     import casadi as ca
 
     sizes = [int(np.prod(shape)) for shape in shapes]

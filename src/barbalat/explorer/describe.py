@@ -1,4 +1,4 @@
-"""Everything that a page contains about a case, as data: modules, their numbers, and the meaning of their outputs."""
+"""The data of a page on a case: modules, their numbers, and the meaning of their outputs."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import InputError
 
 MOST_STEPS = 10_000_000
-"""Largest number of steps of a run in a page: some seconds."""
+"""Largest number of steps of a run in a page. They take some seconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A case as its page represents it.
+    """A case in the form for its page.
 
     toggles  the controllers whose projection can be switched
     """
@@ -66,7 +66,7 @@ class Described:
 
     @cached_property
     def variants(self) -> list[Variant]:
-        """Every controller; those that can be switched, in both versions."""
+        """Return every controller, and both versions of those whose projection can be switched."""
         found = [Variant(i, False, Target.of(self.case, i, self.case.simulation)) for i in range(len(self.case.controllers))]
         switched = self.source.at({}, self.toggles)
         return found + [Variant(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]
@@ -80,7 +80,7 @@ class Described:
         return self._search.found()
 
     def as_data(self) -> dict[str, Any]:
-        """For the page's JSON."""
+        """Return the data for the page's JSON."""
         problem, simulation = self.case.problem, self.case.simulation
         module, values = smooth_module(problem.signals)
         return {
@@ -122,7 +122,7 @@ class Described:
         }  # fmt: skip
 
     def slots(self) -> list[FieldPath]:
-        """Positions in a copied case file for numbers of the page: the sliders', horizon and step, the delay."""
+        """Return the numbers that the page inserts into a copied case file: the sliders', horizon and step, and the delay."""
         own = [FieldPath(("simulation", key)) for key in GRID_KEYS]
         return [
             *(one.number.path for one in self.sliders),
@@ -131,7 +131,7 @@ class Described:
         ]
 
     def _noise(self) -> dict[str, Any] | None:
-        """The seed as digits: numbers of a page have only 53 bits."""
+        """Return the noise's settings, with the seed as digits, because numbers of a page have only 53 bits."""
         noise, channels = self.case.problem.noise, self.case.problem.measured
         if noise is None:
             return None
@@ -139,7 +139,7 @@ class Described:
         return {"module": module, "seed": str(noise.seed), "channels": channels, "sample_time": noise.sample_time}
 
     def _delay(self) -> dict[str, Any]:
-        """It has a slider if a number of the case is the delay."""
+        """Return the delay's settings. It has a slider if the delay is a number of the case."""
         own = self.case.problem.delay
         tried = own + self.case.simulation.dt
         try:
@@ -184,7 +184,8 @@ class Described:
 
 
 def page_members(case: Case, target: Target, solver: Tableau) -> Members:
-    """The controller with the kernel of its module for this solver, which remembers what the judge and the page ask for."""
+    """Return the controller with the kernel of its module for this solver. The kernel records what the judge and the page
+    need."""
     reader = target.family.reader
     simulation, watched = replace(reader.simulation, solver=solver), watched_in_sweeps(case.judge)
     again = Reader.of((reader.problem, reader.controller), simulation, adjustable=False, watched=watched)
@@ -199,7 +200,7 @@ def _module(members: Members) -> str:
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:
-    """Whether switching the i-th controller's projection gives a case with another kernel."""
+    """Whether switching the i-th controller's projection gives a valid case with another kernel."""
     try:
         switched = source.at({}, [i])
     except InputError:
@@ -232,14 +233,14 @@ SYMBOLS = {
     "jitter": ("tolerated jitter, as a share of a sample", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
     "quantization": ("resolution", ""),
 }  # fmt: skip
-"""Symbol and unit by a number's key, if the key does not determine them."""
+"""Symbol and unit of numbers whose key does not determine them."""
 
 
 def label(path: FieldPath) -> str:
-    """Symbol, indices counted from 1, and unit."""
+    """Return the label of a number: its symbol, indices counted from 1, and unit."""
     keys = [key for key in path.keys if isinstance(key, str)]
     symbol, unit = SYMBOLS.get(keys[-1], (keys[-1].replace("_", " "), ""))
-    if keys[0] == "shell" and len(keys) > 2:  # of a channel
+    if keys[0] == "shell" and len(keys) > 2:  # a number of one channel
         symbol, unit = f"{keys[1]} of {keys[2]}", "s" if keys[1] == "stuck" else ""
     if keys[-1] in ("num", "den"):
         symbol = f"{keys[-2].replace('_', ' ')} {keys[-1]}"
@@ -248,13 +249,14 @@ def label(path: FieldPath) -> str:
 
 
 def group(path: FieldPath) -> tuple[Key, ...]:
-    """The table that contains it: a controller's keys are ("controller", i)."""
+    """Return the table that contains a number. The table of a controller is ("controller", i)."""
     first = path.keys[0]
     return path.keys[:2] if first in ("controller", "reference", "faults") and isinstance(path.keys[1], int) else (first,)
 
 
 def outputs(case: Case, members: Members) -> dict[str, Any]:
-    """What the page shows of one controller: sizes, rows of the states and accumulators, panels; ``members`` are its module's."""
+    """Return the data on one controller's outputs: sizes, rows of states and accumulators, and panels. ``members`` are those of
+    its module."""
     loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
     assert isinstance(accumulators, Accumulators)
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
@@ -286,7 +288,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
 
 
 def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
-    """What is drawn in addition to theta_hat, entry by entry, with the true values."""
+    """Return the entries that are drawn in addition to theta_hat, with their true values."""
     found = []
     for part in loop.other_estimates:
         if part.size <= MOST_REPORTED:
@@ -299,13 +301,14 @@ def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
 
 
 def numbers_handed(target: Target) -> int:
-    """The number of the module's parameters up to the step; the delay's weights, which belong to the solver, follow it."""
+    """Return the number of the module's parameters up to the step. The delay's weights, which depend on the solver, follow
+    it."""
     weights = target.family.reader.weights
     return len(target.base.parameters) - (0 if weights is None else int(weights.first.size))
 
 
 def delay_weights() -> dict[str, dict[str, str]]:
-    """``delay.weights`` by solver: for whole steps, and a module that computes them for a fraction."""
+    """Return ``delay.weights`` by solver: the weights for whole steps, and a module that computes them for a fraction."""
     return {
         name: {
             "whole": doubles(delay.weights(1.0, 1.0, tableau).reshape(-1)),
@@ -316,7 +319,7 @@ def delay_weights() -> dict[str, dict[str, str]]:
 
 
 def _weights_module(tableau: Tableau) -> bytes:
-    """Its blocks return the weights for the fraction in a row."""
+    """Return a module whose blocks compute the weights for the fraction in a row."""
     import casadi as ca
 
     fraction, nothing = ca.SX.sym("fraction"), ca.SX(0, 1)
@@ -326,11 +329,11 @@ def _weights_module(tableau: Tableau) -> bytes:
     return module_of(optimize(read(traced), fused=False), LoopShape(0, rows, 0, 1), (0.0,) * rows)
 
 
-# The page's kernel monitors ``run.kernel.step.coupling_function``, and ``templates/stability.js`` examines the windows, and the
-# steps of one with an exit, by the rules of ``run.engine.stability_label``.
+# The page's kernel monitors ``run.kernel.step.coupling_function``. ``templates/stability.js`` examines the windows, and the steps
+# of a window with an exit, by the rules of ``run.engine.stability_label``.
 
 MOST_STATES = 40
-"""Largest number of states of a loop whose spectrum is computed after every run: some dozens cost less than drawing."""
+"""Largest number of states of a loop whose spectrum is computed after every run. Some dozens cost less than drawing."""
 
 
 WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECES, "every": WATCH_EVERY}
@@ -340,7 +343,7 @@ WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECE
 def judged(target: Target) -> bool:
     """Whether a page judges the step.
 
-    Large loops, and laws that take explicit steps from sample to sample, are judged only by ``barbalat run``.
+    Only ``barbalat run`` judges large loops, and laws that take explicit steps from sample to sample.
     """
     reader = target.family.reader
     equations = reader.loop.equations
@@ -348,7 +351,8 @@ def judged(target: Target) -> bool:
 
 
 def spectrum_of(target: Target) -> dict[str, Any] | None:
-    """Its rows are a state with signals and noise, its parameters the run's; None if the page does not judge the step."""
+    """Return the module of the spectrum, or None if the page does not judge the step. Its rows are a state with signals and
+    noise, and its parameters are those of the run."""
     import casadi as ca
 
     if not judged(target):

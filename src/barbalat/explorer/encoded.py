@@ -10,5 +10,5 @@ from barbalat.validate import Array
 
 
 def doubles(values: Array) -> str:
-    """Numbers in the form that a page reads: base64 of little-endian doubles."""
+    """Encode numbers for a page, as Base64 of little-endian doubles."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

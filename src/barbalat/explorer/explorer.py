@@ -1,4 +1,4 @@
-"""``explore(problem, controllers, simulation)``: a page that simulates, as an object that notebooks show."""
+"""``explore(problem, controllers, simulation)`` returns a page that simulates, as an object that notebooks show."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FRAME_HEIGHT = 900
 
 @dataclass(frozen=True, eq=False)
 class PageContents:
-    """A page's data and the HTML of its certificates; ``names`` are those of its controllers."""
+    """The data of a page, the HTML of its certificates, and the ``names`` of its controllers."""
 
     data: dict[str, Any]
     certificates: str
@@ -45,26 +45,26 @@ class PageContents:
     lessons: tuple[Lesson, ...]
 
     def page(self, claims: Sequence[Claim]) -> str:
-        """The whole page, with the verdicts on these claims; InputError if it would be too large."""
+        """Return the whole page, with the findings of these claims. InputError if it would be too large."""
         lessons = [lesson.as_data(self.names, claims) for lesson in self.lessons]
         return html(self.data | {"lessons": lessons}, self.certificates)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Explorer:
-    """A page with a slider for each number of a case; ``html`` is the whole of it, one file that needs no network."""
+    """A page with a slider for each number of a case. ``html`` is the complete page, one file that needs no network."""
 
     source: Source
     lessons: tuple[Lesson, ...] = ()
 
     @cached_property
     def html(self) -> str:
-        """The page; InputError if a page can't simulate the case."""
+        """The page. InputError if a page cannot simulate the case."""
         return self.contents.page(())
 
     @cached_property
     def contents(self) -> PageContents:
-        """The content of the page except for the verdicts on claims that its lessons name."""
+        """The content of the page without the findings of the claims that its lessons name."""
         described = Described.of(self.source)
         names = tuple(controller.name for controller in described.case.controllers)
         return PageContents(described.as_data(), section(described.case), names, self.lessons)
@@ -78,7 +78,8 @@ class Explorer:
     def at(
         self, numbers: Mapping[str, float], *, projection: Mapping[int, bool] | None = None, solver: str | None = None
     ) -> Case:
-        """The case with a page's numbers, as *copy as Python* writes them; InputError for numbers that the page can't have."""
+        """Return the case with a page's numbers, as *copy as Python* writes them. InputError for numbers that the page cannot
+        have."""
         toggled = [i for i, on in (projection or {}).items() if on != self.source.projected(i)]
         case = self.source.at({FieldPath.parse(path): value for path, value in numbers.items()}, toggled)
         if solver is None:
@@ -94,10 +95,11 @@ class Explorer:
 
 
 def explore(problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation) -> Explorer:
-    """A page that simulates these controllers on the problem, with a slider for each number.
+    """Return a page that simulates these controllers on the problem, with a slider for each number.
 
-    Its runs use no fused multiply-adds: ``Simulation(fused=False)`` gives the same bits. With a tolerance they take the longest
-    fixed steps at which the errors and controls of the given controllers are those of the tolerance.
+    Its runs use no fused multiply-adds; ``Simulation(fused=False)`` gives the same results, bit for bit. If the simulation has a
+    tolerance, they take the longest fixed step at which the errors and controls of the given controllers are within the
+    tolerance.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
@@ -110,7 +112,7 @@ TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quant
 
 
 def section(case: Case) -> str:
-    """HTML that says what it belongs to; folded, one part for each controller."""
+    """Return the certificates as HTML: a note on the case to which they belong, and a folded part for each controller."""
     found = certified_case(case.problem, case.controllers, case.simulation).certificates
     parts = [
         f'<details><summary>{escape(name)}</summary><div class="wide" tabindex="0" role="region" '
@@ -118,7 +120,7 @@ def section(case: Case) -> str:
         f"{''.join(map(_row, certificate.rows))}</tbody></table></div></details>"
         for name, certificate in found.items()
     ]
-    note = "They belong to the given case, for any position of the sliders; for a copied case file use barbalat certify."
+    note = "They are those of the case itself, wherever the sliders are. For a copied case file, use barbalat certify."
     return f'<h2>Certificates of the case</h2><p class="note">{note}</p>{"".join(parts)}'
 
 
@@ -128,7 +130,7 @@ def _row(row: CertificateRow) -> str:
 
 
 LARGEST_PAGE = 1_500_000
-"""Largest size in bytes: a page that can be mailed and opened on a phone."""
+"""Largest size of a page in bytes. Such a page can be mailed and opened on a phone."""
 WORKER_FILES = (
     "bytes.js",
     "grid.js",
@@ -153,11 +155,11 @@ PAGE_FILES = (
     "controls.js",
     "page.js",
 )
-"""Scripts in the order of their dependencies; those of the charts come before them."""
+"""Scripts in the order of their dependencies. The scripts of the charts precede them."""
 
 
 def html(data: dict[str, Any], certificates: str) -> str:
-    """The whole page; InputError if it would be too large to be sent."""
+    """Return the whole page. InputError if it would be too large to be sent."""
     parts = {
         "TITLE": escape(str(data["case"])),
         "VERSION": escape(barbalat.__version__),

@@ -1,4 +1,4 @@
-"""Faults in a page: their numbers, and the hash of ``problem.faults.uniform`` that determines them, as a module."""
+"""Faults in a page: their numbers, and a module with the hash of ``problem.faults.uniform``, which draws them."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from barbalat.protocols import Signal
 
 ENTRY = "barbalat_uniform"
 DRAWN = ("share", "burst", "size", "times", "time", "seed")
-"""Settings of a fault that determine its signal, and the time of a jitter, which is a number of the loop as well."""
+"""Settings of a fault that determine its signal. The time of a jitter is also a number of the loop."""
 SEEDS = 100
-"""Number of seeds that a slider offers, from 0 on."""
+"""Number of seeds, from 0 on, that a slider offers."""
 LARGEST_EXACT_SEED = 2**53
-"""The largest whole number up to which a page's numbers represent all whole numbers."""
+"""Largest whole number up to which a page's numbers represent every whole number."""
 
 
 def fault_of(signal: Signal) -> dict[str, Any] | None:
-    """The fault behind a signal, for a page's JSON; None for any other signal. Seeds are digits: numbers of a page have only
-    53 bits."""
+    """Return the fault behind a signal for a page's JSON; None for any other signal. Seeds are written as digits, because
+    numbers of a page have only 53 bits."""
     if not isinstance(signal, FaultSignal):
         return None
     fault = signal.fault
@@ -48,7 +48,7 @@ def fault_of(signal: Signal) -> dict[str, Any] | None:
 
 
 def drawn_by(path: FieldPath, signals: Sequence[Signal]) -> tuple[int, list[Key]] | None:
-    """The signal to which a number belongs, and its keys there; None if it determines no fault."""
+    """Return the signal to which a number belongs, and its keys there; None if the number determines no fault."""
     first, *keys = path.keys
     if first != "faults" or keys[1] not in DRAWN:
         return None
@@ -56,7 +56,7 @@ def drawn_by(path: FieldPath, signals: Sequence[Signal]) -> tuple[int, list[Key]
 
 
 def seeds(faults: Sequence[Fault]) -> Iterator[Number]:
-    """The seeds by which faults are drawn, with the values of their sliders; none that a page's numbers do not hold."""
+    """Yield the seeds of the faults with the values of their sliders, except seeds that a page's numbers cannot represent."""
     for i, fault in enumerate(faults):
         drawn = fault.share is not None or isinstance(fault, (Spike, Jitter))
         if drawn and fault.seed <= LARGEST_EXACT_SEED:
@@ -65,22 +65,23 @@ def seeds(faults: Sequence[Fault]) -> Iterator[Number]:
 
 
 def fixed(problem: TrackingProblem) -> str:
-    """A sentence on times of the faults and of the shell that a page cannot vary; empty where there are none."""
+    """Return sentences on times of the faults and of the shell that a page cannot vary; empty if there are none."""
     found = ["The time of a latency"] if any(isinstance(one, Latency) for one in problem.faults) else []
     found += ["The time after which a sensor counts as stuck"] if problem.shell is not None and problem.shell.stuck else []
-    counted = "it is counted in samples that the simulation's code has built in"
+    counted = "it is a number of samples that is fixed in the simulation's code"
     return " ".join(f"{one} has no slider: {counted}." for one in found)
 
 
 def rules(signals: Sequence[Signal]) -> dict[str, Any] | None:
-    """What all faults of a page have in common; None if there are none."""
+    """Return what all faults of a page have in common; None if there are no faults."""
     if not any(isinstance(one, FaultSignal) for one in signals):
         return None
     return {"module": base64.b64encode(uniform_module()).decode(), "grid": GRID, "signs": SIGNS}
 
 
 def uniform_module() -> bytes:
-    """Its function ``barbalat_uniform(seed, place, count, slots, out)`` writes a number from 0 to 1 for each slot, a double."""
+    """Return a module whose function ``barbalat_uniform(seed, place, count, slots, out)`` writes a double from 0 to 1 for each
+    slot."""
     gamma = int(GOLDEN_GAMMA)
     lines = [
         f"define void @{ENTRY}(i64 %seed, i64 %place, i64 %count, ptr %slots, ptr %out) {{",
@@ -116,7 +117,7 @@ def uniform_module() -> bytes:
 
 
 def _mixed(name: str, given: str) -> list[str]:
-    """SplitMix64's output function of a value, as the value called ``name``."""
+    """Return the lines that compute SplitMix64's output function of a value, under the name ``name``."""
     (first, second, third), (one, two) = SHIFTS, FACTORS
     return [
         f"  %{name}.a = lshr i64 {given}, {first}",

@@ -24,9 +24,9 @@ from barbalat.validate import InputError
 class InSignals:
     """The effect of a number on the signals.
 
-    places  indices of the smooth signals' numbers
-    scales  factors of the other signals, counted among them, whose every value is the number, its negative, or zero
-    grids   if those depend on it otherwise: a grid for each value of the number, at the case's own step and horizon
+    places  indices of the number among the numbers of the smooth signals
+    scales  indices, among the other signals, of those whose every value is the number, its negative, or zero
+    grids   a grid for each value of the number, at the case's own step and horizon, if these signals depend on it otherwise
     drawn   the fault's signal and the keys in it, if the number determines a fault
     """
 
@@ -44,14 +44,15 @@ class SignalSearch:
     at: At
 
     def of(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """The number, with fewer values if grids of at most ``room`` bytes depend on it; None if a page can't reproduce it."""
+        """Return the number and its effect, or None if a page cannot reproduce it. The number has fewer values if grids, of at
+        most ``room`` bytes together, depend on it."""
         if (drawn := drawn_by(number.path, self.case.problem.signals)) is not None:
             return number, InSignals([], [], drawn=drawn)
         found = self._moved(number)
         return self._gridded(number, room) if found is None else (number, found)
 
     def _moved(self, number: Number) -> InSignals | None:
-        """None if signals depend on it in another way."""
+        """Return the effect without grids, or None if signals depend on the number in another way."""
         tried_values = [number.value, number.values[0], number.values[-1]]
         tried = [self.case, *(self.at(number.path, float(v)) for v in tried_values[1:])]
         signals = [case.problem.signals for case in tried]
@@ -71,7 +72,7 @@ class SignalSearch:
         return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
 
     def _gridded(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """The number with the values for which signals that jump have a grid like the case's own, and those grids."""
+        """Return the number with those values for which signals that jump have a grid like the case's own, and the grids."""
         simulation, whole = self.case.simulation, self.case.problem.delay > 0
         given, grids = list[float](), list[Grid]()
         own = self.case.problem.signals
@@ -79,7 +80,7 @@ class SignalSearch:
             try:
                 signals = self.at(number.path, value).problem.signals
                 grid = Grid.of(signals, replace(simulation, solver=RK4), whole=whole)
-            except InputError:  # no valid case, or too many rows
+            except InputError:  # the case is invalid, or there are too many rows
                 continue
             if any(is_computed(one) and not identical(one, mine) for one, mine in zip(signals, own, strict=True)):
                 return None
@@ -94,7 +95,7 @@ class SignalSearch:
         return replace(number, values=np.array([given[i] for i in fits])), InSignals([], [], [grids[i] for i in fits])
 
     def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
-        """Which signals that are stored as rows are the number times -1, 0 or 1 throughout; None if they depend on it
+        """Return which of the signals that are stored as rows are always the number times -1, 0 or 1; None if one depends on it
         otherwise."""
         rough = [tuple(signal for signal in one if not is_computed(signal)) for one in signals]
         moved = [i for i in range(len(rough[0])) if not all(identical(one[i], rough[0][i]) for one in rough)]

@@ -21,7 +21,7 @@ from barbalat.signals.smooth import Clock
 
 
 def rules(case: Case) -> dict[str, Any]:
-    """The rules under the names used in ``templates/judge.js``, with the case's bands and which signals are the time."""
+    """Return the rules under the names of ``templates/judge.js``, with the case's bands and the signals that are clocks."""
     judge, beside = case.judge, Uncommanded.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
@@ -41,7 +41,7 @@ def rules(case: Case) -> dict[str, Any]:
 
 
 def kept(case: Case, loop: ClosedLoop) -> dict[str, Any]:
-    """The rows that a controller's kernels keep after the states of its loop, and the names of the components."""
+    """Return the rows that a controller's kernels keep after the states of its loop, and the names of the components."""
     memory, names, labels = watched_in_sweeps(case.judge).memory(loop), component_names(case.problem), case.problem.labels
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = np.asarray(marked.x).reshape(-1)

@@ -1,4 +1,4 @@
-"""Lessons of a page: an initial setting, a goal that the page checks, and the claims that it is about."""
+"""Lessons of a page. A lesson has an initial setting, a goal that the page checks, and the claims that it illustrates."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from barbalat.papers.claim import Claim
 
 @dataclass(frozen=True, kw_only=True)
 class FigureGoal:
-    """The largest entry of a controller's figure, over every step, compared with a number: a bound, or a share of another figure.
+    """A goal for the largest entry of a controller's figure over every step: it is compared with a bound, or with a share of
+    another figure.
 
-    share_of  None; "start", the same figure of the lesson's first run; or another controller's name
+    share_of  None for a bound; "start" for the same figure of the lesson's first run; or another controller's name
     """
 
     controller: str
@@ -30,7 +31,7 @@ class FigureGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class BoundedGoal:
-    """The controller's run ends without diverging."""
+    """The goal that the controller's run does not diverge."""
 
     controller: str
 
@@ -40,7 +41,7 @@ class BoundedGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class SettingGoal:
-    """A number of the case that the goal requires, by its place."""
+    """A goal for a number of the case, which is named by its place."""
 
     path: str
     relation: Literal["<=", ">="]
@@ -52,7 +53,7 @@ class SettingGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class UnprojectedGoal:
-    """The controller's projection stays switched off."""
+    """The goal that the controller's projection stays switched off."""
 
     controller: str
 
@@ -61,10 +62,10 @@ class UnprojectedGoal:
 
 
 class Goal(Protocol):
-    """What a page checks."""
+    """A condition that a page checks."""
 
     def as_data(self, names: Sequence[str]) -> dict[str, Any]:
-        """For a page of controllers with these names."""
+        """Return the data for a page of controllers with these names."""
         ...
 
 
@@ -73,10 +74,11 @@ class Lesson:
     """The setup, the text and the checks of a lesson.
 
     shown       the names of the controllers that are simulated
-    numbers     by their places; the others are the case's own
-    projection  by controller, if it differs from the case's own
-    goal        in words, and the conditions for it
-    example     numbers that reach it from the start; a page shows them on request
+    numbers     changed numbers, by their places
+    projection  by controller, where it differs from that of the case
+    goal        the goal in words
+    checks      the conditions of the goal
+    example     numbers that reach the goal from the start; a page shows them on request
     claims      rows of the ledger
     """
 
@@ -92,7 +94,7 @@ class Lesson:
     projection: Mapping[str, bool] = field(default_factory=dict)
 
     def as_data(self, names: Sequence[str], claims: Sequence[Claim]) -> dict[str, Any]:
-        """For a page of controllers with these names; ``claims`` are those that were measured, possibly none."""
+        """Return the data for a page of controllers with these names. ``claims`` are those that were measured, if any."""
         return {
             "key": self.key, "title": self.title, "text": self.text, "goal": self.goal,
             "numbers": dict(self.numbers), "example": dict(self.example),
@@ -104,7 +106,7 @@ class Lesson:
 
 
 def _claim(name: str, claims: Sequence[Claim]) -> dict[str, Any]:
-    """A row of the ledger: with its finding if it was measured in the same run, or only its name."""
+    """Return a row of the ledger, with its finding if it was measured in the same run."""
     found = [claim for claim in claims if claim.id == name]
     if not found:
         return {"id": name}

@@ -1,4 +1,4 @@
-"""Section V as pages: lessons on Figures 2 to 5, and on what the paper says about its schemes, each to be tried."""
+"""Section V as pages: lessons on Figures 2 to 5 and on the paper's statements about its schemes."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ PAPER = "jafari_2013"
 PAPER_CASE = "paper"
 """The bundled case of these lessons."""
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
-"""Variation of an estimate [1/s]: one sweep of the box per second, there and back; and the command's own."""
+"""Variation of an estimate [1/s]: that of one sweep of the box per second, there and back, and that caused by the command."""
 QUIET_GAIN = 300.0
-"""Gain of L1-AC, far below the onset at the paper's step, so that the solver has no visible effect."""
+"""Gain of L1-AC. It is far below the gain at which the loop oscillates with the paper's step, so that the solver has no visible
+effect."""
 
 ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
@@ -43,7 +44,7 @@ ON_THE_PAPER_S_EXAMPLE = (
             "The estimates sweep through the whole known set, thousands of times a second. "
             "Find out what this depends on."
         ),
-        goal="Quieten the estimates (variation below 1 per s) without a smaller step.",
+        goal="Make the estimates quiet (variation below 1 per s) without a smaller step.",
         checks=(
             SettingGoal(path=STEP_PATH, relation=">=", value=1e-4),
             FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation="<", value=QUIET_RATE),
@@ -56,7 +57,7 @@ ON_THE_PAPER_S_EXAMPLE = (
             "At this gain the loop oscillates at h = 1e-4 s. "
             "With half the step the oscillation disappears: it begins at a fixed product of step and √Γ."
         ),
-        goal="Make it oscillate (variation above 20 per s) at half this step.",
+        goal="Make the loop oscillate (variation above 20 per s) at half this step.",
         checks=(
             SettingGoal(path=STEP_PATH, relation="<=", value=5e-5),
             FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation=">", value=OSCILLATING_RATE),
@@ -66,8 +67,8 @@ ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
         key="figure-4", title="Figure 4: a tenth of the step", shown=("L1",), numbers={STEP_PATH: 1e-5},
         text=(
-            "The same controller, the same gain, six million steps instead of six hundred thousand"
-            ": only the command moves the estimates."
+            "The controller and the gain are the same, but the run takes six million steps instead of six hundred thousand. "
+            "Now only the command moves the estimates."
         ),
         goal="Bring the oscillation back (variation above 20 per s) at this step.",
         checks=(
@@ -89,15 +90,15 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="projection", title="Without projection", shown=("L1",), projection={"L1": False},
-        text="With Figure 3's gain and step the projection is switched off: the run diverges within three seconds.",
+        text="With Figure 3's gain and step but without projection, the run diverges within three seconds.",
         goal="Keep L1-AC bounded for 60 s, still without projection.",
         checks=(UnprojectedGoal(controller="L1"), BoundedGoal(controller="L1")),
         example={GAMMA_PATH: QUIET_GAIN}, claims=("no-projection",),
     ),
     Lesson(
         key="bias", title="The cost of the filter", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
-        text="Without any oscillation an error remains that no gain removes. The filter causes it.",
-        goal="Reduce the error of the tail to at most 0.55 of its present value.",
+        text="Even without any oscillation, an error remains that no gain removes. The filter causes it.",
+        goal="Reduce the error in the tail to at most 0.55 of its present value.",
         checks=(FigureGoal(controller="L1", figure="tail_max_abs_e", relation="<", value=0.55, share_of="start"),),
         example={KAPPA_PATH: 0.01}, claims=("bias-kappa", "best-kappa-zero", "bound-10"),
     ),
@@ -119,7 +120,7 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="small-gain", title="A small gain instead", shown=("L1", "MRAC"), numbers={MRAC_GAMMA_PATH: 1e-2},
-        text="L1-AC with Figure 3's gain and the standard MRAC with a millionth of it, at the same step.",
+        text="L1-AC has Figure 3's gain, and the standard MRAC a millionth of it. Both run with the same step.",
         goal=(
             "Find a gain of MRAC, at most 10, with which its largest error is a tenth of L1-AC's or less, and its"
             " estimates are quiet (variation below 1 per s)."
@@ -137,7 +138,7 @@ WITH_A_DELAY = (
     Lesson(
         key="tau-and-delay", title="Theorem 2: tau against a modelling error",
         shown=("Robust MRAC",), numbers={TAU_PATH: 0.02, DELAY_PATH: 0.05},
-        text="An input delay of 50 ms, and a τ that would be excellent without it: the loop is lost.",
+        text="The input has a delay of 50 ms. τ would be excellent without it, but with it the loop is lost.",
         goal="Find a τ that tolerates this delay with an error below 3 in the tail: neither too small nor too large.",
         checks=(
             SettingGoal(path=DELAY_PATH, relation=">=", value=0.05),
@@ -169,24 +170,24 @@ PAGES = {"explorer.html": ON_THE_PAPER_S_EXAMPLE, "explorer-delay.html": WITH_A_
 
 
 def late(text: str) -> str:
-    """The example with an input delay, at a step that suits it as well; fast adaptation is not its subject."""
+    """Return the example's text with an input delay, and with a longer step, which is sufficient without fast adaptation."""
     changed = text.replace('name = "Section V"', 'name = "Section V with an input delay"', 1).replace("dt = 1e-4", "dt = 1e-3", 1)
     return changed.replace("[reference_model]", "[plant.input]\ndelay = 0.01\n\n[reference_model]", 1)
 
 
 def explorer(file: str) -> Explorer:
-    """The page of that name."""
+    """Return the page with this name."""
     text = text_to_start_from(PAPER_CASE)
     return Explorer(TextSource(CaseText(late(text) if PAGES[file] is WITH_A_DELAY else text)), PAGES[file])
 
 
 def contents(file: str) -> PageContents:
-    """The content of the page of that name before anything is measured, which another process can make."""
+    """Return the content of the page with this name before anything is measured. Another process can make it."""
     return explorer(file).contents
 
 
 def addresses(claims: Sequence[Claim]) -> dict[str, str]:
-    """The page on which a figure, and a claim that was measured, can be tried: the first lesson about it."""
+    """Return the address at which each figure and each measured claim can be tried, which is its first lesson."""
     found: dict[str, str] = {}
     for file, lessons in PAGES.items():
         for lesson in lessons:

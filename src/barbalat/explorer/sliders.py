@@ -1,4 +1,4 @@
-"""The numbers of a case that get a slider: those whose effects a page can reproduce, singly and in combination."""
+"""Finds the numbers of a case that get a slider: those whose effects a page can reproduce, singly and in combination."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from barbalat.open_numbers.probe import Effect, Rows, Target, composed, effects_
 from barbalat.validate import Array, InputError
 
 MOST_SHARED_BYTES = 150_000
-"""Largest size of the tables of sliders that exclude others; in a page they take a third more."""
+"""Largest size of the tables of sliders that exclude others. In a page they take a third more."""
 MOST_NUMBERS = 80
 """Largest number of sliders of a page."""
 GRID_KEYS = ("t_end", "dt")
-"""Keys of the simulation, whose sliders belong to the page."""
+"""Keys of the simulation. The page has sliders of its own for them."""
 DELAY_PATH = FieldPath(("plant", "input", "delay"))
-"""Another slider of the page: it sets a module's delay in whole steps."""
+"""The delay, for which the page also has a slider of its own. It sets a module's delay in whole steps."""
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
-"""The order in which numbers get sliders: by their part, and within a part single numbers before entries of vectors. If two
-change the same row of a module, the later one has fewer values."""
+"""The parts of a case in the order in which their numbers get sliders. Within a part, single numbers precede entries of vectors.
+If two numbers change the same row of a module, the later one has fewer values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,8 @@ class Variant:
 class Slider:
     """A number, its effect on each variant and on the signals.
 
-    apart  numbers that must not be moved together with this one: a row depends on both where each alone leaves it unchanged, as
-           in products with a zero
+    apart  numbers that must not be moved together with this one, because a row depends on both although each alone leaves it
+           unchanged, as in products with a zero
     """
 
     number: Number
@@ -56,7 +56,7 @@ class Slider:
     apart: frozenset[FieldPath] = frozenset()
 
     def excludes(self, other: Slider) -> bool:
-        """Whether both change a row of some variant: with both away from the case's values it would need a table of all pairs."""
+        """Whether the two cannot be moved together. If both change a row of a variant, that would need a table of all pairs."""
         if other.number.path in self.apart:
             return True
         rows = any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
@@ -64,7 +64,7 @@ class Slider:
         return rows or both or self._bends(other) or other._bends(self)
 
     def _bends(self, other: Slider) -> bool:
-        """Whether moving this number changes how signals depend on the other one, as multiples of it."""
+        """Whether moving this number changes signals that are multiples of the other one to something else."""
         scales, value = other.signals.scales, other.number.value
         if not scales or self.signals.grids is None:
             return False
@@ -79,18 +79,18 @@ class Slider:
 
     @property
     def handed(self) -> bool:
-        """Whether modules receive anything that follows from it, other than the signals."""
+        """Whether modules receive anything that follows from this number, other than the signals."""
         return not all(effect.nothing for effect in self.effects)
 
     @property
     def copied(self) -> bool:
-        """Whether the number occurs everywhere unchanged: any value can be used, not only the tabulated ones."""
+        """Whether the number enters everywhere unchanged, so that any value can be used, not only the tabulated ones."""
         return self.signals.grids is None and all(effect.table is None for effect in self.effects)
 
 
 @dataclass(frozen=True, eq=False)
 class Sliders:
-    """The search for them.
+    """The search for the numbers that get a slider.
 
     toggles  the controllers whose projection can be switched
     """
@@ -124,7 +124,7 @@ class Sliders:
         return self._apart(kept)
 
     def _apart(self, kept: Sequence[Slider]) -> list[Slider]:
-        """The sliders whose effects can be combined, each with those with which it must not be combined."""
+        """Return the sliders whose effects can be combined, each with the numbers with which it must not be combined."""
         apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
         tried: list[list[Place]] = []
         search = Together(
@@ -145,12 +145,12 @@ class Sliders:
         ]
 
     def _outcome(self, moved: Sequence[tuple[Slider, Place]]) -> Outcome:
-        """Whether sliders at these values change the case in the same way as in a page."""
+        """Compare the case with these values of sliders to the page's reconstruction of it."""
         numbers = {slider.number.path: value for slider, (value, _) in moved}
         for switched in (False, True) if self.toggles else (False,):
             try:
                 case = self._case(numbers, self.toggles if switched else ())
-            except InputError:  # together they give no valid case: the copied one says why
+            except InputError:  # together they give an invalid case, and the error of the copied case explains why
                 return Outcome.NO_CASE
             for k, variant in enumerate(self.variants):
                 effects = [(slider.effects[k], value, place) for slider, (value, place) in moved]
@@ -188,16 +188,17 @@ class Sliders:
         return SignalSearch(self.case, partial(self.at, False))
 
     def at(self, switched: bool, path: FieldPath, value: float) -> Case:
-        """The case with another number, and with all projections switched that can be."""
+        """Return the case with another value of a number and, if ``switched``, with every switchable projection switched."""
         key = switched, path, value
         if key not in self._cases:
             self._cases[key] = self._case({path: value}, self.toggles if switched else ())
         return self._cases[key]
 
     def _case(self, numbers: Mapping[FieldPath, float], toggled: tuple[int, ...]) -> Case:
-        """The case with other numbers; InputError if its known set makes estimates start elsewhere, in the centre of the set.
+        """Return the case with other numbers.
 
-        Such a start depends on all bounds at once, so that no slider of a single bound could tabulate it.
+        InputError if its known set makes the estimates start at the set's centre instead. Such a start depends on all bounds at
+        once, so that no slider of a single bound could tabulate it.
         """
         case = self.source.at(numbers, toggled)
         if any(path.keys[0] == "uncertainty" for path in numbers) and not _alike(_starts(case), self._starts[bool(toggled)]):
@@ -206,12 +207,12 @@ class Sliders:
 
     @cached_property
     def _starts(self) -> tuple[list[Array], list[Array]]:
-        """The initial estimates in the case itself, and with projections switched."""
+        """The initial estimates of the case itself, and those with the projections switched."""
         return _starts(self.case), _starts(self.source.at({}, self.toggles))
 
     @cached_property
     def _cases(self) -> dict[tuple[bool, FieldPath, float], Case]:
-        """Cases that were built, since the same ones are read for several purposes."""
+        """The cases that have been built. They are kept because the same ones are read for several purposes."""
         return {}
 
 
@@ -241,23 +242,25 @@ def _precedence(given: tuple[FieldPath, float]) -> tuple[int, bool]:
 Place = tuple[float, int]
 """A value of a slider, and its index among the tabulated values, if any."""
 NEAR_SHARES = (0.04, 0.12)
-"""Shares of a slider's length by which it is moved to either side together with others; each slider uses a different value
-in between, so that two in a difference do not move equally. This close to the case all pairs should be valid."""
+"""Limits of the distance, as a share of the slider's length, by which a slider is moved to either side together with others. Each
+slider uses a different value in between, so that two numbers that enter as a difference do not move equally. This close to the
+case all pairs should be valid."""
 FAR_SHARES = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
-"""Distances to one side, different each time: some pairs change a last bit only at some values."""
+"""Limits of further distances to one side. They differ because some pairs change a last bit only at some values."""
 GOLDEN_RATIO = 0.6180339887498949
-"""The fractions of its multiples are spread evenly, for any number of them."""
+"""The fractional parts of its multiples are spread evenly, however many are taken."""
 TRIED_TURNS = 1 + len(FAR_SHARES)
 
 
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
-    """Places tried for the k-th slider: near the case one value to either side of its own, farther away one, different from
-    earlier ones if possible.
+    """Return the places tried for the k-th slider.
 
-    A number for which modules receive nothing (not ``handed``) affects only the signals: many of these may exclude each other,
-    and each is tried once.
+    These are one value to either side of the case's own in the first turn, near it, and one value, different from earlier ones
+    if possible, in later turns, farther away. A number that is not ``handed`` affects only the signals. Many of these may
+    exclude each other, and each is tried once.
 
     copied  whether any value can be used, not only the tabulated ones
+    handed  whether modules receive anything that follows from the number
     """
     low, high = (NEAR_SHARES, *FAR_SHARES)[turn]
     last = len(number.values) - 1
@@ -276,7 +279,7 @@ def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: boo
 # random. If a setting fails, the smallest set of numbers that fails is searched for.
 
 Move = tuple[int, int]
-"""A number, counted from 0, and the index of its trial value."""
+"""The index of a number, counted from 0, and the index of its trial value."""
 
 
 class Outcome(Enum):
@@ -289,14 +292,14 @@ class Outcome(Enum):
 
 @dataclass(eq=False)
 class Together:
-    """What is known about combinations of the numbers: any two that one search found incompatible remain so in the next, at other
-    values.
+    """The knowledge about combinations of the numbers. Two numbers that one search found incompatible remain incompatible in the
+    next search, which uses other values.
 
-    kinds    (N,) numbers of one kind belong to one vector or matrix, which constructors take as a whole: if an entry of one must
-             not be moved with an entry of another, no two entries of theirs may, since this may show only at few values, in a
-             last bit
-    apart    (N, N) which numbers must not be moved together
-    outcome  of the setting with these moves, each of a different number
+    kinds    (N,) the kind of each number. Numbers of one kind belong to one vector or matrix, which constructors take as a
+             whole. If an entry of one must not be moved with an entry of another, the same is assumed of all pairs of their
+             entries, because the difference may show only at few values, in a last bit
+    apart    (N, N) whether two numbers must not be moved together
+    outcome  a function that returns the outcome of a setting with these moves, each of a different number
     dropped  numbers that fail by themselves
     """
 
@@ -310,13 +313,13 @@ class Together:
             self._part(int(one), int(two))
 
     def search(self, moves: Sequence[Move], *, everywhere: bool) -> None:
-        """Try every pair of these moves; two that give no valid case are incompatible if one is expected ``everywhere``."""
+        """Try every pair of these moves. If cases should be valid ``everywhere``, two moves that give none are incompatible."""
         seen = Search(self, moves).seen()
         if everywhere:
             self.apart |= ~seen & ~np.eye(len(self.apart), dtype=bool)
 
     def part(self, numbers: Sequence[int]) -> None:
-        """Any two of these are incompatible from now on."""
+        """Record that any two of these numbers are incompatible."""
         for one, two in combinations(numbers, 2):
             self._part(one, two)
 
@@ -329,20 +332,20 @@ class Together:
 
 @dataclass(eq=False)
 class Search:
-    """One search: each number has some moves."""
+    """One search, in which each number has some moves."""
 
     known: Together
     moves: Sequence[Move]
 
     def __post_init__(self) -> None:
         self._numbers = np.array([number for number, _ in self.moves], dtype=int)
-        self._refused = self._numbers[:, None] == self._numbers  # which moves can't be part of one setting
+        self._refused = self._numbers[:, None] == self._numbers  # whether two moves cannot be part of one setting
         self._wanted = np.ones_like(self._refused)
         self._refused_sets: list[frozenset[int]] = []
         self._refuse_known()
 
     def seen(self) -> Array:
-        """Try all; (N, N) which numbers can be combined, or must not be moved together."""
+        """Try all pairs. Return for each pair of numbers (N, N) whether it is decided: combinable or incompatible."""
         seen = np.zeros_like(self.known.apart)
         while self._wanted.any():
             setting = self._next_setting()
@@ -364,7 +367,8 @@ class Search:
         return self.known.outcome([self.moves[i] for i in setting])
 
     def _next_setting(self) -> list[int]:
-        """A wanted pair, to which moves are added one after another that cover most of the other pairs."""
+        """Return a setting: a pair that has not been tried, and further moves, each chosen to cover as many other pairs as
+        possible."""
         setting: list[int] = np.unique(np.argwhere(self._wanted)[0]).tolist()
         gain = self._wanted[:, setting].sum(axis=1)
         free = ~self._refused[:, setting].any(axis=1)
@@ -379,11 +383,11 @@ class Search:
         return setting
 
     def _smallest(self, setting: Sequence[int]) -> list[int]:
-        """The moves of a failing setting that fail together but not singly, each of which is needed."""
+        """Return a smallest set of moves of a failing setting that fails together: without any of its moves it does not fail."""
         needed: list[int] = []
         others = list(setting)
         while not needed or self._of(needed) is Outcome.FITS:
-            fits, too_many = 0, len(others)  # of the others, in addition to those that are needed
+            fits, too_many = 0, len(others)  # numbers of other moves, in addition to those that are needed
             while too_many - fits > 1:
                 middle = (fits + too_many) // 2
                 fits, too_many = (middle, too_many) if self._of(needed + others[:middle]) is Outcome.FITS else (fits, middle)
@@ -392,7 +396,7 @@ class Search:
         return needed
 
     def _refuse(self, moves: Sequence[int], outcome: Outcome) -> None:
-        """Never again in one setting: these moves, or, if the numbers are incompatible, any two of theirs."""
+        """Keep these moves, or if the numbers are incompatible any two of their moves, out of all further settings."""
         numbers = self._numbers[list(moves)].tolist()
         if outcome is Outcome.DIFFERS:
             self.known.part(numbers)

@@ -1,4 +1,4 @@
-"""The origin of an explorer's case, and how it is written down again: a case file's text, or Python objects."""
+"""The source of an explorer's case, from which it is also written out again: a case file's text, or Python objects."""
 
 from __future__ import annotations
 
@@ -19,41 +19,42 @@ from barbalat.open_numbers.varied import VariedCase, VariedObjects, with_steps
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
-"""The parts of a copied text: fixed text, or values that the page inserts: a number, a controller's projection, the solver."""
-COPY_NOTE = "# copied from a page of barbalat explore; fused = false: every bit is the page's"
-OWN_NOTE = "# controllers of its page are in a separate file: --controllers"
+"""A part of a copied text: fixed text, or a value that the page inserts (a number, a controller's projection, the solver)."""
+COPY_NOTE = "# copied from a page of barbalat explore; with fused = false the results equal the page's, bit for bit"
+OWN_NOTE = "# some controllers of the page are in a separate file: --controllers"
 
 
 class Source(ABC):
-    """A case that is built with other numbers, always without fused multiply-adds."""
+    """A case that can be built with other numbers, always without fused multiply-adds."""
 
     @abstractmethod
     def numbers(self) -> Iterator[tuple[FieldPath, float]]:
-        """All numbers with their places."""
+        """Yield all numbers with their places."""
 
     @abstractmethod
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        """The case with other numbers, and the projection of some controllers switched; InputError if it can't be used."""
+        """Return the case with other numbers and with the projection of some controllers switched. InputError if the case is
+        not valid."""
 
     @abstractmethod
     def projected(self, i: int) -> bool:
-        """Whether the case switches the i-th controller's projection on, explicitly or by default."""
+        """Whether the i-th controller's projection is on in the case, explicitly or by default."""
 
     @property
     def own_file(self) -> str | None:
-        """The name of the user's file whose controllers join the case, without its folder, because pages are sent to others."""
+        """The name of the user's file whose controllers join the case. It has no folder, because pages are sent to others."""
         return None
 
     @abstractmethod
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment] | None:
-        """The text of a case file with placeholders for these numbers and switches; None if there is no such text."""
+        """Return the text of a case file with placeholders for these numbers and switches; None if there is no such text."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextSource(Source):
-    """The text of a case file. Controllers from the user's own file come after the text's, and have no numbers in it.
+    """The text of a case file. Controllers from the user's own file follow those of the text and have no numbers in it.
 
-    dt  the fixed steps [s] that take the place of a tolerance, if the text has one
+    dt  the fixed step [s] that replaces a tolerance, if the text has one
     """
 
     text: CaseText
@@ -95,7 +96,7 @@ class TextSource(Source):
 
     @cached_property
     def _varied(self) -> dict[tuple[int, ...], VariedCase]:
-        """The case by the controllers whose projection is switched."""
+        """The cases, by the controllers whose projection is switched."""
         return {}
 
     def projected(self, i: int) -> bool:
@@ -123,7 +124,7 @@ class TextSource(Source):
 
 
 def toml(tables: Mapping[str, Any]) -> str:
-    """Tables as TOML: a section for each table of the root, with inner tables inline."""
+    """Write tables as TOML, with a section for each table of the root and with inner tables inline."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in tables.items() if not _is_section(value)]
     for key, value in tables.items():
         if _is_section(value):
@@ -151,7 +152,7 @@ def _value(value: Any) -> str:
         return json.dumps(value).replace("\x7f", "\\u007f")  # TOML also reads JSON's escapes
     if isinstance(value, bool):
         return "true" if value else "false"
-    return repr(value)  # inf and nan as TOML writes them
+    return repr(value)  # inf and nan are spelled as in TOML
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +177,7 @@ class ObjectSource(Source):
 
     @cached_property
     def _cases(self) -> dict[tuple[int, ...], Case]:
-        """The case by the controllers whose projection is switched."""
+        """The cases, by the controllers whose projection is switched."""
         return {}
 
     def projected(self, i: int) -> bool:
@@ -194,5 +195,5 @@ def _switched(controller: Any, projection: bool) -> Any:
 
 
 def validate_name(controller: Any) -> str:
-    """The name of any object, for a message."""
+    """Return the name of any object, for a message."""
     return type(controller).__name__

@@ -1,4 +1,4 @@
-"""Explorers of a sweep's worst members: for each controller alone, with the member's numbers in place of the case's."""
+"""Explorers of a sweep's worst members. Each contains one controller, with the member's numbers in place of the case's."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.validate import InputError
 
 MOST_PAGES = 6
-"""Largest number of pages: each takes a second and a fifth of a megabyte."""
+"""Largest number of pages. Each takes a second and a fifth of a megabyte."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """A worst member with its page; None if there can't be one, and then the row says why."""
+    """A worst member with its page. The page is None if there cannot be one, and the row gives the reason."""
 
     row: WorstMember
     page: str | None
 
 
 def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
-    """For each controller the member that diverged first, or else the one with the largest error."""
+    """Yield for each controller the member that diverged first or, if none did, the one with the largest error."""
     for i, name in enumerate(found.controllers[:MOST_PAGES]):
         judged = [figure for figure in ("diverged_at", "max_abs_e[0]") if name in found.evidence.metrics.get(figure, {})]
         if not judged:
@@ -43,7 +43,7 @@ def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
 
 
 def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
-    """The case file with a member's numbers and one controller."""
+    """Return the case file with a member's numbers and one controller."""
     if text.case().problem.noise is not None:
         raise InputError("pages do not contain the member's measurement noise")
     varied = VariedCase(text, found.plan.paths, redesign=found.redesign)

@@ -1,1 +1,1 @@
-"""Plots as data, and their drawing: panels over time, responses over frequency. It knows neither runs nor certificates."""
+"""Plots as data, and their drawing: panels over time and responses over frequency. Runs and certificates are unknown here."""

@@ -1,4 +1,4 @@
-"""Panels and responses in the form for a page's charts: in single precision, with as many points as a screen can show."""
+"""Panels and responses in the form for a page's charts, in single precision and with as many points as a screen can show."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from barbalat.validate import Array
 DASHES = (None, (6, 4), (2, 3), (8, 3, 2, 3))
 """Lengths of strokes and gaps [px], in the order of ``theme.DASHES``."""
 MOST_WINDOWS, FEWEST_WINDOWS = 800, 100
-"""Number of windows of a run of which a page contains the extrema: about one for each pixel."""
+"""Number of windows of a run for which a page contains the extrema: about one per pixel."""
 LARGEST_DATA_BYTES = 300_000
-"""Largest size of the panels of a page, so that it can be mailed, unless ``FEWEST_WINDOWS`` need more."""
+"""Largest size in bytes of the panels of a page, so that the page can be mailed. ``FEWEST_WINDOWS`` may need more."""
 UNSEEN_SHARE = 0.004
-"""Share of a panel's height, less than a pixel, by which a line through the ends of the windows may miss the values between."""
+"""Share of a panel's height, less than a pixel, by which a line through the ends of the windows may miss the values between
+them."""
 LARGEST, SMALLEST = 3e38, 1e-37
-"""Largest number of single precision, and smallest on a logarithmic axis."""
+"""Largest number in single precision, and smallest number on a logarithmic axis."""
 
 
 class Arrays:
@@ -36,7 +37,7 @@ class Arrays:
         self._known: dict[bytes, int] = {}
 
     def add(self, values: Array) -> int:
-        """The array's number."""
+        """Store the array if it is new. Return its number."""
         packed = np.clip(values, -LARGEST, LARGEST).astype("<f4").tobytes()
         if packed not in self._known:
             self._known[packed] = len(self.texts)
@@ -45,10 +46,10 @@ class Arrays:
 
 
 def panels_data(panels: Sequence[Panel], t_end: float) -> dict[str, Any]:
-    """Panels in groups with a common interval: the whole run first, then the close-ups."""
+    """Return the panels in groups with a common interval, first the whole run and then the close-ups."""
     arrays = Arrays()
     lines = sum(len(panel.series) for panel in panels)
-    bytes_each_window = 2 * 4 * 4 / 3  # least and greatest value, four bytes each, as letters
+    bytes_each_window = 2 * 4 * 4 / 3  # smallest and largest value, four bytes each, in Base64
     most = min(MOST_WINDOWS, max(FEWEST_WINDOWS, int(LARGEST_DATA_BYTES / (bytes_each_window * max(lines, 1)))))
     groups: dict[tuple[float, float] | None, list[dict[str, Any]]] = {None: []}
     for panel in panels:
@@ -84,7 +85,8 @@ def _panel(panel: Panel, t_end: float, most: int, arrays: Arrays) -> dict[str, A
 
 
 def _series(series: Series, room: float, most: int, arrays: Arrays) -> dict[str, Any]:
-    """A line through the ends of the windows if it is within ``room`` of all values; otherwise the extrema of each."""
+    """Return a series as a line through the ends of the windows if it is within ``room`` of all values, else as the extrema of
+    each window."""
     finite = np.isfinite(series.value)
     kept = len(finite) if finite.all() else int(finite.argmin())
     below, above = (None if side is None else side[: max(kept - 1, 0)] for side in (series.low, series.high))
@@ -99,14 +101,14 @@ def _series(series: Series, room: float, most: int, arrays: Arrays) -> dict[str,
 
 
 def _look(colour: int | str, dash: int | None, width: float) -> dict[str, Any]:
-    """Colour, dash and width [px]; by default the dash that distinguishes the compared object's number."""
+    """Return colour, dash and width [px]. The default dash is the one that distinguishes the compared object."""
     if dash is None:
         dash = int(colour) // SHARING if isinstance(colour, int) else 0
     return {"colour": colour, "dash": DASHES[dash % len(DASHES)], "width": width}
 
 
 def responses_data(responses: Sequence[Response]) -> dict[str, Any]:
-    """|L| and phase of loops over frequency, from which a page computes L, S and T, and the positions of their margins."""
+    """Return |L| and phase of loops over frequency, from which a page computes L, S and T, and the positions of their margins."""
     arrays = Arrays()
     loops = [
         {

@@ -11,12 +11,12 @@ from barbalat.pictures.panels import PAGE_LEFT, PAGE_RIGHT, PAGE_WIDTH, Panel, S
 from barbalat.pictures.series import COLUMNS_PER_INCH, FASTEST_SWING_COLUMNS, VISIBLE_SWING_SHARE, turning_points
 
 PERIODS = 10
-"""Periods in half a page's width: twenty columns for each, an eighth of what the eye needs to count them."""
+"""Number of periods in half a page's width, about an eighth of what the eye can still count. Each has twenty columns."""
 
 
 def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Panel]:
-    """Two close-up panels if the ``followed`` series, the model and its command, oscillate too fast for a panel of the whole
-    run."""
+    """Return two close-up panels if the ``followed`` series, the model and its command, oscillate too fast for a panel of the
+    whole run, else none."""
     columns = COLUMNS_PER_INCH * (PAGE_WIDTH - PAGE_LEFT - PAGE_RIGHT)
     swings = [swing for swing in map(_usual_swing, followed) if swing < FASTEST_SWING_COLUMNS * t_end / columns]
     if not swings:
@@ -27,13 +27,13 @@ def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Pa
 
 
 def _part(panel: Panel, title: str, times: tuple[float, float]) -> Panel:
-    """A part of a panel, with the limits of the whole run's panel if it has any; a run that has ended before is left out."""
+    """Return a part of a panel, with the limits of the whole run's panel if it has any. A run that ends earlier is omitted."""
     series = [one for one in panel.series if one.t[-1] > times[0]]
     limits = panel.limits or around(*span_of([one.within(*times).value for one in series]))
     return replace(panel, title=title, series=series, times=times, limits=limits, note="", whole_row=False)
 
 
 def _usual_swing(series: Series) -> float:
-    """The median time between successive extrema; infinite if the series hardly turns."""
+    """Return the median time between successive extrema, or infinity if the series has hardly any."""
     turns = turning_points(series.value, VISIBLE_SWING_SHARE * float(np.ptp(series.value)))
     return float(np.median(np.diff(series.t[turns]))) if len(turns) > 2 * PERIODS else float("inf")

@@ -1,4 +1,4 @@
-"""Responses over frequency: Bode, Nyquist and sensitivity plots of loops, with the margins marked."""
+"""Responses over frequency: Bode, Nyquist and sensitivity plots of loops with marked margins."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figure
 
 DASHES_OF_LOOPS = (DASHES[0], DASHES[2], DASHES[3])
-"""Dashes of loops of one colour; broken lines are |T|."""
+"""Dashes of loops with the same colour. Broken lines are |T|."""
 MOST_DECADES = 9
-"""Labels of a logarithmic axis, so that they don't overlap on a phone."""
+"""Largest number of labels of a logarithmic axis, so that they do not overlap on a phone."""
 
 
 def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Four panels; ``shown`` as in ``new_figure``."""
+    """Draw four panels. ``shown`` is explained in ``new_figure``."""
     figure = new_figure(NARROW if narrow else WIDE, 11.5 if narrow else 7.6, shown=shown, layout="constrained")
     theme = Theme.current()
     places = [(0, 0), (1, 0), (0, 1), (1, 1)]
@@ -59,13 +59,13 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
 
 
 MOST_WIDTHS = 6
-"""Number of line widths, that of the colours; with more, lines would hide each other."""
-MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gain margin is measured: L real and negative"}
+"""Number of line widths, which is that of the colours. With more, lines would hide one another."""
+MARKS = {"o": "phase margin: |L| = 1", "s": "gain margin: L real and negative"}
 
 
 def _width(k: int, count: int) -> float:
-    """Return the k-th line's width [points]: wider than those drawn after it, to show where they coincide, even without
-    colours."""
+    """Return the k-th line's width [points]. Each line is wider than those drawn after it, which shows where they coincide,
+    even without colours."""
     return 1.2 + 0.9 * (min(count, MOST_WIDTHS) - 1 - k % MOST_WIDTHS)
 
 
@@ -101,7 +101,7 @@ def _axes(axes: Axes, title: str, x: str, y: str, *, log: str) -> None:
 
 
 def _in_decades(axis: Axis) -> None:
-    """Label only whole powers of ten, as plain text: the ticks between them and mathtext take most of a plot's time."""
+    """Label only whole powers of ten, as plain text. Ticks between them and mathtext would take most of a plot's time."""
     axis.set_major_locator(LogLocator(numticks=MOST_DECADES))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))

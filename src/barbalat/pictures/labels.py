@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from barbalat.validate import Array
 
 RADII = (9.0, 16.0, 26.0, 40.0, 60.0)
-"""Distances from the point that are tried [points], the nearest first."""
+"""Distances from the point that are tried [points], the smallest first."""
 ANGLES = np.deg2rad(np.arange(0, 360, 30))
 WIDTH, HEIGHT = 0.66, 1.4
-"""Size of a character and of a line, in font sizes: a little more than DejaVu Sans needs for numbers."""
+"""Size of a character and of a line, in font sizes. It is a little more than DejaVu Sans needs for numbers."""
 
 
 class LabelPlaces:
@@ -26,14 +26,14 @@ class LabelPlaces:
 
     def __init__(self, axes: Axes, lines: Sequence[Array], size: float) -> None:
         self.axes, self.size = axes, size
-        self.scale = axes.figure.dpi / 72  # pixels for each point
+        self.scale = axes.figure.dpi / 72  # pixels per point
         drawn = [_dense(axes.transData.transform(line)) for line in lines if len(line)]
         self.taken = np.concatenate(drawn) if drawn else np.zeros((0, 2))
         self.boxes: list[tuple[float, float, float, float]] = []
 
     def place(self, text: str, point: Array, colour: str) -> None:
-        """Place the label at the nearest free position around the point, or at the one that covers least; a thin line leads to
-        it."""
+        """Place the label at the nearest free position around the point, or at the position that covers least. A thin line
+        connects it to the point."""
         at = self.axes.transData.transform(point)
         width, height = WIDTH * self.size * len(text) * self.scale, HEIGHT * self.size * self.scale
         best, least = (0.0, 0.0), np.inf
@@ -56,7 +56,7 @@ class LabelPlaces:
         )  # fmt: skip
 
     def _covered(self, box: tuple[float, float, float, float]) -> float:
-        """The amount inside the box: points of lines, other labels, and what the panel's edge would cut off."""
+        """Return how much the box covers: points of lines, other labels, and the part beyond the panel's edge."""
         left, low, right, high = box
         x, y = self.taken.T
         points = int(((x > left) & (x < right) & (y > low) & (y < high)).sum())
@@ -67,7 +67,7 @@ class LabelPlaces:
 
 
 def _dense(line: Array) -> Array:
-    """Points along a polyline in pixels, a few pixels apart."""
+    """Return points along a polyline in pixels, a few pixels apart."""
     parts = [line[:1]]
     for start, end in pairwise(line):
         count = max(int(np.hypot(*(end - start)) / 3), 1)

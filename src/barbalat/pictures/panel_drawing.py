@@ -1,4 +1,4 @@
-"""Panels over time, drawn: wide for a page or narrow for a phone."""
+"""Draws panels over time, wide for a page or narrow for a phone."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ MOST_APART = 4
 """Largest number of axes in place of one panel."""
 ENVELOPE = "shaded, between thin lines: from the smallest to the largest value of signals that oscillate too fast to be drawn"
 MARKED_SHARE, MARK_SIZE = 0.12, 3.5
-"""Share of the axes' diagonal between marks on a line; size of a mark [points]."""
+"""Distance between marks on a line, as a share of the axes' diagonal, and size of a mark [points]."""
 SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06
 """Opacity of a single envelope, and of overlapping ones, which are distinguished by their edges."""
 
 
 def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """All panels, two in a row on a page, one on a phone; ``shown`` as in ``new_figure``."""
+    """Draw all panels, two in a row on a page and one on a phone. ``shown`` is explained in ``new_figure``."""
     sizes = PHONE if narrow else PAGE
     rows, theme = _rows(panels, narrow=narrow), Theme.current()
     panels = [panel for row in rows for panel in row]
@@ -77,7 +77,7 @@ def _rows(panels: Sequence[Panel], *, narrow: bool) -> list[list[Panel]]:
             rows[-1].append(panel)
         else:
             rows.append([panel])
-    return [[replace(row[0], whole_row=True)] if len(row) == 1 else row for row in rows]  # no quarter of a page stays empty
+    return [[replace(row[0], whole_row=True)] if len(row) == 1 else row for row in rows]  # leaves no quarter of a page empty
 
 
 def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, theme: Theme, sizes: Sizes) -> None:
@@ -108,7 +108,7 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
 
 
 def _plain_ticks(axes: Axes) -> None:
-    """Numbers in plain notation, 0.2 and 0.5, if the axes span at most three decades."""
+    """Label the ticks in plain notation, such as 0.2 and 0.5, if the axes span at most three decades."""
     low, high = axes.get_ylim()
     if high <= 1e3 * low:
         several = high > 5 * low
@@ -118,20 +118,20 @@ def _plain_ticks(axes: Axes) -> None:
 
 
 def _overlap(outlines: Sequence[Outline], start: float, end: float) -> float:
-    """Share of the time in which two envelopes overlap, the largest of all pairs."""
+    """Return the share of the time in which two envelopes overlap, the largest over all pairs."""
     bands = [_covered(found, start, end) for found in outlines]
-    return max((float(((a[0] < b[1]) & (b[0] < a[1])).mean()) for a, b in combinations(bands, 2)), default=0.0)  # NaN: false
+    return max((float(((a[0] < b[1]) & (b[0] < a[1])).mean()) for a, b in combinations(bands, 2)), default=0.0)  # false for NaN
 
 
 def _apart(axes: Axes, count: int) -> list[Axes]:
-    """Separate axes for each series, in place of the one pair of axes."""
+    """Replace the axes with separate axes for each series."""
     axes.set_axis_off()
     height = 1 / count
     return [axes.inset_axes((0.0, 1 - (i + 1) * height, 1.0, 0.9 * height)) for i in range(count)]
 
 
 def _covered(found: Outline, start: float, end: float) -> tuple[Array, Array]:
-    """Both sides of the envelopes at a few hundred instants; NaN if there is none."""
+    """Return both sides of the envelopes at a few hundred instants, with NaN where there is no envelope."""
     t = np.linspace(start, end, 400)
     sides = np.full((2, len(t)), np.nan)
     for band in found.envelopes:
@@ -142,7 +142,7 @@ def _covered(found: Outline, start: float, end: float) -> tuple[Array, Array]:
 
 
 def _outline(series: Series, panel: Panel, t_end: float, inches: float) -> Outline:
-    """The outline in the axes' own scale, which decides what is visible."""
+    """Return the outline in the scale of the axes, on which it depends what is visible."""
     there, back = SCALES[panel.scale]
     height = None if panel.limits is None else float(np.ptp(there(np.array(panel.limits))))
     start, end = panel.times or (0.0, t_end)
@@ -163,8 +163,8 @@ SCALES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
 
 
 def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_others: bool) -> None:
-    """Draw a series; overlapping envelopes have edges with their own dashes, and no middle line, which would be close to the
-    others'."""
+    """Draw a series. Overlapping envelopes have edges with their own dashes and no middle lines, which would be close
+    together."""
     style, mark = _style(theme, series.colour, series.dash), _mark(series.colour, series.dash)
     t, value = found.line
     for band in found.envelopes:
@@ -178,7 +178,7 @@ def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_o
 
 
 def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> None:
-    """Both above the axes, at the left edge, where they cover nothing."""
+    """Draw title and legend above the axes, at the left edge, where they cover nothing."""
     marks = entries(panel)
     handles = [
         Line2D(
@@ -201,7 +201,7 @@ def _style(theme: Theme, colour: int | str, dash: int | None) -> dict[str, Any]:
 
 
 def _mark(colour: int | str, dash: int | None) -> str:
-    """The marker of a compared series if its dash has another meaning."""
+    """Return the marker of a compared series whose dash has another meaning; empty for any other series."""
     if not isinstance(colour, int):
         return ""
     return mark_of(colour) if dash is None else MARKS[colour // SHARING % len(MARKS)]
@@ -219,7 +219,7 @@ LEVEL_WIDTH = 0.9
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of everything on a page or a phone [in], [points]; fixed, because Matplotlib's own layouts take longer than the
+    """All sizes on a page or a phone [in] or [points]. They are fixed, because Matplotlib's own layouts take longer than the
     drawing."""
 
     width: float
@@ -231,7 +231,7 @@ class Sizes:
     columns: int
 
     def across(self, panel: Panel) -> float:
-        """Width of a panel's axes [in]."""
+        """The width of a panel's axes [in]."""
         return self.width / (1 if panel.whole_row else self.columns) - self.left - self.right
 
     def characters(self, panel: Panel) -> int:
@@ -239,7 +239,7 @@ class Sizes:
         return int(self.across(panel) * 72 / (0.56 * self.font))  # DejaVu Sans is 0.56 of its size wide on average
 
     def above(self, panel: Panel) -> float:
-        """Height of title, note and legend [in]."""
+        """The height of title, note and legend [in]."""
         lines = len(heading(panel, self).splitlines()) + -(-len(entries(panel)) // legend_columns(panel, self))
         return 1.42 * self.font * lines / 72 + 0.12
 
@@ -249,19 +249,19 @@ PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, col
 
 
 def heading(panel: Panel, sizes: Sizes) -> str:
-    """Title and note, in lines that fit above the panel."""
+    """Return title and note in lines that fit above the panel."""
     lines = [panel.title, *([panel.note] if panel.note else [])]
     return "\n".join(_filled(line, sizes.characters(panel)) for line in lines)
 
 
 def _filled(text: str, width: int) -> str:
-    """The text in lines that don't break within a formula, because half of one is shown with its dollar sign."""
+    """Break the text into lines, but not within a formula, because half a formula would show its dollar sign."""
     held = re.sub(r"\$[^$]*\$", lambda formula: formula[0].replace(" ", HELD_BLANK), text)
     return textwrap.fill(held, width).replace(HELD_BLANK, " ")
 
 
 class Mark(NamedTuple):
-    """An entry of a legend, drawn like its line, so that its width distinguishes it in a grey print."""
+    """An entry of a legend. It is drawn like its line, so that its width distinguishes it in a grey print."""
 
     text: str
     colour: int | str
@@ -280,9 +280,9 @@ def legend_columns(panel: Panel, sizes: Sizes) -> int:
     """Return how many of the legend's columns fit above the panel."""
     labels = [one.text for one in entries(panel)]
     longest = max(map(_length, labels), default=1)
-    return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it and the gap after it
+    return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before a label and the gap after it
 
 
 def _length(label: str) -> int:
-    """The visible length of a label with mathematics in it."""
+    """Return the visible length of a label that may contain mathematics."""
     return len(re.sub(r"\\hat|[{}$_]", "", re.sub(r"\\[a-gi-z]\w*", "x", label)))

@@ -1,4 +1,4 @@
-"""Panels over time as data: series, levels, and limits; ``panel_drawing`` draws them."""
+"""Panels over time as data: series, levels and limits. ``panel_drawing`` draws them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from barbalat.pictures.symbols import in_symbols
 from barbalat.validate import Array, InputError, hint, show
 
 LONGEST_LABEL = 40
-"""Characters of a name in a plot: a legend has no room for more."""
+"""Largest number of characters of a name in a plot. A legend has no room for more."""
 PAGE_WIDTH, PAGE_LEFT, PAGE_RIGHT = 10.0, 0.84, 0.22
-"""Width of a figure for a page or print, and of the margins to the left and right of its axes [in]."""
+"""Width of a figure for a page or for print, and of the margins to the left and right of its axes [in]."""
 SHARING = 3
 """Number of neighbouring colours of the palette that share a dash. The palette's last three colours are close to its first
-three: sky blue to blue for everybody (a distance of 12 in CIELAB), ochre to vermilion for the red-green blind (3 to 5); six
-would be four hues."""
+three: sky blue is close to blue for everybody (a distance of 12 in CIELAB), and ochre to vermilion for the red-green blind (3 to
+5). Six colours would therefore be only four hues."""
 
 
 def width_of(k: int, count: int) -> float:
-    """Return the k-th line's width: wider than those drawn after it, to show where they coincide, and on a grey print.
+    """Return the k-th line's width.
 
-    Dashed lines all have the same width: lines below are visible through their gaps, and wide dashes would not fit into a
+    Each line is wider than those drawn after it. This shows where lines coincide and distinguishes them in a grey print. Dashed
+    lines all have the same width, because lines below them are visible through the gaps, and wide dashes would not fit into a
     legend's line.
     """
     return 1.1 + 0.5 * max(min(count - 1, SHARING) - k, 0)
@@ -34,8 +35,8 @@ class Series:
     """A quantity over time.
 
     colour     the index of a compared object, or "ink" or "quiet" for objects that are not compared, the model and the command
-    dash       from ``DASHES``; None: the one of the compared object's index, see ``dash_of``
-    low, high  (K - 1,) extrema between the instants, where they are known
+    dash       from ``DASHES``; None for the dash of the compared object's index, see ``dash_of``
+    low, high  (K - 1,) extrema between the instants, if they are known
     """
 
     t: Array
@@ -48,7 +49,8 @@ class Series:
     width: float = 1.1
 
     def within(self, start: float, end: float) -> Series:
-        """The part from the last instant up to ``start`` to the first one from ``end`` on; at least two instants."""
+        """Return the part from the last instant at or before ``start`` to the first one at or after ``end``, at least two
+        instants."""
         first = max(min(int(np.searchsorted(self.t, start, side="right")) - 1, len(self.t) - 2), 0)
         last = max(int(np.searchsorted(self.t, end)), first + 1)
         low, high = (None if side is None else side[first:last] for side in (self.low, self.high))
@@ -59,7 +61,7 @@ class Series:
 class Level:
     """A horizontal line, such as a limit or a true value; each label appears once in the legend.
 
-    of  the index of the series that it belongs to; ``None`` for all
+    of  the index of the series to which it belongs; ``None`` for all series
     """
 
     value: float
@@ -76,11 +78,11 @@ class Panel:
     limits      the displayed range of values; all by default
     scale       "linear", "log" or "symlog"
     note        a line below the title
-    whole_row   whether it has a page's whole width
+    whole_row   whether the panel has a page's whole width
     may_part    whether series whose envelopes would overlap get separate axes
     y           the label of the vertical axis
     times       the displayed interval of time; the whole run by default
-    names       by which users select it
+    names       names by which users select the panel
     """
 
     title: str
@@ -97,7 +99,7 @@ class Panel:
 
 
 def chosen(panels: Sequence[Panel], names: str | Iterable[str]) -> list[Panel]:
-    """The panels that have one of these names, in the order of the names; InputError for an unknown name."""
+    """Return the panels that have one of these names, in the order of the names. InputError for an unknown name."""
     known = list(dict.fromkeys(name for panel in panels for name in panel.names))
     found: list[Panel] = []
     for name in [names] if isinstance(names, str) else names:
@@ -110,25 +112,25 @@ def chosen(panels: Sequence[Panel], names: str | Iterable[str]) -> list[Panel]:
 
 
 def text_of(name: str) -> str:
-    """A name in a plot: γ 10⁶ for gamma 1e6, without Matplotlib's mathematics, and short enough for a label."""
+    """Return a name as a plot shows it: γ 10⁶ for gamma 1e6, without Matplotlib's mathematics and short enough for a label."""
     name = in_symbols(name)
     short = name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
     return as_typed(short)
 
 
 def as_typed(text: str) -> str:
-    """A text that Matplotlib shows literally: no mathematics, and no label that legends leave out."""
+    """Return a text that Matplotlib shows literally: without mathematics, and not as a label that legends omit."""
     return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def span_of(values: Sequence[Array]) -> tuple[float, float]:
-    """The least and the greatest finite value of all; (0, 0) if there is none."""
+    """Return the smallest and the largest finite value of all; (0, 0) if there is none."""
     finite = [part[np.isfinite(part)] for part in map(np.asarray, values)]
     flat = np.concatenate([part.ravel() for part in finite]) if finite else np.zeros(0)
     return (float(flat.min()), float(flat.max())) if len(flat) else (0.0, 0.0)
 
 
 def around(low: float, high: float) -> tuple[float, float]:
-    """Limits of axes with a little room around."""
+    """Return limits of axes with a little room around the values."""
     room = 0.06 * (high - low) or 0.1 * max(abs(high), 1e-3)
     return low - room, high + room

@@ -1,4 +1,4 @@
-"""Objects with a plot, which notebooks show with their one-line text."""
+"""Objects with a plot. Notebooks show the plot below the object's one-line text."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class Plotted(ABC):
         """Draw a Matplotlib figure; if ``shown``, display it at once if pyplot is in use."""
 
     def _repr_html_(self) -> str:
-        """For notebooks: the text shown at a prompt, and the plot."""
+        """Return HTML for notebooks: the text that a prompt shows, and the plot."""
         return html_of(self, self.plot(shown=False))
 
 
 def image_of(figure: Figure, description: str) -> str:
-    """Return the picture as an HTML element, with a text for those who cannot see it."""
+    """Return the picture as an HTML element with an alternative text."""
     from barbalat.pictures.render import render  # Matplotlib takes long to import, and this module is imported everywhere
 
     svg = base64.b64encode(render(figure, "svg")).decode("ascii")
@@ -32,6 +32,6 @@ def image_of(figure: Figure, description: str) -> str:
 
 
 def html_of(shown: object, figure: Figure) -> str:
-    """The one-line text of an object, and its picture."""
+    """Return the one-line text of an object and its picture as HTML."""
     line = repr(shown).strip("<>")
     return f"<p>{escape(line)}</p>{image_of(figure, line.partition(':')[0])}"

@@ -1,4 +1,4 @@
-"""A figure as a file: PNG, or an SVG that follows the reader's light or dark background."""
+"""Writes a figure as a PNG, or as an SVG that adapts to the reader's light or dark background."""
 
 from __future__ import annotations
 
@@ -27,14 +27,13 @@ PIXELS_PER_INCH = 110
 """Resolution of a PNG: 1100 pixels for a page's width."""
 PALETTE_ROWS, EDGE_SHADES = 24, 4
 """Number of pixels to which a picture is reduced while its colours are chosen, and number of shades of each colour in it. With
-fewer than 20 rows purple became
-grey."""
+fewer than 20 rows, purple became grey."""
 PNG_COLOURS = 128
-"""Size of a PNG's palette: a third of the bytes, and the smoothed edges of lines look the same."""
+"""Size of a PNG's palette. It reduces the file to a third, and the smoothed edges of lines look the same."""
 
 
 def render(figure: Figure, kind: str) -> bytes:
-    """The figure as "png" or "svg"; the same input gives the same bytes."""
+    """Return the figure as "png" or "svg". The same input gives the same bytes."""
     import matplotlib as mpl
 
     buffer = io.BytesIO()
@@ -51,7 +50,7 @@ def render(figure: Figure, kind: str) -> bytes:
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """The figure with its layout computed once: otherwise Matplotlib would draw the whole figure for it, and then again."""
+    """Compute the figure's layout once. Otherwise Matplotlib would draw the whole figure for the layout, and then once more."""
     engine = figure.get_layout_engine()
     if engine is None:
         yield
@@ -65,8 +64,8 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _packed(png: io.BytesIO) -> bytes:
-    """Return the picture with fewer colours, including the palette's, since a partly covered line has too few pixels
-    otherwise."""
+    """Return the picture with fewer colours. They include the palette's, because a partly covered line would have too few
+    pixels to keep its colour."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -80,7 +79,7 @@ def _packed(png: io.BytesIO) -> bytes:
 
 
 def _swatches(width: int) -> Image.Image:
-    """A strip with the palette's colours and the shades of their lines' edges."""
+    """Return a strip with the palette's colours and the shades at the edges of lines."""
     from matplotlib.colors import to_rgb
     from PIL import Image
 
@@ -92,7 +91,7 @@ def _swatches(width: int) -> Image.Image:
 
 
 def adaptive(svg: str) -> str:
-    """The SVG with shortened numbers, and with a second set of colours for a dark background."""
+    """Return the SVG with shortened numbers and with a second set of colours for a dark background."""
     svg = re.sub(r"<!--.*?-->|<!DOCTYPE.*?>|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"\n\s*", "\n", svg)
     svg = re.sub(r'(?<= d=")[^"]*|(?<=transform=")[^"]*|(?<= [xy]=")[^"]*', lambda found: _shortened(found[0]), svg)
@@ -110,7 +109,8 @@ def adaptive(svg: str) -> str:
 
 
 def _shortened(path: str) -> str:
-    """Four digits, or a hundredth of a point: glyphs use large units of their own, and their scale is a small number."""
+    """Round the numbers of a path to four digits or to a hundredth of a point. Glyphs have large units of their own, and their
+    scale is a small number."""
 
     def short(number: re.Match[str]) -> str:
         value = float(number[0])
@@ -120,15 +120,15 @@ def _shortened(path: str) -> str:
 
 
 def on_dark(colour: str) -> str | None:
-    """The dark variant of a colour: for the palette its own, for greys those with the same distance from the dark background
-    as from white."""
+    """Return the dark variant of a colour. Colours of the palette have their own; a grey becomes one whose distance from the
+    dark background is that of the original from white."""
     light = (c.lower() for c in (*COLOURS, INK, QUIET_INK, GROUND))
     named = dict(zip(light, (*ON_DARK, DARK_INK, DARK_QUIET_INK, DARK_GROUND), strict=True))
     if colour in named:
         return named[colour]
     red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
     hue, lightness, saturation = colorsys.rgb_to_hls(red, green, blue)
-    if saturation > 0.1:  # another colour, of a map: its scale must not change
+    if saturation > 0.1:  # a colour of a map, whose scale must not change
         return None
     ground, ink = (int(end[1:3], 16) / 255 for end in (DARK_GROUND, DARK_INK))
     grey = ink + (ground - ink) * lightness
@@ -140,14 +140,14 @@ POWER = re.compile(r"\$\\mathdefault\{(?P<sign>-?)(?:(?P<mantissa>[\d.]+)\\times
 
 
 class PlainPowers(LogFormatterSciNotation):
-    """Plain labels at the positions where Matplotlib puts labels."""
+    """Labels in plain notation, at the positions of Matplotlib's labels."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         return plain(super().__call__(x, pos))
 
 
 def plain(text: str) -> str:
-    """0.2, 10, 3·10⁻² in place of the same in mathtext; any other text is unchanged."""
+    """Convert a number in mathtext to 0.2, 10 or 3·10⁻². Any other text is unchanged."""
     found = POWER.fullmatch(text)
     if found is None:
         return text
@@ -156,7 +156,8 @@ def plain(text: str) -> str:
 
 
 def power_of_ten(value: float) -> str:
-    """0.1, 1, 10, and beyond these 10 with its exponent; for whole powers. Nothing for the zero below the smallest number."""
+    """Format a whole power of ten as 0.1, 1 or 10, or with an exponent beyond these. Zero, which results from an underflow,
+    gives an empty text."""
     if value <= 0:
         return ""
     exponent = round(math.log10(value))

@@ -1,4 +1,4 @@
-"""A loop's response over frequency, as data; ``frequency`` draws it."""
+"""A loop's response over frequency as data. ``frequency`` draws it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.validate import Array
 
 NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
-"""The region around -1, which decides on stability; loops with an integrator leave it towards infinity."""
+"""The displayed region around -1, which decides on stability. Loops with an integrator leave it towards infinity."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -19,7 +19,7 @@ class Response:
     w, L         (K,) rad/s, and complex
     caption      the loop's name and its margins
     at_phase     frequency of the phase margin in rad/s; ``None`` if there is no crossover
-    at_gain      frequency of the gain margin, likewise
+    at_gain      frequency of the gain margin in rad/s; ``None`` if there is none
     """
 
     w: Array
@@ -29,12 +29,12 @@ class Response:
     at_gain: float | None
 
     def value(self, w: float) -> complex:
-        """L near a frequency of the grid."""
+        """Return L at the frequency of the grid nearest to w."""
         return complex(self.L[int(np.abs(self.w - w).argmin())])
 
     @property
     def phase(self) -> Array:
-        """[degrees], continuous, and in (-360, 0] where the margin is measured."""
+        """The phase [degrees], which is continuous, and in (-360, 0] at the frequency of the phase margin."""
         phase = np.degrees(np.unwrap(np.angle(self.L)))
         at = int(np.abs(self.w - self.at_phase).argmin()) if self.at_phase is not None else 0
         return np.asarray(phase - 360 * np.ceil(phase[at] / 360))

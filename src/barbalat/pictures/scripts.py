@@ -15,11 +15,12 @@ CHARTS = (_TEMPLATES / "zoom.js", _TEMPLATES / "charts.js")
 
 
 def as_script_data(part: Any) -> str:
-    """JSON that no text in it can terminate: a script element knows only JSON's escapes."""
+    """Return JSON in which no text can end the surrounding script element, where only JSON's escapes work."""
     return json.dumps(part, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
 def script_of(module: Traversable) -> str:
-    """A module's text without its imports and exports: one file contains them all, and modules can't be imported from it."""
+    """Return a module's text without its imports and exports. One file contains all modules, and none can be imported from
+    it."""
     text = re.sub(r"^import .*;$", "", module.read_text("utf-8"), flags=re.MULTILINE)
     return re.sub(r"^export ", "", text, flags=re.MULTILINE)

@@ -1,4 +1,5 @@
-"""What a plot can show of a long series: a line where the eye can follow it, an envelope where it oscillates too fast."""
+"""Reduces a long series to what a plot can show: a line where the eye can follow it, and an envelope where it oscillates too
+fast."""
 
 from __future__ import annotations
 
@@ -9,24 +10,25 @@ import numpy as np
 from barbalat.validate import Array
 
 COLUMNS_PER_INCH = 55
-"""Columns per inch of a panel's width: some two pixels each, on a page and on a phone."""
+"""Columns per inch of a panel's width. A column has some two pixels, on a page and on a phone."""
 FASTEST_SWING_COLUMNS = 1.7
-"""Largest number of columns of a swing between extrema that is too fast to see: seven pixels per period."""
+"""Largest width in columns of a swing between extrema that is too fast to see. It corresponds to seven pixels per period."""
 FEWEST_FAST_SWINGS = 6
-"""Least number of fast swings in a row, three periods; fewer are a transient, which a line shows."""
+"""Smallest number of successive fast swings that make an envelope: three periods. Fewer are a transient, which a line shows."""
 SHORTEST_ENVELOPE_PERIODS = 10
-"""Periods of the slowest oscillation that is too fast: some seventy pixels. A shorter envelope has no visible shape."""
+"""Smallest length of an envelope, in periods of the slowest oscillation that is too fast: some seventy pixels. A shorter one
+has no visible shape."""
 VISIBLE_SWING_SHARE = 0.02
-"""Share of the whole height below which a swing is hardly larger than the line's width."""
+"""Share of the whole height below which a swing is ignored, because it is hardly larger than the line's width."""
 LEVEL_SHARE = 1e-3
 """Share of the whole height below which two points of an envelope count as level."""
 PIECES_PER_COLUMN = 8
-"""Pieces of a column that are examined; a longer series is condensed."""
+"""Number of pieces of a column that are examined. A longer series is condensed."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A line without gaps, (2, N), which runs in the middle of an envelope; and the envelopes, each (3, M): t, low, high."""
+    """A line without gaps, (2, N), which runs in the middle of each envelope, and the envelopes, each (3, M): t, low, high."""
 
     line: Array
     envelopes: tuple[Array, ...]
@@ -41,10 +43,10 @@ def outline(
     inches: float = 4.0,
     height: float | None = None,
 ) -> Outline:
-    """From instants t (K,), the values there, and the extrema (K - 1,) in between, if they are known.
+    """Return the outline of a series from instants t (K,), the values there, and the extrema (K - 1,) in between, if known.
 
     inches  width of the panel from t[0] to t[-1]
-    height  of the panel, in the values' unit; by default what the series needs
+    height  height of the panel, in the values' unit; by default the range of the series
     """
     if len(t) < 3:
         return Outline(np.array([t, value]), ())
@@ -76,7 +78,7 @@ def _stays_in(rest: Array, sides: Array, period: float) -> bool:
 
 
 def windows(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> tuple[Array, Array, Array, Array]:
-    """At most ``most`` windows of a series: their ends, the values there, and the extrema within each."""
+    """Return at most ``most`` windows of a series: their ends, the values there, and the extrema within each."""
     start, end = value[:-1], value[1:]
     low = np.minimum(start, end) if low is None else np.minimum(low, np.minimum(start, end))
     high = np.maximum(start, end) if high is None else np.maximum(high, np.maximum(start, end))
@@ -85,7 +87,7 @@ def windows(t: Array, value: Array, low: Array | None, high: Array | None, most:
 
 
 def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> Array:
-    """(2, N): the path of the series, through each interval's extrema in a likely order; at most ``most`` intervals."""
+    """Return the path (2, N) of the series over at most ``most`` intervals, through the extrema of each in a likely order."""
     t, value, low, high = windows(t, value, low, high, most)
     ends = np.array([np.minimum(value[:-1], value[1:]), np.maximum(value[:-1], value[1:])])
     rising = value[1:] >= value[:-1]
@@ -98,7 +100,7 @@ def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: i
 
 
 def turning_points(values: Array, least: float) -> Array:
-    """Indices at which the values turn by more than ``least``, maxima and minima alternating."""
+    """Return the indices at which the values turn by more than ``least``. Maxima and minima alternate."""
     turns: list[int] = []
     extreme, rising = 0, True
     entries = values.tolist()
@@ -113,10 +115,10 @@ def turning_points(values: Array, least: float) -> Array:
 
 
 def _runs(swings: Array) -> list[tuple[int, int]]:
-    """The pairs of turning points between which there are fast swings; ``swings`` are their durations, where 1 is just fast
-    enough.
+    """Return the pairs of turning points between which all swings are fast.
 
-    A swing of up to 1.5 times that belongs to the interval. The first and the last swing are left out: they lead to and from it.
+    ``swings`` are durations in units of the longest fast one; within such an interval a swing may take up to 1.5 units. The
+    first and the last swing are left out, because they lead into the interval and out of it.
     """
     marked = np.concatenate([[False], swings <= 1.5, [False]])
     changes = np.flatnonzero(np.diff(marked.astype(int))).reshape(-1, 2)
@@ -124,7 +126,7 @@ def _runs(swings: Array) -> list[tuple[int, int]]:
 
 
 def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:
-    """(3, M): lines through the maxima and through the minima, using the outermost ones within each ``width``."""
+    """Return the envelope (3, M): lines through the maxima and through the minima, using the outermost of each ``width``."""
     values = path[1, turns]
     first = 0 if values[0] < values[1] else 1
     lower, upper = (_outermost(path[:, turns[k::2]], width, level, sign) for k, sign in ((first, -1), (1 - first, 1)))
@@ -133,7 +135,8 @@ def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:
 
 
 def _outermost(points: Array, width: float, level: float, sign: int) -> Array:
-    """(2, M): in each interval of the width the highest point, or the lowest for ``sign`` -1; of level ones the ends."""
+    """Return points (2, M): in each interval of the given width the highest one, or the lowest for ``sign`` -1. Of points that
+    are level, the first and the last are kept."""
     stretch = ((points[0] - points[0, 0]) / width).astype(int) if width > 0 else np.arange(points.shape[1])
     starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     best = [a + int((sign * points[1, a:b]).argmax()) for a, b in zip(starts, [*starts[1:], points.shape[1]], strict=True)]
@@ -143,7 +146,7 @@ def _outermost(points: Array, width: float, level: float, sign: int) -> Array:
 
 
 def _thinned(path: Array, columns: int, duration: float) -> Array:
-    """(2, N): the first, the least, the greatest and the last point of each column, in their order."""
+    """Return points (2, N): the first, the lowest, the highest and the last point of each column, in the order of time."""
     if path.shape[1] <= 4 * columns or duration == 0:
         return path
     column = ((path[0] - path[0, 0]) / duration * columns).astype(int)

@@ -1,4 +1,4 @@
-"""Distributions: the share of many runs with at most, or at least, a given value."""
+"""Distributions: the share of many runs whose value is at most, or at least, a given one."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shares:
-    """A panel: for each name the values of all runs; a value that is not finite is beyond every other.
+    """A panel with the values of all runs for each name. A value that is not finite counts as larger than any other.
 
-    at_least  whether the share is that of runs with at least a value, and not with at most one
+    at_least  whether the share counts runs with at least a value instead of those with at most that value
     """
 
     title: str
@@ -27,7 +27,7 @@ class Shares:
 
 
 def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
-    """Adjacent panels; ``shown`` as in ``new_figure``."""
+    """Draw the panels side by side. ``shown`` is explained in ``new_figure``."""
     figure = new_figure(WIDE if len(panels) > 1 else 1.4 * NARROW, 3.6, shown=shown, layout="constrained")
     theme = Theme.current()
     for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):
@@ -62,7 +62,7 @@ def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
 
 
 def _curve(values: Array, *, at_least: bool) -> tuple[Array, Array]:
-    """Sorted finite values, and the share with at most, or at least, each of them."""
+    """Return the sorted finite values and, for each, the share of runs with at most, or at least, this value."""
     finite = np.sort(values[np.isfinite(values)])
     count = np.arange(1, len(finite) + 1) / max(len(values), 1)
     return finite, 1 - count + 1 / max(len(values), 1) if at_least else count

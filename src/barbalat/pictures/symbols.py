@@ -1,4 +1,5 @@
-"""Symbols and powers of ten of names in plots, as plain text: γ and 10⁶ for gamma 1e6; text that stays on one line."""
+"""Converts names in plots to symbols and powers of ten in plain text, such as γ and 10⁶ for gamma 1e6, and keeps text on one
+line."""
 
 from __future__ import annotations
 
@@ -36,12 +37,13 @@ _VALUE = re.compile(rf"\b({'|'.join(GREEK)})(?= (?:= )?[\d.])|(?<![\w.])(-?\d+(?
 
 
 def held(text: str) -> str:
-    """The text as one word."""
+    """Return the text with non-breaking spaces."""
     return text.replace(" ", HELD_BLANK)
 
 
 def in_symbols(text: str) -> str:
-    """A name with the symbol in place of a Greek letter's name that has a value, and with numbers in plain notation."""
+    """Return a name in which the name of a Greek letter before a value is replaced by its symbol, and numbers are in plain
+    notation."""
 
     def symbol(found: re.Match[str]) -> str:
         letter, mantissa, exponent = found.groups()
@@ -51,7 +53,7 @@ def in_symbols(text: str) -> str:
 
 
 def estimated(name: str) -> str:
-    """The name of an estimate, as "theta_1" or "k_x,1", with its hat: θ̂₁, k̂ₓ₁."""
+    """Return the name of an estimate, such as "theta_1" or "k_x,1", with its hat: θ̂₁, k̂ₓ₁."""
     symbol, _, index = name.partition("_")
     return f"{GREEK.get(symbol, symbol)}{HAT}{index.translate(SUBSCRIPTS)}"
 
@@ -61,7 +63,7 @@ _MATHTEXT = re.compile(r"\\hat\{\\?(?P<hat>\w+)\}|\\(?P<name>[a-zA-Z]+)|_\{(?P<i
 
 
 def without_mathtext(text: str) -> str:
-    """A picture's text with its formulas as plain text: x₁ and θ̂₁ where Matplotlib has mathematics."""
+    """Return a picture's text with its formulas as plain text: x₁ and θ̂₁ instead of Matplotlib's mathematics."""
 
     def plain(found: re.Match[str]) -> str:
         if found["hat"]:
@@ -79,13 +81,13 @@ def without_mathtext(text: str) -> str:
 
 
 def times_power(mantissa: str, exponent: int) -> str:
-    """4.3·10⁶, or 10⁶ alone."""
+    """Format a number as 4.3·10⁶, or as 10⁶ if its mantissa is 1."""
     power = "10" + str(exponent).translate(SUPERSCRIPTS)
     return power if mantissa == "1" else f"{mantissa}·{power}"
 
 
 def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
-    """A figure for people: four digits, with a separator between components."""
+    """Format a figure for people, with four digits and a separator between components."""
     if isinstance(value, list):
         return separator.join(number_text(v) for v in value) or "-"
-    return "-" if value is None else f"{value + 0.0:.4g}"  # no minus before a zero
+    return "-" if value is None else f"{value + 0.0:.4g}"  # avoids a minus sign before zero

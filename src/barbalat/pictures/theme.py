@@ -1,4 +1,4 @@
-"""Colours, and the package's figures: on white, on dark, for colour-blind readers and in grey print."""
+"""Colours and new figures. They are designed for light and dark backgrounds, colour-blind readers and grey print."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Layout = Literal["constrained"]
 
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 DASHES: tuple[Dash, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
-"""Dashes of components of one colour, and of every three compared objects."""
+"""Dashes that distinguish components of one colour, and each three compared objects from the next three."""
 Mark = Literal["", "o", "s", "^", "D"]
 MARKS: tuple[Mark, ...] = ("", "o", "s", "^", "D")
 """Markers of lines that share a colour and a dash."""
@@ -32,7 +32,7 @@ WIDE, NARROW = PAGE_WIDTH, 4.1
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a figure; ``current`` follows Matplotlib's own style, such as ``"dark_background"``."""
+    """The colours of a figure. ``current`` follows Matplotlib's style, such as ``"dark_background"``."""
 
     colours: tuple[str, ...] = COLOURS
     ink: str = INK
@@ -40,7 +40,7 @@ class Theme:
 
     @classmethod
     def current(cls) -> Theme:
-        """For the background that Matplotlib currently uses."""
+        """Return the theme for the background that Matplotlib currently uses."""
         ground = rcParams["figure.facecolor"]
         dark = ground != "none" and sum(to_rgb(ground)) < 1.5  # half of white
         return cls(ON_DARK, DARK_INK, DARK_QUIET_INK) if dark else cls()
@@ -52,17 +52,17 @@ class Theme:
 
 
 def dash_of(k: int) -> Dash:
-    """Return the dash of the k-th compared object: with its colour it distinguishes ``len(DASHES) * SHARING`` lines."""
+    """Return the dash of the k-th compared object. Colour and dash together distinguish ``len(DASHES) * SHARING`` lines."""
     return DASHES[k // SHARING % len(DASHES)]
 
 
 def mark_of(k: int) -> Mark:
-    """Return the marker of the k-th compared object: none unless its colour and dash are already in use."""
+    """Return the marker of the k-th compared object. It has one only if its colour and dash are already in use."""
     return MARKS[k // (SHARING * len(DASHES)) % len(MARKS)]
 
 
 class Picture(Figure):
-    """A Matplotlib figure that notebooks show even if they have not imported Matplotlib."""
+    """A Matplotlib figure that a notebook shows even if it has not imported Matplotlib."""
 
     def _repr_png_(self) -> bytes:
         from barbalat.pictures.render import render
@@ -71,7 +71,7 @@ class Picture(Figure):
 
 
 def new_figure(width: float, height: float, *, shown: bool, layout: Layout | None = None) -> Figure:
-    """An empty figure [in]. A figure to be ``shown`` belongs to pyplot, if that is in use: ``plt.show()`` opens it."""
+    """Return an empty figure of this size [in]. If ``shown`` and pyplot is in use, pyplot owns it and ``plt.show()`` opens it."""
     pyplot = sys.modules.get("matplotlib.pyplot")
     if shown and pyplot is not None and "inline" not in pyplot.get_backend():  # a notebook shows the result of a cell once
         managed: Figure = pyplot.figure(figsize=(width, height), layout=layout, FigureClass=Picture)
