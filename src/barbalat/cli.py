@@ -1,4 +1,4 @@
-"""The command line, ``barbalat reproduce | run | certify | ...``: a thin layer over the commands' files."""
+"""The command line, ``barbalat reproduce | run | certify | ...``, a thin layer over the files of the commands."""
 
 from __future__ import annotations
 
@@ -54,23 +54,23 @@ COMMANDS = (
     schema,
     completion,
 )
-"""The commands in the order of the help, in which a new user needs them."""
+"""The commands in the order of the help, which is the order in which a new user needs them."""
 FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
-"""Exit codes; the last three are the shell's codes for an end by SIGINT, SIGPIPE and SIGTERM."""
+"""Exit codes. The last three are the shell's codes for an end by SIGINT, SIGPIPE and SIGTERM."""
 COLLECT_EVERY = 50_000
-"""Allocations between two garbage collections, instead of Python's 700: a command makes millions of objects that stay
+"""Number of allocations between two garbage collections, instead of Python's 700. A command makes millions of lasting objects
 (equations, programs, pictures), and searching them took a twentieth of its time."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 2 bad input, 1 anything else that went wrong."""
+    """Run one command. Return the exit code: 0 for success, 2 for bad input, 1 for any other failure."""
     gc.set_threshold(COLLECT_EVERY)
     with notes():
         try:
             with results():
                 return _answered(arguments)
         except OutputLost as lost:
-            if lost.reader_left:  # for example ``head``, once it has read enough
+            if lost.reader_left:  # for example ``head`` after it has read enough
                 return READER_LEFT
             say(f"barbalat: cannot write to standard output: {lost}")
             return FAILED
@@ -85,7 +85,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
         options.parser.error(f"{UNKNOWN}{' '.join(unknown)}")
     try:
         with interruptible(), warnings.catch_warnings():
-            if not sys.warnoptions:  # overflows are reported in the results, as a divergence or as a value that does not apply
+            if not sys.warnoptions:  # overflows are reported in the results, as divergence or as a value that does not apply
                 warnings.simplefilter("ignore", RuntimeWarning)
             with _budget(options):
                 return int(options.execute(options))
@@ -97,7 +97,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
-        # After an interrupt within an exec, as in dataclasses, Python would end itself by the signal; this call clears that.
+        # After an interrupt within exec, as in dataclasses, Python would end itself by the signal. This call prevents that.
         exec("")
         return INTERRUPTED
     except ValueError as error:
@@ -111,7 +111,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
 
 
 def _budget(options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
-    """The requested budget, for a command that has the option."""
+    """Apply the requested budget, if the command has the option."""
     if "budget" not in options:
         return contextlib.nullcontext()
     from barbalat.budget import Budget
@@ -127,5 +127,5 @@ def _parser() -> Parser:
     for command in COMMANDS:
         command.add(commands)
     for own in commands.choices.values():
-        own.set_defaults(parser=own)  # the subparser knows its options and suggests the closest one
+        own.set_defaults(parser=own)  # a subparser suggests the closest of its own options
     return parser

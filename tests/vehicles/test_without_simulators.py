@@ -25,11 +25,17 @@ def test_it_says_what_to_install(name, what, monkeypatch, capsys, tmp_path):
     ("arguments", "sentence"),
     [
         (["quadrotor", "--dispersions", "0"], "--dispersions must be a whole number from 1 to 1000000, got 0"),
-        (["f16-roll", "--dispersions", "2", "--delays"], "omit --delays in a campaign: each draw has its own delay"),
-        (["quadrotor", "--dispersions", "2", "--sil"], "single flights compare the exported C with the simulated list"),
+        (
+            ["f16-roll", "--dispersions", "2", "--delays"],
+            "cannot be combined with --dispersions: each draw of a campaign has its own delay",
+        ),
+        (
+            ["quadrotor", "--dispersions", "2", "--sil"],
+            "a campaign flies the simulated controllers; compare their exported C with them in single flights",
+        ),
         (
             ["quadrotor", "--dispersions", "2", "--mach", "0.5"],
-            "omit it in a campaign: the draws have their own flight conditions",
+            "the draws of a campaign have their own flight conditions",
         ),
         (["quadrotor", "--schemes", "linear"], "got 'linear'; here it is geometric-integral"),
         (["quadrotor", "--dispersions", "2", "--schemes", "adrc,l1-piecewize"], "'l1-piecewize'; did you mean l1-piecewise?"),

@@ -1,4 +1,4 @@
-"""One file for each command: its options and its work. Heavy packages are imported only when it runs."""
+"""One file for each command, with its options and its work. Heavy packages are imported only when the command runs."""
 
 from typing import TYPE_CHECKING
 

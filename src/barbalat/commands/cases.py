@@ -22,7 +22,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.bundled import bundled
 
     rows = [_row(name, path) for name, path in bundled().items()]
@@ -36,7 +36,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 class Row(NamedTuple):
-    """A bundled case: its subject, the order of the state, the controllers' names."""
+    """A bundled case: its subject, the order of the plant's state, and the names of its controllers."""
 
     name: str
     about: str

@@ -1,4 +1,4 @@
-"""``barbalat certify``: conditions, bounds, norms, gain limits, margins; simulations only on request."""
+"""``barbalat certify``: conditions, bounds, norms, gain limits and margins. It simulates only on request."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def add(commands: Commands) -> None:
         "--share",
         type=float,
         metavar="S",
-        help="with --simulate: added error, relative to the model's motion, that counts as a loss; default 1",
+        help="with --simulate: added error, relative to the model's motion, that counts as loss of the motion; default 1",
     )
     parser.add_argument(
         "--float32",
@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import load_case
     from barbalat.certificates.certify import Certified
     from barbalat.report.documents import as_json
@@ -113,7 +113,7 @@ def _proof_file(options: argparse.Namespace) -> Path | None:
 
 
 def _folder_of_proof(file: Path | None, out: Folder | None) -> AbstractContextManager[Folder | None]:
-    """The folder for the proof: that of ``--out`` if it is the same."""
+    """Open the folder for the proof, which may be that of ``--out``."""
     from barbalat.folders import output_folder
 
     if file is None or (out is not None and out.path.resolve() == file.parent.resolve()):
@@ -130,15 +130,15 @@ def _proof_of(case: Case, certificates: Certificates) -> str:
 
 
 CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
-"""Estimate for each controller until its own pace is known."""
+"""Estimated seconds for each controller until its own pace is known."""
 DRAWING_SECONDS = 2.0
-"""Estimate for the loops of all controllers."""
+"""Estimated seconds for the loops of all controllers."""
 PROVING_SECONDS = 0.3
-"""Estimate for each controller: the witnesses of its L1 norms."""
+"""Estimated seconds for each controller's witnesses of its L1 norms."""
 
 
 def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
-    """Seconds for each part of the work."""
+    """Return the expected seconds of each part of the work."""
     count = len(case.controllers)
     simulating = {"simulating": SIMULATING_SECONDS * count} if options.simulate else {}
     simulating |= {"float32": SIMULATING_SECONDS * count} if options.float32 else {}
@@ -148,7 +148,7 @@ def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
 
 
 def _certified(case: Case, options: argparse.Namespace, running: Work) -> Certificates:
-    """All controllers' certificates, with simulated margins if requested."""
+    """Return the certificates of all controllers, with simulated margins if requested."""
     from barbalat.certificates.certify import certify
 
     with running.part("certifying") as progress:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("claims", help="list the claims of the papers, or measure one of them")
-    parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; default: list the rows")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show its details; default: list the rows")
     parser.add_argument("--list", action="store_true", help="list the rows, as without NAME")
     parser.add_argument(
         "--notebook", metavar="FILE", help="write an .ipynb with the row's code, for experiments, instead of measuring"
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code: 0 whatever the verdict."""
+    """Run the command. Return the exit code, which is 0 whatever the finding."""
     from barbalat.papers import ledger
     from barbalat.papers.paper import papers
     from barbalat.report.documents import as_json

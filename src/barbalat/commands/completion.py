@@ -24,7 +24,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(["barbalat"], shell=options.shell))  # noqa: T201
@@ -32,12 +32,12 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def answer(parser: argparse.ArgumentParser) -> None:
-    """Print the possible completions for the shell, and end the program."""
+    """Print the possible completions for the shell and end the program."""
     import argcomplete
     from argcomplete.completers import BaseCompleter, FilesCompleter
 
     class NamesAndFiles(BaseCompleter):
-        """The matching names, and files unless only names are possible."""
+        """Completes matching names, and also files unless only names are possible."""
 
         def __call__(
             self, *, prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, parsed_args: argparse.Namespace
@@ -50,7 +50,8 @@ def answer(parser: argparse.ArgumentParser) -> None:
 
 
 def _names(command: str, action: argparse.Action, options: argparse.Namespace) -> list[str] | None:
-    """The possible names: bundled cases, rows of the ledger, flights, controllers of the named case; None if there are none."""
+    """Return the possible names: bundled cases, rows of the ledger, flights, or controllers of the named case. None if there are
+    none."""
     match command, action.metavar, action.dest:
         case _, "CASE", _:
             from barbalat.cases.bundled import bundled
@@ -71,7 +72,7 @@ def _names(command: str, action: argparse.Action, options: argparse.Namespace) -
         case "export", "NAME", "controller":
             from barbalat.cases.load import load_case
 
-            with contextlib.suppress(ValueError, OSError):  # a case that can't be read has no names yet
+            with contextlib.suppress(ValueError, OSError):  # a case that cannot be read has no names yet
                 return [controller.name for controller in load_case(options.case).controllers]
             return []
     return None

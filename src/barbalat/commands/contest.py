@@ -1,4 +1,4 @@
-"""``barbalat contest``: every scheme tuned by one rule, then measured on validation plants."""
+"""``barbalat contest`` tunes every scheme by one rule and measures all of them on validation plants."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--until", choices=("onset", "loss"),
-        help="a margin ends when the loop begins to oscillate (onset, default) or when its motion is lost (loss)",
+        help="a margin ends where the loop begins to oscillate (onset, default) or where its motion is lost (loss)",
     )  # fmt: skip
     add_schemes(parser)
     parser.add_argument(
@@ -70,7 +70,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="fewer plants, trials and members, in a third of the time; with --suite only its quick cases",
+        help="use fewer plants, trials and members, which takes a third of the time; with --suite only its quick cases",
     )
     parser.add_argument("--seed", type=whole, metavar="S", help="seed of plants, searches, commands and noise; default 0")
     parser.add_argument("--out", metavar="DIR", help="folder of page and JSON; default: barbalat-contest, none with --json")
@@ -79,16 +79,16 @@ def add(commands: Commands) -> None:
 
 DRAWING_SECONDS = 2.0
 QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
-"""The search's least number of trials, and enough plants to include one besides the case's own."""
+"""Values of --quick: the search's smallest number of trials, and two plants, so that one is not the case's own."""
 FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 
 
 OF_A_CASE = {"delay_margin": None, "gain_margin": 1.5, "until": "onset", "sample_time": None, "noise": 1e-3, "seed": 0}
-"""Options of the rule on a case, with their defaults; a suite has its own rule."""
+"""Options of the rule for a case, with their defaults. A suite has its own rule."""
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     if options.suite is not None:
         return _suite(options)
     from barbalat.validate import InputError
@@ -104,7 +104,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 SUITE_SECONDS = 900.0
-"""Time for all registered schemes on the public suite, on one core."""
+"""Time in seconds for all registered schemes on the public suite, on one core."""
 
 
 def _suite(options: argparse.Namespace) -> int:

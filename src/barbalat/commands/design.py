@@ -1,4 +1,4 @@
-"""``barbalat design``: schemes and the fixed loop compete under a specification; a page, a case file, C."""
+"""``barbalat design`` compares all schemes and the fixed loop under a specification, and writes a page, a case file and C."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ CASE_FILE, PREFIX = "design.toml", "design"
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.comparison.design.design import design
     from barbalat.report import design as screens
@@ -80,7 +80,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _write(folder: Folder, found: Design, text: CaseText) -> None:
-    """Write the page, the case file, the page with sliders and the C. The page states which of them could not be made."""
+    """Write the page, the case file, the page with sliders and the C. The page names those that could not be made."""
     from dataclasses import replace
 
     from barbalat.comparison.design.case_file import with_controller
@@ -90,12 +90,12 @@ def _write(folder: Folder, found: Design, text: CaseText) -> None:
     from barbalat.report import write
     from barbalat.validate import InputError
 
-    which = "the recommended controller" if found.recommended else "the nearest miss, which does not meet the specification"
+    which = "the recommended controller" if found.recommended else "the closest candidate, which does not meet the specification"
     said, explorer, written = [], None, None
     try:
         written = with_controller(text, found.controller)
         folder.write(CASE_FILE, written)
-        said.append(f"{CASE_FILE}: the case with {which}, {found.controller.name}")
+        said.append(f"{CASE_FILE}: the case with {which}: {found.controller.name}")
     except InputError as error:
         explorer = f"no case file could be written: {error}"
         said.append(explorer)
@@ -112,7 +112,7 @@ def _write(folder: Folder, found: Design, text: CaseText) -> None:
             files = sorted(out.iterdir())
             for file in files:
                 folder.write(file.name, file.read_bytes())
-            said.append(f"{', '.join(file.name for file in files)}: its C, with a self-test")
+            said.append(f"{', '.join(file.name for file in files)}: the controller as C, with a self-test")
         except InputError as error:
             said.append(f"no C was written: {error}")
     write.write_design(folder, found, explorer=explorer, files=said, text=written)

@@ -1,4 +1,4 @@
-"""``barbalat explore``: a page with a slider for each number of a case, one file that simulates offline."""
+"""``barbalat explore`` writes a page with a slider for each number of a case, one file that simulates offline."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def add(commands: Commands) -> None:
         default=DEFAULT_FILE,
         help=f"file of the page; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} writes to standard output and opens no browser",
     )
-    parser.add_argument("--no-open", action="store_true", help="do not open it in a browser")
+    parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
     conclude(parser, execute)
 
 
 EXPECTED_SECONDS = 10.0
-"""Estimate for a case with three controllers, in which most time is spent on sliders that change other numbers of the case."""
+"""Estimated seconds for a case with three controllers. Most of the time is spent on numbers that change other numbers."""
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.explorer.explorer import Explorer
     from barbalat.explorer.section_v import ON_THE_PAPER_S_EXAMPLE, PAPER_CASE

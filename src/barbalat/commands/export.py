@@ -58,7 +58,7 @@ class Targets:
 
 
 def _flown(case: Case, controller: Controller, *, float32: bool) -> Campaign:
-    """Run the controller's C through the case's faults and others, with a progress bar."""
+    """Run the controller's C through the case's faults and through others, with a progress bar."""
     from barbalat.export.campaign import EXPECTED_SECONDS, export_campaign
 
     with work({"campaign": EXPECTED_SECONDS}) as running, running.part("campaign") as progress:
@@ -66,7 +66,7 @@ def _flown(case: Case, controller: Controller, *, float32: bool) -> Campaign:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import load_case
     from barbalat.export.c99.files import FILES
     from barbalat.export.layout import require_prefix
@@ -120,12 +120,12 @@ def execute(options: argparse.Namespace) -> int:
             say(one)
         say(f"written: {folder}; check it with: {check}")
         if options.closed_loop and case.problem.faults:
-            say("the exported plant and loop contain none of the case's [[faults]]: their loop is the simulation without them")
+            say("the exported plant and loop contain none of the case's [[faults]]: they simulate the case without faults")
     return 0
 
 
 def _show(screen: Screen, found: Campaign) -> None:
-    """The effect of faults, compared with the run without faults, and the longest tolerated outage."""
+    """Print the effect of faults, compared with the run without faults, and the longest tolerated outage."""
     from barbalat.export.campaign import TOLERATED
     from barbalat.validate import counted
 
@@ -144,16 +144,14 @@ def _show(screen: Screen, found: Campaign) -> None:
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
     screen.line(
-        f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. Tolerated: no "
-        f"component's largest "
-        f"|e| exceeds {TOLERATED:g} times that without faults."
+        f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. An outage is tolerated "
+        f"if no component's largest |e| exceeds {TOLERATED:g} times its value without faults."
     )
     draws = max(row.draws for row in found.rows)
     screen.line(
-        f"Each row is the worst of {counted(draws, 'draw')}; the number of missed samples is their mean. Time beyond: the "
-        f"share of the "
-        f"time in which some |e| exceeds its largest value without faults. Factor: that of the worst component. The judge "
-        f"gives a verdict on each draw; a verdict without a count holds for all draws."
+        f"Each row is the worst of {counted(draws, 'draw')}, but the number of missed samples is their mean. Time beyond: the "
+        f"share of the time in which some |e| exceeds its largest value without faults. Factor: that of the worst component. "
+        f"The judge gives a verdict on each draw; a verdict without a count holds for all draws."
     )
 
 

@@ -1,4 +1,4 @@
-"""``barbalat fly``: sampled controllers on a flight model, through failures."""
+"""``barbalat fly`` flies sampled controllers on a flight model through failures."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def add(commands: Commands) -> None:
         commas=True,
         help="names of the flight's failures, also separated by commas; default: all",
     )
-    parser.add_argument("--delays", action="store_true", help="also raise the delay until control is lost; takes twice as long")
+    parser.add_argument("--delays", action="store_true", help="also increase the delay until control is lost; doubles the time")
     parser.add_argument(
         "--dispersions",
         type=whole,
@@ -44,7 +44,7 @@ def add(commands: Commands) -> None:
         help="fly N random vehicles through all failures instead; losses and errors with intervals",
     )
     parser.add_argument("--seed", type=whole, metavar="N", help="seed of the draws; default 2013")
-    parser.add_argument("--store", metavar="DIR", help="store every draw's row there; the same command resumes")
+    parser.add_argument("--store", metavar="DIR", help="folder for every draw's row; the same command resumes the campaign")
     parser.add_argument("--altitude", type=float, metavar="FT", help="altitude of the F-16's level flight [ft]; default 10013")
     parser.add_argument("--mach", type=float, metavar="M", help="Mach number of the F-16's level flight; default 0.525")
     parser.add_argument(
@@ -62,19 +62,19 @@ def add(commands: Commands) -> None:
 MOST_DRAWS = 1_000_000
 """Largest number of draws; they would take more than a year on two cores."""
 NOT_DRAWN = {
-    "delays": "omit --delays in a campaign: each draw has its own delay",
-    "sil": "omit --sil in a campaign: single flights compare the exported C with the simulated list, and the draws fly that list",
-    "altitude": "omit it in a campaign: the draws have their own flight conditions",
-    "mach": "omit it in a campaign: the draws have their own flight conditions",
-    "controllers": "omit it: a campaign flies only the project's schemes",
+    "delays": "each draw of a campaign has its own delay",
+    "sil": "a campaign flies the simulated controllers; compare their exported C with them in single flights",
+    "altitude": "the draws of a campaign have their own flight conditions",
+    "mach": "the draws of a campaign have their own flight conditions",
+    "controllers": "a campaign flies only the project's schemes",
 }
 """Options that a campaign does not accept, with the reasons."""
 EXPECTED_SECONDS = {"flying": 40.0, "drawing": 10.0}
-"""Estimate until the first report of progress."""
+"""Estimated seconds until the first report of progress."""
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.vehicles.isolated import SimulatorFailed
 
     if options.dispersions is not None:

@@ -1,4 +1,4 @@
-"""``barbalat identify``: a nominal plant and its known set from data."""
+"""``barbalat identify`` finds a nominal plant and its known set from data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--time", metavar="NAME", help="column of the time [s]; default t or time")
     add_list(
         parser, "--noise", metavar="NAME=BOUND", form="=", commas=True,
-        help="bound of each output's measurement error; with --slope the known set follows",
+        help="bound of each output's measurement error; together with --slope it determines the known set",
     )  # fmt: skip
     add_list(parser, "--slope", metavar="NAME=BOUND", form="=", commas=True, help="bound of each state's rate of change [unit/s]")
     add_list(
@@ -54,7 +54,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--replay", metavar="CASE",
-        help="identify nothing; run the recording through the estimators of this case's sampled controllers instead",
+        help="instead of identifying a plant, run the recording through the estimators of this case's sampled controllers",
     )  # fmt: skip
     add_list(parser, "--commands", metavar="NAME", commas=True, help="with --replay: columns of the commands")
     conclude(parser, execute)
@@ -63,11 +63,11 @@ def add(commands: Commands) -> None:
 EXPECTED = {"identifying": 5.0, "drawing": 1.5}
 """Expected duration of each part [s]."""
 OF_IDENTIFICATION = ("noise", "slope", "derivative", "within", "offset", "delay")
-"""Options that a replay does not read."""
+"""Options that a replay does not use."""
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.identify.identification import identify
     from barbalat.report import documents
     from barbalat.validate import InputError
@@ -101,7 +101,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    """The recording through the estimators of a case; returns the exit code."""
+    """Run the recording through the estimators of a case. Return the exit code."""
     import numpy as np
 
     from barbalat.cases.load import load_case
@@ -115,7 +115,7 @@ def _replay(options: argparse.Namespace) -> int:
 
     for name in OF_IDENTIFICATION:
         if getattr(options, name):
-            raise InputError(f"--{name} is for an identification, and --replay makes none")
+            raise InputError(f"--{name} applies to an identification, and --replay makes none")
     if not options.commands:
         raise InputError("--replay needs --commands, the columns of the commands that were flown")
     case = load_case(options.replay)
@@ -140,7 +140,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _file(out: str, suffix: str, what: str) -> Path:
-    """The file to write; InputError for another kind of file."""
+    """Return the file to write. InputError for another kind of file."""
     from barbalat.validate import InputError, local_path
 
     file = local_path("--out", out)
@@ -156,7 +156,7 @@ def _show(found: Identification, screen: Screen) -> None:
 
 
 def _write(out: str, found: Identification, source: str) -> None:
-    """Write the case file, its page and its picture, all or none."""
+    """Write the case file, its page and its picture, or none of them."""
     from barbalat.folders import output_folder
     from barbalat.identify.case_text import case_text
     from barbalat.report.write import write_identification

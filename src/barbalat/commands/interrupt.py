@@ -1,5 +1,7 @@
-"""Reliable handling of Ctrl-C and of requests to end: CasADi drops exceptions that are raised while it asks Python for a
-shape or converts. While Section V was traced, 4 of 40 interrupts were lost in this way.
+"""Reliable handling of Ctrl-C and of requests to end.
+
+CasADi drops exceptions that are raised while it reads a shape from Python or converts an argument. While Section V was traced,
+4 of 40 interrupts were lost in this way.
 """
 
 from __future__ import annotations
@@ -12,17 +14,17 @@ from collections.abc import Iterator
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal requests the command to end, as ``kill``, ``timeout`` and job schedulers do: it cleans up as after Ctrl-C."""
+    """A signal of ``kill``, ``timeout`` or a job scheduler asks the command to end. The command cleans up as after Ctrl-C."""
 
 
 RETRY_PERIOD = 0.3
-"""Seconds from one attempt to the next: a second attempt is rarely needed, a third almost never."""
+"""Seconds from one attempt to the next. A second attempt is rarely needed, a third almost never."""
 
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt at Ctrl-C and Terminated at SIGTERM, repeatedly until the exception leaves this block."""
-    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():  # no timers, no signals
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():  # without timers and signals
         yield
         return
 
@@ -30,7 +32,7 @@ def interruptible() -> Iterator[None]:
     asked: list[int] = []
 
     def attempt(*_: object) -> None:
-        if not _is_interrupt(sys.exc_info()[1]):  # else folders are being tidied up, processes ended
+        if not _is_interrupt(sys.exc_info()[1]):  # otherwise folders are being cleaned up and processes ended
             raise kinds[asked[0]]
 
     def begin(number: int, *_: object) -> None:
@@ -44,7 +46,7 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if asked or _is_interrupt(error):  # CasADi drops an interrupt while it converts arguments, and says that they are wrong
+        if asked or _is_interrupt(error):  # CasADi turns an interrupt during a conversion into an error about wrong arguments
             raise kinds[asked[0] if asked else signal.SIGINT] from None
         raise
     finally:
@@ -56,7 +58,7 @@ def interruptible() -> Iterator[None]:
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
-    """Whether this is a KeyboardInterrupt, or an exception that results from one."""
+    """Whether this is a KeyboardInterrupt or an exception that results from one."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None

@@ -1,7 +1,7 @@
-"""MyLaw: MRAC with a regressor, projection and compensation of the actuator's limits, as a starting point for changes.
+"""MyLaw: MRAC with a regressor, projection and compensation of the actuator's limits, as a starting point for your own law.
 
 barbalat run paper --controllers FILE      simulates it with the controllers of the case "paper"
-python FILE                                checks it by the test at the end
+python FILE                                checks it with the test at the end
 """
 
 from __future__ import annotations
@@ -25,49 +25,49 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The law on one plant, which it knows except for theta. The lines are evaluated on numbers and on symbols, so they must
-    not branch on values; use np.where, np.clip and np.minimum instead.
+    """The equations of the law for one plant, of which everything but theta is known. They are evaluated on numbers and on
+    symbols, so they must not branch on values; use np.where, np.clip and np.minimum instead.
     """
 
     gamma: float
     known: Known
 
-    # What the fields of the state are. theta_hat needs no entry: by convention it holds the estimates of theta. A freeze keeps
-    # estimates and memory; Role also has memory, predictor and filter.
+    # The roles of the state's fields. theta_hat needs no entry, because by convention it contains the estimates of theta. A
+    # freeze holds estimates and memory. Role also offers memory, predictor and filter.
     roles: ClassVar[Mapping[str, Role]] = {"e_d": Role.other("error that the input's limits cause")}
 
     @property
     def estimate_set(self) -> EstimateSet | None:
-        """The set that the estimates are projected onto; None if the problem has none."""
+        """The set onto which the estimates are projected; None if the problem has none."""
         return self.known.estimate_set
 
     def initial(self) -> State:
-        """The state at t = 0."""
+        """Return the state at t = 0."""
         start = np.zeros(self.known.parameters)
         return State(start if self.known.estimate_set is None else self.known.estimate_set.limit(start), np.zeros(self.known.n))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        """u = k_0 r - theta_hat'phi(x)."""
+        """Return u = k_0 r - theta_hat'phi(x)."""
         return np.dot(self.known.k_0, r) - self.known.matched.phi(x).T @ state.theta_hat
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        """The rates of the state; u is what ``control`` gives, before the actuator's limits."""
+        """Return the derivative of the state. u is the result of ``control``, before the actuator's limits."""
         known, phi = self.known, self.known.matched.phi(x)
         reaches = u if known.saturation is None else np.clip(u, *known.saturation)
-        e = x - x_m - state.e_d  # without what the limits cause, from which there is nothing to learn
+        e = x - x_m - state.e_d  # without the part due to the limits, from which nothing can be learnt
         theta_hat_dot = self.gamma * np.dot(phi, e @ known.P @ known.b)
         if known.estimate_set is not None:
             theta_hat_dot = known.estimate_set.project(theta_hat_dot, state.theta_hat)
         return State(theta_hat_dot, known.A_m @ state.e_d + np.dot(known.b, reaches - u))
 
     def limit(self, state: State) -> State:
-        """The state with its estimates inside the set; a stage of the solver may leave the set."""
+        """Return the state with its estimates inside the set, which a stage of the solver may leave."""
         return (
             state if self.known.estimate_set is None else state._replace(theta_hat=self.known.estimate_set.limit(state.theta_hat))
         )
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        """What multiplies theta: its excitation is measured along runs."""
+        """Return the regressor, which multiplies theta. Its excitation is measured along runs."""
         return self.known.matched.phi(x)
 
 
@@ -82,23 +82,23 @@ class MyLaw:
     name: str = "MyLaw"
 
     def bind(self, known: Known) -> Equations:
-        """The equations for what is known of a plant; InputError for a plant that the law does not support."""
+        """Return the equations for what is known about a plant. InputError for a plant that the law does not support."""
         if known.matched.gain_unknown:
             raise InputError(f"{self.name} supports only plants with a known input gain")
         return Equations(self.gamma, known)
 
     def knobs(self, reach: TuningScale) -> TuningGrid:
-        """The settings that a trade-off or a contest varies, with their ranges: here gains up to the largest that the step
-        resolves."""
+        """Return the settings that a trade-off or a contest varies, with their ranges: here gains up to the largest one that
+        the step resolves."""
         gains = reach.gains(1e-8, 8 * reach.density)
         return TuningGrid(scheme=self.name, values={"gamma": gains}, make=lambda gamma: replace(self, gamma=gamma))
 
 
-CONTROLLERS = [MyLaw(gamma=10.0)]  # what --controllers adds to a case
+CONTROLLERS = [MyLaw(gamma=10.0)]  # --controllers adds these to a case
 
 
 def test_law() -> None:
-    """Symbols against numbers, runs against SciPy, ensembles, a freeze and the exported C, on problems of every kind."""
+    """Check symbols against numbers, runs against SciPy, ensembles, a freeze and the exported C, on problems of every kind."""
     from barbalat.testing import check
 
     print(check(MyLaw()))

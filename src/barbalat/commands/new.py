@@ -1,4 +1,4 @@
-"""``barbalat new``: a case file to start from, with the schema that editors use for completion, or a new law."""
+"""``barbalat new`` writes a case file to start from, with the schema that editors use for completion, or a new law."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 SCHEMA_FILE = "barbalat.schema.json"
 LAW = ".py"
-"""The suffix of a file that contains a law."""
+"""Suffix of a file with a law."""
 LAW_CLASS = "MyLaw"
-"""The class in the template; it gets its name from the file's if that is a valid name."""
+"""Name of the class in the template. The new law's class is named after the file if that gives a valid name."""
 
 
 def add(commands: Commands) -> None:
@@ -37,7 +37,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import text_to_start_from
     from barbalat.cases.schema import json_schema
     from barbalat.folders import output_folder
@@ -57,7 +57,7 @@ def execute(options: argparse.Namespace) -> int:
     text = text_to_start_from(options.source)
     with output_folder(file.parent) as folder:
         folder.write(file.name, f"#:schema ./{SCHEMA_FILE}\n{text}")
-        with_schema = not os.path.lexists(file.parent / SCHEMA_FILE)  # one that is there may be the user's
+        with_schema = not os.path.lexists(file.parent / SCHEMA_FILE)  # an existing file may be the user's
         if with_schema:
             folder.write(SCHEMA_FILE, as_json(json_schema()))
         folder.commit()
@@ -66,7 +66,7 @@ def execute(options: argparse.Namespace) -> int:
         return 0
     say(f"written: {file}")
     if with_schema:
-        say(f"and {SCHEMA_FILE} in the same folder, with which editors complete and check it")
+        say(f"written: {SCHEMA_FILE}, with which editors complete and check the case file, in the same folder")
     say(f"run it with: barbalat run {file}")
     return 0
 
@@ -92,7 +92,7 @@ def _law(file: Path, options: argparse.Namespace) -> int:
 
 
 def _law_for(file: str) -> str:
-    """The Python text of a law for a file of this name; it runs without changes, and its class has the name of the file."""
+    """Return the Python text of a law for a file of this name. It runs without changes, and its class is named after the file."""
     text = (resources.files("barbalat.commands") / "law_template.py").read_text("utf-8")
     name = "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", Path(file).stem))
     taken = not name.isidentifier() or keyword.iskeyword(name) or re.search(rf"\b{name}\b", text) is not None

@@ -18,7 +18,7 @@ Values = TypeVar("Values")
 
 
 def add_budget(parser: argparse.ArgumentParser) -> None:
-    """The limits on memory and time."""
+    """Add the option for limits on memory and time."""
     parser.add_argument(
         "--budget",
         type=_limits,
@@ -35,11 +35,11 @@ def _limits(text: str) -> str:
 
 
 MOST_DIGITS = 40
-"""Largest number of digits of a whole number: enough for any seed and any count."""
+"""Largest number of digits of a whole number, which is enough for any seed and any count."""
 
 
 def whole(text: str) -> int:
-    """The type of an option with a whole number, which may be written as 1e6."""
+    """Parse an option's whole number, which may be written as 1e6."""
     try:
         number = Decimal(text)
     except InvalidOperation:
@@ -54,7 +54,7 @@ def whole(text: str) -> int:
 
 
 def add_controllers(parser: argparse.ArgumentParser) -> None:
-    """The user's own classes."""
+    """Add the option for the user's own controllers."""
     parser.add_argument(
         "--controllers",
         type=Path,
@@ -66,22 +66,22 @@ def add_controllers(parser: argparse.ArgumentParser) -> None:
 
 
 def add_case(parser: argparse.ArgumentParser) -> None:
-    """The case and the user's own classes."""
+    """Add the case and the option for the user's own controllers."""
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
 
 
 def conclude(parser: argparse.ArgumentParser, execute: Callable[[argparse.Namespace], int]) -> None:
-    """The last options of a command, and the function that runs it."""
+    """Add the last options of a command, and the function that runs it."""
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
 def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: str, form: str = "", commas: bool = False) -> None:
-    """An option with several values, given in sequence or by repeating the option; the default is an empty list.
+    """Add an option with several values, given in sequence or by repeating the option. The default is an empty list.
 
-    form    a regular expression that matches each value, and rarely anything else
+    form    a regular expression that matches each value and rarely anything else
     commas  whether values may also be separated by commas
     """
     said = "give several values, or repeat the option, for more"
@@ -91,7 +91,7 @@ def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: s
 
 
 def pair(given: str, taken: str) -> tuple[str, str]:
-    """The two sides of PATH=VALUES; ``taken`` says what the option takes, for the message."""
+    """Split PATH=VALUES into its two sides. ``taken`` describes the option's values for the error message."""
     path, sign, values = given.partition("=")
     if not sign:
         from barbalat.validate import InputError, show
@@ -101,7 +101,7 @@ def pair(given: str, taken: str) -> tuple[str, str]:
 
 
 def varied(pairs: Iterable[tuple[str, str]], parse: Callable[[str], Values]) -> dict[FieldPath, Values]:
-    """The values of ``--vary`` by their paths; InputError for a path that occurs twice."""
+    """Return the values of ``--vary`` by their paths. InputError for a path that occurs twice."""
     from barbalat.open_numbers.path import FieldPath
     from barbalat.validate import InputError
 
@@ -118,21 +118,21 @@ def varied(pairs: Iterable[tuple[str, str]], parse: Callable[[str], Values]) -> 
 
 
 BAD_INPUT = 2
-"""The exit code for bad input."""
+"""Exit code for bad input."""
 REQUIRED = "the following arguments are required: "
 UNKNOWN = "unrecognized arguments: "
-"""The beginning of these sentences in argparse; the others begin with the argument that they concern."""
+"""How these messages of argparse begin. Its other messages begin with the argument that they concern."""
 CHOICE = re.compile(r"argument (?P<name>\S+): invalid choice: (?P<given>.+) \(choose from (?P<known>.+)\)$")
 NUMBER = re.compile(r"argument (?P<name>\S+): invalid (?P<kind>whole|float) value: (?P<given>.+)$")
 SENTENCE = re.compile(r"^argument (\S+): must be")
-"""The beginning of argparse's message when an option's type rejects a value."""
+"""How argparse's message begins when an option's type rejects a value."""
 KINDS = {"whole": "a whole number", "float": "a number"}
 VALUE = re.compile(r"-\.?\d")
-"""The beginning of an argument that is a negative value, such as -1e3 or -1GiB, and not an option."""
+"""Start of an argument that is a negative value, such as -1e3 or -1GiB, and not an option."""
 
 
 class Several(argparse.Action):
-    """The action of an option with several values, given one after another or by repeating the option; see ``add_list``."""
+    """The action of an option with several values, given in sequence or by repeating the option; see ``add_list``."""
 
     def __init__(self, *args: Any, form: str = "", commas: bool = False, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -148,15 +148,15 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._negative_number_matcher = VALUE  # argparse's own knows -1 and -1.5
+        self._negative_number_matcher = VALUE  # argparse's own recognises only -1 and -1.5
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse as argparse does, but let an option with several values leave CASE to the command if it is given nowhere
+        """Parse as argparse does, except that an option with several values does not take CASE if it is given nowhere
         else."""
         return super().parse_known_args(args if args is None else self._with_case_first(list(args)), namespace)
 
     def _with_case_first(self, args: list[str]) -> list[str]:
-        """Return the arguments, with CASE in front if an option with several values would swallow it."""
+        """Return the arguments, with CASE in front if an option with several values would take it."""
         spare = self._spare(args)
         if not spare:
             return args
@@ -164,8 +164,8 @@ class Parser(argparse.ArgumentParser):
         return [args[chosen], *args[:chosen], *args[chosen + 1 :]]
 
     def _spare(self, args: Sequence[str]) -> list[tuple[int, str]]:
-        """Further values of options with several values, by their positions and forms; none if CASE or other required
-        arguments are given."""
+        """Return the further values of options with several values, with their positions and forms; none if CASE or other
+        required arguments are given."""
         if sum(not action.option_strings for action in self._actions) != 1 or "--" in args:
             return []
         spare: list[tuple[int, str]] = []
@@ -186,13 +186,13 @@ class Parser(argparse.ArgumentParser):
         return spare
 
     def _option(self, typed: str) -> argparse.Action | None:
-        """The option, also for an abbreviated name; None if it is ambiguous."""
+        """Return the option for a name, which may be abbreviated; None if it is ambiguous."""
         known, name = self._option_string_actions, typed.partition("=")[0]
         meant = {id(action): action for known_name, action in known.items() if known_name.startswith(name)}
         return known[name] if name in known else next(iter(meant.values())) if len(meant) == 1 else None
 
     def error(self, message: str) -> NoReturn:
-        """Print the message without the usage, and end the program."""
+        """Print the message without the usage and end the program."""
         say(f"{self.prog}: {self._sentence(message)}")
         raise SystemExit(BAD_INPUT)
 
@@ -228,7 +228,7 @@ MOST_SCHEMES = 9
 
 
 def add_schemes(parser: argparse.ArgumentParser) -> None:
-    """The schemes that compete."""
+    """Add the option for the schemes that are compared."""
     add_list(
         parser,
         "--schemes",
@@ -239,7 +239,7 @@ def add_schemes(parser: argparse.ArgumentParser) -> None:
 
 
 def trial_seconds(steps: int, trials: int, plants: int, schemes: Sequence[str]) -> float:
-    """The time that a competition with this number of tunings of each scheme takes, for its progress [s]."""
+    """Return the expected time of a comparison with this number of tunings of each scheme, for its progress [s]."""
     from barbalat.comparison.contest.contest import search_seconds
 
     return max(search_seconds(steps, len(schemes) or MOST_SCHEMES, trials, plants), 1.0)

@@ -1,4 +1,4 @@
-"""The output of the commands' results: to a folder, and to standard output."""
+"""Writes the results of commands to a folder and to standard output."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STANDARD_OUTPUT = "-"
 
 @contextlib.contextmanager
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
-    """The folder of ``--out``, or else ``default``; None if neither is given."""
+    """Open the folder of ``--out``, or else ``default``. The result is None if neither is given."""
     from barbalat.folders import output_folder
     from barbalat.validate import local_path
 
@@ -59,7 +59,7 @@ def print_json(text: str) -> None:
 
 
 def write_drawn(folder: Folder | None, running: Work, file: str, document: str, draw: Callable[[Folder], None]) -> None:
-    """Write a command's document and the files of ``draw``, all at once; write nothing without a folder."""
+    """Write a command's document and the files of ``draw``, all at once. Without a folder nothing is written."""
     if folder is not None:
         with running.part("drawing"):
             folder.write(file, document)
@@ -68,7 +68,7 @@ def write_drawn(folder: Folder | None, running: Work, file: str, document: str, 
 
 
 def tell(document: str, show: Callable[[Screen], None], folder: Folder | None, *, as_json: bool, **files: str) -> None:
-    """Print a command's result: the document only, or a screen with the folder's ``files`` by their contents."""
+    """Print a command's result: only the document, or a screen that lists the folder's ``files`` by their contents."""
     if as_json:
         print_json(document)
         return

@@ -1,4 +1,4 @@
-"""Progress and notes of the commands for a person, on standard error."""
+"""Shows a command's progress and notes to a person, on standard error."""
 
 from __future__ import annotations
 
@@ -19,33 +19,34 @@ if TYPE_CHECKING:
 
 
 SECONDS_EACH_STEP = 10e-9
-"""Speed for a small loop, on one core."""
+"""Speed for a small loop on one core, in steps per second."""
 TOLD_FRACTION = 0.02
-"""Fraction of a part from which its own pace, and no longer the expectation, gives its duration."""
+"""Fraction of a part after which its own pace determines its duration, instead of the expectation."""
 
 KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
-"""The fraction of a part, or alternatively the seconds since its first report, from which its pace is known within a factor
-of two and the remaining time is printed: measured on sweep, tune, tradeoff and reproduce, with other work on the machine."""
+"""Fraction of a part, or alternatively the seconds since its first report, after which its pace is known within a factor of two
+and the remaining time is printed. Measured on sweep, tune, tradeoff and reproduce, with other work on the machine."""
 FEWEST_REPORTS = 3
-"""Least number of reports of a part, in the same way."""
+"""Smallest number of reports of a part after which its pace is known."""
 RECENT_SHARE = 0.5
-"""Share of the work done since a part's first report over which the recent pace is measured."""
+"""The recent pace is measured over this share of the work done since a part's first report."""
 AGREEING = 2.0
-"""Both paces count if they differ by at most this factor; a value between them is used."""
+"""If both paces differ by at most this factor, a value between them is used."""
 
 OVERDUE_SHARE = 0.5
-"""Share of the time since the last report: overdue work takes this much longer with even odds."""
+"""Overdue work is expected to take this share of the time since the last report; it takes longer or shorter with even odds."""
 
 
 SHORTEST_SECONDS = 1e-9
-"""Seconds between two readings of a clock that has not ticked."""
+"""Smallest difference in seconds between two readings of a clock, used if it has not advanced."""
 CERTAIN_AFTER = 1.0
-"""Seconds until the measured share of a core is used."""
+"""Seconds after which the measured share of a core is used."""
 
 
 class Work:
-    """The fraction of a command's work that is done, and the seconds left, from the expected seconds of its parts. Messages
-    meanwhile go to ``console``, above the bar.
+    """The finished fraction of a command's work and the remaining seconds, from the expected seconds of its parts.
+
+    Messages in the meantime go to ``console``, above the bar.
     """
 
     def __init__(self, expected: Mapping[str, float], console: Console) -> None:
@@ -57,9 +58,9 @@ class Work:
 
     @contextlib.contextmanager
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
-        """Start one of the parts; yields a function that takes the fraction of it that is done.
+        """Start one of the parts. Yield a function that takes the finished fraction of the part.
 
-        here whether this process does the work: its share of a core then gives the factor by which everything takes longer
+        here whether this process does the work; its share of a core then gives the factor by which everything takes longer
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
@@ -74,7 +75,7 @@ class Work:
 
     @property
     def left(self) -> float:
-        """The expected remaining seconds."""
+        """The expected number of remaining seconds."""
         if not self.name:
             return sum(self.to_come.values()) * self._stretch
         now, rest = time.perf_counter(), self.expected * self._stretch
@@ -85,9 +86,10 @@ class Work:
 
     @property
     def known(self) -> bool:
-        """Whether ``left`` is right within a factor of two: the part's own pace decides this, and not the expectation for
-        other parts. An expectation may be wrong by a factor of three, which is a factor of two for a sum of which it is the
-        smaller half.
+        """Whether ``left`` is right within a factor of two.
+
+        This requires that the part's own pace determines it rather than the expectation for other parts. An expectation may be
+        wrong by a factor of three, which is a factor of two for a sum of which it is the smaller half.
         """
         if len(self.reports) < FEWEST_REPORTS:
             return False
@@ -98,7 +100,7 @@ class Work:
 
     @property
     def _paces(self) -> tuple[float, float]:
-        """Fractions of the part done per second, after the initial work: since the first report, and recently."""
+        """Return the fractions of the part that are finished per second, since the first report and recently."""
         if len(self.reports) < FEWEST_REPORTS:
             in_all = self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS)
             return in_all, in_all
@@ -112,7 +114,7 @@ class Work:
 
     @property
     def _stretch(self) -> float:
-        """Return the factor by which work takes longer than on an idle machine: elapsed seconds per second of computing."""
+        """Return elapsed seconds per second of computing, the factor by which work takes longer than on an idle machine."""
         if not self.here:
             return 1.0
         computed = time.process_time() - self.computed
@@ -120,19 +122,19 @@ class Work:
 
     @property
     def gone(self) -> float:
-        """Seconds since the start."""
+        """The number of seconds since the start."""
         return time.perf_counter() - self.started
 
     @property
     def over(self) -> float:
-        """The elapsed fraction of the time; it never falls."""
+        """The elapsed fraction of the time, which never decreases."""
         self.told = max(self.told, self.gone / (self.gone + self.left + 1e-9))
         return self.told
 
 
 @contextlib.contextmanager
 def work(expected: Mapping[str, float]) -> Iterator[Work]:
-    """A bar on standard error over parts with these expected seconds; without a terminal, an occasional line."""
+    """Show a bar on standard error for parts with these expected seconds or, without a terminal, an occasional line."""
     from rich.progress import BarColumn, ProgressColumn, TextColumn
     from rich.progress import Progress as Bars
     from rich.text import Text
@@ -164,13 +166,13 @@ def _how_far(running: Work) -> str:
 
 
 FIRST_LINE, LONGEST_SILENCE = 20.0, 160.0
-"""Seconds until the first line if there is no bar, and the longest pause between two lines: each pause is twice the previous
+"""Seconds until the first line if there is no bar, and the longest pause between two lines. Each pause is twice the previous
 one."""
 
 
 @contextlib.contextmanager
 def _lines(running: Work) -> Iterator[None]:
-    """Reports the progress to a log or a reader of the command's standard error."""
+    """Report the progress to a log or a reader of the command's standard error."""
     over = threading.Event()
 
     def tell() -> None:
@@ -193,7 +195,7 @@ def _duration(seconds: float) -> str:
 
 
 def say(text: str) -> None:
-    """One line on standard error; on a narrow terminal several lines, none of which breaks a number."""
+    """Print a line on standard error. On a narrow terminal it is folded, but not within a number."""
     if not text.isprintable():
         from barbalat.validate import printable
 
@@ -207,6 +209,6 @@ def say(text: str) -> None:
 
 
 NARROWEST = 40
-"""Columns that every terminal is assumed to have."""
+"""Number of columns that every terminal is assumed to have."""
 INDENT = " " * len("barbalat: ")
 """Indentation of a sentence's further lines."""

@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--list", action="store_true", help="list the papers that can be reproduced")
     parser.add_argument("--out", default="barbalat-report", metavar="DIR", help="default: %(default)s")
     extent = parser.add_mutually_exclusive_group()
-    extent.add_argument("--quick", action="store_true", help="only the figures and the claims that take seconds")
+    extent.add_argument("--quick", action="store_true", help="only the figures, and the claims that take seconds")
     extent.add_argument(
         "--full", action="store_true", help="sharpen claims by measurements that take minutes: more gains, longer runs"
     )
@@ -40,15 +40,15 @@ def add(commands: Commands) -> None:
 
 
 ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
-"""Total, until the ledger's own estimate is available."""
+"""Estimated total seconds until the ledger's own estimate is available."""
 START_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 9.0, 4.0, 2.0
-"""Seconds of a core until the first row starts, and for the work besides the rows."""
+"""Seconds of a core until the first row starts, and seconds for the work besides the rows."""
 EXPLORER_SECONDS = 3.0
 """Seconds for each page with sliders."""
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     started = time.perf_counter()
     from barbalat.papers.paper import DEFAULT, paper_of
 
@@ -89,7 +89,7 @@ def _list_papers(*, as_json: bool) -> int:
 def _reproduced(
     paper: Paper, folder: Folder, started: float, console: Console | None, progress: Progress, *, quick: bool, full: bool
 ) -> tuple[list[PaperFigure], list[Claim], str, float]:
-    """Write the page; returns the figures, the claims, the JSON document, and the time [s] since ``started``."""
+    """Write the page. Return the figures, the claims, the JSON document, and the time [s] since ``started``."""
     from barbalat.explorer import section_v as explorers
     from barbalat.papers import ledger
     from barbalat.report import documents, page, write
@@ -130,10 +130,10 @@ def _reproduced(
 
 
 class Pace:
-    """Reports rows as they are measured, and the fraction of the work, in seconds of a core, that is done."""
+    """Reports rows when they are measured, and the finished fraction of the work, in seconds of a core."""
 
     def __init__(self, runs: float, rows: float, progress: Progress, console: Console | None) -> None:
-        """Seconds of the paper's runs, and of the measurements and pictures of the ledger."""
+        """Take the expected seconds of the paper's runs, and those of the ledger's measurements and pictures."""
         from barbalat.report.terminal.layout import Screen
 
         self.runs, self.whole = runs, START_SECONDS + runs + PICTURES_SECONDS + PAGE_SECONDS + rows
@@ -151,12 +151,12 @@ class Pace:
                 ledger.streamed(self.screen, claim)
 
     def running(self, fraction: float) -> None:
-        """Report the fraction of the paper's runs that is done."""
+        """Report the finished fraction of the paper's runs."""
         self.drawn(self.runs * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
         self.runs_done = fraction
 
     def drawn(self, seconds: float) -> None:
-        """Report that a task with these expected seconds is done."""
+        """Report that a task with these expected seconds is finished."""
         self.done += seconds
         self.progress(min(self.done / self.whole, 1.0))
 

@@ -47,7 +47,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import load_case
 
     case = load_case(options.case, options.controllers)
@@ -75,14 +75,14 @@ def execute(options: argparse.Namespace) -> int:
 
 
 CERTIFYING_SECONDS, PAGE_SECONDS, DRAWING_SECONDS = 0.2, 0.1, 0.4
-"""Estimated seconds for each controller: for its part of the page, and of the pictures, which take another second."""
+"""Estimated seconds for each controller's part of the page, and of the pictures, which take another second in all."""
 STEPS_EACH_SECOND = 5e6
-"""Estimated speed for a small loop; compiling a controller's code takes another ``COMPILING_SECONDS`` seconds."""
+"""Estimated speed for a small loop. Compiling a controller's code takes ``COMPILING_SECONDS`` seconds in addition."""
 COMPILING_SECONDS = 0.2
 
 
 def _expected(case: Case, *, plots: bool, pictures: bool) -> dict[str, float]:
-    """Seconds for each part of the work."""
+    """Return the expected seconds of each part of the work."""
     count = len(case.controllers)
     seconds = count * (COMPILING_SECONDS + case.simulation.steps / STEPS_EACH_SECOND)
     simulating = {"simulating": seconds, "halving the step": seconds}
@@ -91,8 +91,8 @@ def _expected(case: Case, *, plots: bool, pictures: bool) -> dict[str, float]:
 
 
 def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
-    """Run all controllers, with a close look at a short tail, and again at half the step; those that left their solver's
-    region of stability, or whose motion the step damps, also at a finer step. Samples that were missed are counted."""
+    """Run all controllers, with a close look at a short tail, and again at half the step. Runs that left their solver's region
+    of stability, or whose motion the step damps, are also repeated at a finer step. Missed samples are counted."""
     from barbalat.run.engine.check_numerics import check_numerics
     from barbalat.run.engine.judging import tail_is_short
     from barbalat.run.engine.settle import halved, settle
@@ -126,7 +126,7 @@ def write_runs(folder: Folder, case: str, results: Sequence[Result], document: s
 
 @contextlib.contextmanager
 def _kept(folder: Folder) -> Iterator[None]:
-    """At Ctrl-C, prints which results already exist."""
+    """Print at Ctrl-C which results already exist."""
     try:
         yield
     except KeyboardInterrupt:
@@ -143,7 +143,7 @@ def with_page(
     *,
     pictures: bool = False,
 ) -> str:
-    """Certify and write the page, and its charts as ``pictures`` if they are wanted; returns the JSON document."""
+    """Certify, write the page, and with ``pictures`` also its charts. Return the JSON document."""
     from barbalat.certificates.certify import certified_case
     from barbalat.report import documents
     from barbalat.report.file_names import RUN
@@ -163,7 +163,7 @@ def with_page(
 def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool, more: str = "") -> None:
     """Print a sentence for each controller, a table, the findings, and the location of the files.
 
-    more the command that shows everything; without it, everything is shown
+    more the command that shows everything; if it is empty, everything is shown
     """
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
@@ -179,7 +179,7 @@ def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: 
 
 
 def require_sampled(case: Case) -> None:
-    """Raise InputError before any simulation if no C can run, or if no controller can be exported."""
+    """Raise InputError before any simulation if no C can be run or no controller can be exported."""
     from barbalat.export.compiler import require_compiler
     from barbalat.loop.closed_loop import ClosedLoop
     from barbalat.validate import InputError
@@ -207,8 +207,8 @@ def require_commands_taken(case: Case) -> None:
 
 
 def compared_exports(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any]]:
-    """The result for each sampled controller: whether every bit is equal, and otherwise the difference or the reason for
-    having no result."""
+    """Return for each sampled controller whether every bit is equal and, if not, the difference or the reason why there is no
+    result."""
     from barbalat.export.in_the_loop import simulate_export
     from barbalat.validate import InputError
 
@@ -235,10 +235,10 @@ def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
         screen.title("software in the loop", "")
     for name, one in found.items():
         lost = f"; at {counted(one['refused'], 'sample')} a measurement, a command or a result was lost or refused"
-        equal = "compiled as C, it has the same figures and states in every bit"
+        equal = "compiled as C, it gives the same figures and states, bit for bit"
         screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{lost if one['refused'] else ''}")
 
 
 def exit_code(found: Mapping[str, Mapping[str, Any]]) -> int:
-    """1 if a bit differs; a controller that cannot be exported is not a failure."""
+    """Return 1 if a bit differs, else 0. A controller that cannot be exported is not a failure."""
     return int(any(one["equal"] is False for one in found.values()))

@@ -1,4 +1,4 @@
-"""``barbalat schema``: the JSON Schema of case files, with which editors complete and check."""
+"""``barbalat schema`` prints the JSON Schema of case files, with which editors complete and check them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(_: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.schema import json_schema
     from barbalat.report.documents import as_json
 

@@ -1,4 +1,4 @@
-"""Standard output and standard error while a command runs: closed streams, full disks, and readers that have left."""
+"""Standard output and standard error of a command, with closed streams, full disks and closed pipes handled."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 STANDARD_ERROR = 2
-"""The descriptor of standard error, the last of the three."""
+"""The descriptor of standard error, the last of the three standard ones."""
 UNKNOWN_CHARACTERS = "backslashreplace"
-"""With this handler, a name in any script reaches a terminal of any encoding."""
+"""The handler of encoding errors, with which names in any script can be written to a terminal of any encoding."""
 
 
 class OutputLost(Exception):
-    """Standard output does not accept the command's results; ``reader_left`` if it is a pipe without a reader. This is not
-    an OSError, because libraries handle some of those themselves, and other pipes also break.
+    """Standard output does not accept the command's results. ``reader_left`` is true if it is a pipe without a reader.
+
+    This is not an OSError, because libraries handle some of those themselves, and other pipes also break.
     """
 
     def __init__(self, reason: str, *, reader_left: bool = False) -> None:
@@ -31,7 +32,7 @@ class OutputLost(Exception):
 
 
 class _Results(io.FileIO):
-    """Standard output: the first write that fails is an OutputLost, and later ones, at the program's end, are silent."""
+    """Standard output. The first write that fails raises OutputLost; later ones, at the program's end, are silent."""
 
     lost = False
 
@@ -46,18 +47,18 @@ class _Results(io.FileIO):
 
 
 class _Notes(io.FileIO):
-    """Standard error: notes that it does not accept are lost, without effect on the results or the exit code."""
+    """Standard error. Notes that it does not accept are lost, without effect on the results or the exit code."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:
             return super().write(data)
-        except OSError:  # there is no other place where this could be said
+        except OSError:  # there is no other stream on which this could be reported
             return memoryview(data).nbytes
 
 
 @contextlib.contextmanager
 def notes() -> Iterator[None]:
-    """Standard error for a command: text that it does not accept is lost, also if there is no standard error."""
+    """Provide standard error for a command. Text that it does not accept is lost, also if there is no standard error."""
     before = sys.stderr
     _fill()
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
@@ -70,19 +71,19 @@ def notes() -> Iterator[None]:
 
 @contextlib.contextmanager
 def results() -> Iterator[None]:
-    """Standard output for a command. Raises OutputLost if it is closed or does not accept the written text."""
+    """Provide standard output for a command. Raise OutputLost if it is closed or does not accept the written text."""
     before = sys.stdout
-    if sys.stdout is None:  # as Python has it where the descriptor was closed
+    if sys.stdout is None:  # Python sets it to None if the descriptor is closed
         raise OutputLost("it is closed; redirect it to a file, to a pipe, or to the null device")
     sys.stdout = _over(sys.stdout, _Results)
     try:
         yield
         sys.stdout.flush()
-    except SystemExit:  # the parser's, which may have printed its help
+    except SystemExit:  # from the parser, which may have printed its help
         sys.stdout.flush()
         raise
     finally:
-        with contextlib.suppress(OutputLost):  # another exception is on its way, and says more
+        with contextlib.suppress(OutputLost):  # another exception is being raised, which is more informative
             sys.stdout.flush()
         sys.stdout = before
 
@@ -90,16 +91,16 @@ def results() -> Iterator[None]:
 def _fill() -> None:
     """Open the null device for closed descriptors up to standard error's; otherwise a file of results would get their
     numbers."""
-    while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # each time the lowest that is free
+    while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # opens the lowest free descriptor each time
         pass
     os.close(number)
 
 
 def _over(stream: TextIO, kind: type[io.FileIO]) -> TextIO:
-    """The stream with writes of this kind; unchanged if it is not a system file, as in a notebook or a test."""
+    """Return the stream with writes of this kind. It is unchanged if it is not a system file, as in a notebook or a test."""
     if not isinstance(stream, io.TextIOWrapper):
         return stream
-    raw = getattr(stream.buffer, "raw", stream.buffer)  # the same where Python was told not to buffer
+    raw = getattr(stream.buffer, "raw", stream.buffer)  # without buffering, both are the same object
     if not isinstance(raw, io.FileIO):
         stream.reconfigure(errors=UNKNOWN_CHARACTERS)
         return stream

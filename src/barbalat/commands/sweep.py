@@ -1,4 +1,4 @@
-"""``barbalat sweep``: many runs of a case over a grid, random draws, or both, with statistics."""
+"""``barbalat sweep`` runs a case many times, over a grid, random draws or both, and computes statistics."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the draws; default 0")
     parser.add_argument(
         "--redesign", action="store_true",
-        help="redesign model and controllers for each member's plant and parameters; default: vary only the simulated plant",
+        help="redesign model and controllers for each member's plant and parameters; by default only the simulated plant varies",
     )  # fmt: skip
     add_list(
         parser,
@@ -57,7 +57,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--no-bounds", action="store_true", help="do not compare members with guaranteed bounds")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
-        help="members to repeat at half their step, to find verdicts that depend on the solver; default 2 %%, at least 30",
+        help="members to repeat at half the step, to find verdicts that depend on the solver; default 2 %%, at least 30",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
@@ -66,10 +66,10 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--store",
         metavar="DIR",
-        help="store every member's row there, as Parquet; the same command continues an interrupted sweep",
+        help="folder that stores every member's row as Parquet; the same command continues an interrupted sweep",
     )
     parser.add_argument(
-        "--member", type=whole, metavar="K", help="run only this member, recorded and plotted, bit for bit as in the sweep"
+        "--member", type=whole, metavar="K", help="repeat only this member, bit for bit, with a record and a page"
     )
     parser.add_argument(
         "--out", metavar="DIR", help="folder of the page, or of a single member's; default: barbalat-sweep, none with --json"
@@ -78,7 +78,7 @@ def add(commands: Commands) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.open_numbers.path import by_index
     from barbalat.sweeps.cluster import Scheduler, SchedulerLostError
@@ -115,7 +115,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> int:
-    """Run a single member; the exit code is 1 if its figures differ from those in the store."""
+    """Run a single member. Return the exit code, which is 1 if its figures differ from those in the store."""
     from barbalat.commands import run
     from barbalat.report import documents
     from barbalat.sweeps.stored import require_parquet, row_of
@@ -146,7 +146,7 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
 
 
 def _write(folder: Folder, text: CaseText, study: Study, result: SweepResult) -> None:
-    """The page with the worst members' runs, and their explorers in the same folder."""
+    """Write the page with the worst members' runs, and their explorers in the same folder."""
     from barbalat.explorer.worst_members import explored
     from barbalat.report import write
     from barbalat.sweeps.sweep import worst_runs
@@ -187,7 +187,7 @@ SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 
 EXIT_FAILED = 1
-"""Exit code of failures with a correct input."""
+"""Exit code of failures with valid input."""
 
 
 def _run(
@@ -229,7 +229,7 @@ def _folder(name: str) -> Path:
 
 
 def _with_rate(running: Work, progress: Progress, members: int) -> Progress:
-    """Progress that also says how fast it is."""
+    """Return a progress function that also shows the number of members per second."""
     begun, start = time.perf_counter(), None
 
     def advanced(fraction: float) -> None:

@@ -1,4 +1,4 @@
-"""``barbalat tradeoff``: tracking error against delay margin for all tunings of three schemes and the user's."""
+"""``barbalat tradeoff`` plots tracking error against delay margin for many tunings of three schemes and of the user's own."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ def add(commands: Commands) -> None:
         type=whole,
         default=6,
         metavar="N",
-        help="tunings for each setting; default 6, under a minute; 12 takes four times as long",
+        help="values of each setting; default 6, which takes under a minute; 12 takes four times as long",
     )
     parser.add_argument(
         "--share",
         type=float,
         default=1.0,
         metavar="S",
-        help="added error, relative to the model's motion, that counts as loss; default 1",
+        help="added error, relative to the model's motion, that counts as loss of the motion; default 1",
     )
     conclude(parser, execute)
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat import validate
     from barbalat.cases.load import load_case
 
@@ -75,7 +75,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
-"""Estimate until the first report of progress."""
+"""Estimated seconds until the first report of progress."""
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:

@@ -1,4 +1,4 @@
-"""``barbalat tune``: settings of a case's controllers that minimise a quantity under constraints."""
+"""``barbalat tune`` finds settings of a case's controllers that minimise a quantity under constraints."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def add(commands: Commands) -> None:
         "--for", dest="objective", required=True, metavar="METRIC",
         help="the quantity to minimise: a figure of a run, such as rms_e, or a key of certify",
     )  # fmt: skip
-    parser.add_argument("--maximize", action="store_true", help="maximise it instead")
+    parser.add_argument("--maximize", action="store_true", help="maximise the quantity instead")
     add_list(
         parser, "--subject-to", metavar="REQUIREMENT", form="[<>]",
         help='such as "delay_margin_measured >= 0.02", "gain_margin_measured >= 1.5", "condition < 1" (L1), "max_abs_u < 9"; '
@@ -62,7 +62,7 @@ TAKEN = "--vary takes PATH=START:STOP[:log], such as controller[0].gamma=1:1000:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command. Return the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.comparison.search.aim import Aim
     from barbalat.comparison.tune.tune import DEFAULT_TRIALS, RUNS_EACH_TRIAL, Tuner, tune_case
@@ -98,7 +98,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _space(given: list[str]) -> Space | None:
-    """The ranges of ``--vary``; None without it."""
+    """Return the ranges of ``--vary``, or None if it is not given."""
     from barbalat.comparison.ranges import Range, Space
 
     ranges = varied([pair(one, TAKEN) for one in given], Range.parse)

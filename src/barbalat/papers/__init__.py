@@ -1,1 +1,1 @@
-"""Papers, each a folder of claims, and the engine that measures, judges and shows a claim."""
+"""Papers, each a folder of claims, and the engine that measures, judges and shows claims."""

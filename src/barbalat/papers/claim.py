@@ -16,7 +16,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class ChartAxis:
-    """An axis of a map: its cells are centred at ``values``, which ascend; geometrically centred if ``logarithmic``."""
+    """An axis of a map. Its cells are centred at ``values``, which ascend. On a ``logarithmic`` axis the centre is geometric."""
 
     label: str
     values: Array
@@ -34,7 +34,7 @@ class ChartAxis:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line across a map, such as a predicted boundary, or marks only at its points: x (k,), y (k,)."""
+    """A line across a map, such as a predicted boundary, or marks at its points only: x (k,), y (k,)."""
 
     label: str
     x: Array
@@ -57,8 +57,8 @@ class Map:
     key          the name of the map and of its files: small letters, digits and hyphens
     values       (len(y), len(x)); NaN if the run is lost
     quantity     the name of the values, with their unit; the colour scale is logarithmic if ``logarithmic``
-    lost the meaning of NaN, for the legend
-    curves       lines drawn over it
+    lost         the meaning of NaN, for the legend
+    curves       lines drawn over the map
     """
 
     key: str
@@ -91,12 +91,12 @@ class Map:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chart:
-    """A quantity over one setting, both on logarithmic scales, with one curve for each item compared.
+    """A quantity over one setting, both on logarithmic scales, with one curve for each compared item.
 
-    key     as of a map
+    key     the name, with the same form as a map's
     curves  values above zero; a mark shows where a curve ends early because its run was lost
     levels  lines for orientation
-    lost the meaning of the mark, for the legend
+    lost    the meaning of the mark, for the legend
     """
 
     key: str
@@ -127,7 +127,7 @@ def _require_key(kind: str, key: str) -> None:
 
 @dataclass(frozen=True)
 class Listing:
-    """A table that compares items: one row for each, with the texts to be shown."""
+    """A table that compares items. Each item has a row with the texts to be shown."""
 
     caption: str
     columns: tuple[str, ...]
@@ -146,13 +146,13 @@ class Claim:
     sentence      the sentence, its source, and its literal readings
     readings      the measured readings: each literal reading in the sentence's order, then weaker ones from the widest to
         the narrowest, then supplementary ones
-    shows         the observation, with the number that decides: a full sentence, at most two lines of 80 columns, true for
-        every finding
+    shows         the observation, with the deciding number: a full sentence of at most two lines of 80 columns that is true
+        for every finding
     measured      all measurements, in a sentence
-    how           the plant, the solver, the step, what was compared
+    how           the plant, the solver, the step, and what was compared
     would_change  what would have to be measured, shown or assumed for another finding
-    sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
-    code          the file and the function that measure it; the measurement fills it in
+    sharpened     what ``reproduce --full`` measures beyond the plain command; empty if that is nothing
+    code          the file and the function that measure it, which the measurement fills in
     """
 
     sentence: Sentence
@@ -209,7 +209,7 @@ class Claim:
         return self.sentence.source.side == "ours"
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a claim, with additional keys."""
+        """Return the JSON contract's block for a claim, with additional keys."""
         own = ("id", "where", "statement", "verdict", "finding", "headline", "condition", "measured", "how", "would_change")
         return {name: getattr(self, name) for name in (*own, "sharpened", "code")} | {
             "source": self.sentence.source.key,
@@ -225,23 +225,24 @@ class Claim:
 
 
 LAST = float("inf")
-"""The place of rows without a declared place: after all other rows of their paper, in the order of their files."""
+"""The place of rows without a declared place. They follow all other rows of their paper, in the order of their files."""
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Some of the ledger's rows. A claim's file lists its rows as ``ROWS``, and its paper finds them there.
+    """A measurement of some of the ledger's rows. A claim's file lists its rows as ``ROWS``, and its paper finds them there.
 
-    measure          measures the rows; its argument is the paper's shared runs if it ``judges_runs``; otherwise it has none
-    seconds          estimated duration in a separate process; the longest measurement starts first, and the remaining time
-        is forecast
+    measure          the function that measures the rows; its argument is the paper's shared runs if it ``judges_runs``, and
+        otherwise it has none
+    seconds          estimated duration in a separate process, by which the longest measurement starts first and the remaining
+        time is forecast
     names            the rows' names and the subject of each in a few words, so that a row can be found before it is measured
     place            the position of the rows in the ledger, among those of their paper
     quick            whether ``reproduce --quick`` measures them
-    shares           a name in common with others that use the same runs: one process measures them all
-    sharper          measures the same rows further than the plain command has time for, which is ``reproduce --full``; no finding
-                     waits for it
-    sharper_seconds  about how long that takes
+    shares           a name that measurements with the same runs have in common; one process makes them all
+    sharper          a function that measures the same rows more precisely than the plain command has time for, used by
+        ``reproduce --full``; no finding depends on it
+    sharper_seconds  its estimated duration
     """
 
     measure: Callable[..., Claim | list[Claim]]
@@ -255,7 +256,7 @@ class Measurement:
     shares: str = ""
 
     def rows(self, *runs: Any, full: bool = False) -> list[Claim]:
-        """Measure the rows now."""
+        """Measure the rows."""
         measure = self.sharper if full and self.sharper else self.measure
         found = measure(*runs)
         return [replace(one, code=self.code) for one in ([found] if isinstance(found, Claim) else found)]
@@ -267,33 +268,33 @@ class Measurement:
         return f"{measure.__module__.replace('.', '/')}.py: {measure.__qualname__}"
 
     def duration(self, *, full: bool = False) -> float:
-        """The estimated seconds for the rows."""
+        """Return the estimated seconds for the rows."""
         return self.sharper_seconds if full and self.sharper else self.seconds
 
     def as_json(self) -> list[dict[str, Any]]:
-        """A block for each row without its finding, which must be measured."""
+        """Return a block for each row without its finding, which would have to be measured."""
         return [{"id": name, "about": about, "seconds": self.seconds, "quick": self.quick} for name, about in self.names.items()]
 
 
 def short(value: float) -> str:
-    """Three digits; no exponent from a ten-thousandth to a million."""
+    """Format a value with three digits, and from a ten-thousandth to a million without an exponent."""
     return f"{float(f'{value:.3g}'):g}"
 
 
 def numbers(values: Sequence[float] | Array) -> str:
-    """Two numbers, or a few settings, for a sentence; measurements at three or more settings go into a ``table``."""
+    """Format two numbers or a few settings for a sentence. Measurements at three or more settings belong in a ``table``."""
     *others, last = (short(value) for value in np.atleast_1d(values))
     return f"{', '.join(others)} and {last}" if others else last
 
 
 def span(values: Sequence[float] | Array) -> str:
-    """The range from the least to the largest value, for a sentence that sums up a ``table``."""
+    """Format the range from the smallest to the largest value, for a sentence that summarises a ``table``."""
     low, high = short(np.min(values)), short(np.max(values))
     return low if low == high else f"{low} to {high}"
 
 
 def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
-    """A listing from columns by their heads: numbers with three digits, unchanged texts, a dash for NaN."""
+    """Return a listing from columns by their headings. Numbers have three digits, texts are unchanged, and NaN is a dash."""
     entries = ([_entry(value) for value in column] for column in columns.values())
     return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
 

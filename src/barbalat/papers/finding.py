@@ -1,7 +1,7 @@
-"""How a finding follows from the measurements: only by the rules of docs/claims.md.
+"""Derives a finding from the measurements, by the rules of docs/claims.md only.
 
-A sentence has one literal reading for each of its claims; each literal reading holds or fails. Weaker readings count only if
-every literal reading fails.
+A sentence has one literal reading for each of its claims, and each literal reading holds or fails. Weaker readings count only
+if every literal reading fails.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Finding = Literal["holds", "holds if", "mixed", "fails", "erratum"]
-"""The possible findings of a row; a sentence that is not testable here has no row."""
+"""The possible findings of a row. A sentence that is not testable here has no row."""
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
 """The JSON contract's words."""
 VERDICTS: dict[Finding, Verdict] = {
@@ -22,7 +22,7 @@ VERDICTS: dict[Finding, Verdict] = {
     "erratum": "erratum",
 }
 PROPORTIONAL_SHARE = 0.1
-"""In every row and caption that says *proportional*, twice the cause gives twice the effect to within this share."""
+"""*Proportional* means in every row and caption that twice the cause gives twice the effect to within this share."""
 
 Role = Literal["literal", "weaker", "mended", "beside"]
 
@@ -33,7 +33,7 @@ class Source:
 
     key   as in JSON
     name  authors and year
-    the side in the dispute, for the totals
+    side  the side in the dispute, for the totals
     """
 
     key: str
@@ -43,10 +43,10 @@ class Source:
 
 @dataclass(frozen=True)
 class Reading:
-    """One reading of a sentence: its statement, whether the measurement confirms it, and the number that decides.
+    """One reading of a sentence: its statement, whether the measurement confirms it, and the deciding number.
 
-    role  literal; weaker, which supplies the condition of *holds if*; mended, the printed sentence with an obvious mistake
-          corrected; supplementary, measured for information and without influence on the finding
+    role  literal; weaker, which supplies the condition of *holds if*; mended, which is the printed sentence with an obvious
+          mistake corrected; or supplementary, which is measured for information and does not influence the finding
     """
 
     says: str
@@ -72,8 +72,8 @@ class Change:
     """A change of a row after it had been measured.
 
     date    as YYYY-MM-DD
-    before  the finding before it; None if the row is new
-    after   the finding after it
+    before  the finding before the change; None if the row is new
+    after   the finding after the change
     what    what was changed, and why
     """
 
@@ -84,22 +84,22 @@ class Change:
 
     @property
     def findings(self) -> str:
-        """Before and after, in words."""
+        """The findings before and after the change, in words."""
         return f"still {self.after}" if self.before == self.after else f"{self.before or 'new'} to {self.after}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sentence:
-    """A sentence with its literal readings; only ``changed`` depends on a measurement.
+    """A sentence with its literal readings. Only ``changed`` depends on a measurement.
 
     row        the name of its row
-    source its source
-    where its section
+    source     its source
+    where      its section
     quote      as printed, short and exact; empty if the text is not available, and for our own statements
     statement  the tested statement, in our words
     literal    the literal reading of each of its claims
-    equation   the paper's equations that the row tests or runs; empty where there is none
-    changed    what was changed after the row had been measured, oldest first
+    equation   the paper's equations that the row tests or runs; empty if there are none
+    changed    the changes after the row had been measured, oldest first
     """
 
     row: str
@@ -113,11 +113,11 @@ class Sentence:
 
     @property
     def why(self) -> str:
-        """Its entry in the table of coverage, which also lists sentences without a row."""
+        """The sentence's entry in the table of coverage, which also lists sentences without a row."""
         return "measured"
 
     def reads(self, holds: bool, measured: str, part: int = 0) -> Reading:
-        """The result of one of its literal readings."""
+        """Return the result of one of the sentence's literal readings."""
         return Reading(self.literal[part], holds, measured, "literal")
 
 
@@ -127,7 +127,7 @@ class Unmeasured:
 
     row   the row that also measures it; None if there is no such row
     part  the literal reading of that row that corresponds to it; None for all of them
-    why   the reason for having no row: a definition, proved here in three lines, not testable because ...
+    why   the reason why it has no row: a definition, proved here in three lines, not testable because ...
     """
 
     where: str
@@ -138,7 +138,7 @@ class Unmeasured:
 
 
 def finding_of(readings: Sequence[Reading]) -> Finding:
-    """The finding on a sentence; ValueError if no reading is literal."""
+    """Return the finding on a sentence. ValueError if no reading is literal."""
     literal = {reading.holds for reading in readings if reading.literal}
     if not literal:
         raise ValueError("no reading is literal")
@@ -152,7 +152,7 @@ def finding_of(readings: Sequence[Reading]) -> Finding:
 
 
 def condition_of(readings: Sequence[Reading]) -> str:
-    """The condition of *holds if*, the first weaker reading that holds; empty for other findings."""
+    """Return the condition of *holds if*, which is the first weaker reading that holds; empty for other findings."""
     if finding_of(readings) != "holds if":
         return ""
     return next(reading.says for reading in readings if reading.role == "weaker" and reading.holds)

@@ -1,4 +1,4 @@
-"""Measurement of a paper's claims in as many processes as there are cores, and the rows of all papers by name."""
+"""Measures a paper's claims in as many processes as there are cores, and finds the rows of all papers by name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from barbalat.validate import InputError, hint
 
 
 class Measured(NamedTuple):
-    """Rows, with their actual and their ``expected`` seconds."""
+    """Measured rows, with their actual and their ``expected`` seconds."""
 
     claims: list[Claim]
     seconds: float
@@ -32,7 +32,8 @@ Told: TypeAlias = Callable[[Measured], None]
 @dataclass(frozen=True)
 class UnderWay:
     """The work of other processes: rows by their positions in the paper's ledger, its certificates, and other tasks by name.
-    pool the processes; tasks submitted to them start after these
+
+    pool  the processes; tasks that are submitted later start after these
     """
 
     rows: dict[tuple[int, ...], Future[list[Measured]]]
@@ -58,11 +59,11 @@ def under_way(
     told: Told | None = None,
     others: Mapping[str, Other] | None = None,
 ) -> Iterator[UnderWay]:
-    """Measure the independent rows of a paper's ledger in this number of processes; the result is for ``measure``.
+    """Start the measurement of a paper's independent rows in this number of processes. The result is for ``measure``.
 
-    The longest tasks, including ``others``, start first, so that all processes finish at about the same time. A quick row
-    for each process comes first, so that results appear soon. ``told`` is called with each row as soon as it is measured,
-    from another thread. The program that calls this must be one that a new process may import: started by ``if __name__ ==
+    Each process begins with a quick row, so that results appear soon. Then the longest tasks, including ``others``, start
+    first, so that all processes finish at about the same time. ``told`` is called from another thread with each row as soon as
+    it is measured. New processes import the program that calls this, so it must start its work below ``if __name__ ==
     "__main__"``.
     """
     others, rows = others or {}, paper.ledger
@@ -85,7 +86,7 @@ def under_way(
 
 
 def _together(paper: Paper, places: list[int]) -> list[tuple[int, ...]]:
-    """The measurements of one process in sequence: rows that share runs are measured together; the others separately."""
+    """Return the groups of rows that one process measures in sequence: rows that share runs together, the others alone."""
     found: dict[str, tuple[int, ...]] = {}
     for i in places:
         shared = paper.ledger[i].shares or f"alone {i}"
@@ -112,7 +113,7 @@ def _certified(paper: str) -> Certified:
 
 
 def _several(paper: str, places: tuple[int, ...], full: bool) -> list[Measured]:
-    """Run in another process, which finds the paper by its name."""
+    """Measure several rows in another process, which finds the paper by its name."""
     return [_rows(paper_of(paper).ledger[place], full) for place in places]
 
 
@@ -137,12 +138,14 @@ def measure(
     told: Told | None = None,
     taken: Callable[[list[Claim]], None] | None = None,
 ) -> list[Claim]:
-    """A paper's ledger; ``quick`` omits rows that take longer than the figures, ``full`` sharpens rows, ``ahead`` is already
-    running.
+    """Measure a paper's ledger.
 
-    runs the results of ``paper.run``
-    told is called with the rows that are measured here
-    taken  is called with all rows, in the order in which they are done
+    runs   the results of ``paper.run``
+    quick  omit rows that take longer than the figures
+    full   sharpen rows
+    ahead  work that is already running
+    told   called with the rows that are measured in this process
+    taken  called with all rows, in the order in which they are finished
     """
     chosen, rows = _chosen(paper, quick), {} if ahead is None else ahead.rows
     seconds = {i: paper.ledger[i].duration(full=full) for i in chosen}
@@ -170,7 +173,7 @@ def measure(
 
 
 def part_with(name: str) -> tuple[Paper, Measurement]:
-    """The paper and the measurement that a row belongs to. InputError if no row or several papers' rows have the name."""
+    """Return the paper and the measurement of a row. InputError if no row, or rows of several papers, have the name."""
     found = [(paper, part) for paper in papers().values() for part in paper.ledger if name in part.names]
     if not found:
         names = [own for paper in papers().values() for part in paper.ledger for own in part.names]
@@ -181,6 +184,6 @@ def part_with(name: str) -> tuple[Paper, Measurement]:
 
 
 def row(name: str) -> Claim:
-    """One row, measured with the other rows of its measurement, and with the paper's runs if it judges them."""
+    """Measure one row, together with the other rows of its measurement, and with the paper's runs if it judges them."""
     paper, part = part_with(name)
     return next(claim for claim in part.rows(*([paper.run(None)] if part.judges_runs else [])) if claim.id == name)

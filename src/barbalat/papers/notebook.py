@@ -1,4 +1,4 @@
-"""A row of the ledger as a notebook: the code that measures it in an editable cell, and its results."""
+"""A row of the ledger as a notebook, with the measuring code in an editable cell and the results."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ LISTINGS = """for listing in claim.listings:
 
 
 def notebook(name: str) -> str:
-    """The notebook of a row, in the format of .ipynb files; InputError for an unknown name. One code cell contains the whole
-    file that measures the row: change a number there and run all.
+    """Return the notebook of a row, in the format of .ipynb files.
+
+    One code cell contains the whole file that measures the row. Change a number there and run all cells. InputError for an
+    unknown name.
     """
     paper, part = part_with(name)
     sentence = next((one for one in paper.coverage if isinstance(one, Sentence) and one.row == name), None)
@@ -59,7 +61,7 @@ def _introduction(paper: Paper, part: Measurement, name: str, sentence: Sentence
 
 
 def _module_of(paper: Paper, part: Measurement) -> Any:
-    """The module that lists the measurement."""
+    """Return the module that lists the measurement."""
     modules = (one for subject in packages_in(import_module(paper.package)) for one in modules_in(subject))
     return next(one for one in modules if any(row is part for row in getattr(one, "ROWS", ())))
 

@@ -1,4 +1,4 @@
-"""A paper: its claims in folders by subject, its figures and its certificates; and the discovery of papers."""
+"""Papers, with claims in folders by subject, figures and certificates, and the discovery of papers."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ def _no_certificates() -> Certified:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Paper:
-    """A paper whose claims are measured: the package ``package`` has a module ``paper`` with this as ``PAPER``.
+    """A paper whose claims are measured. The package ``package`` has a module ``paper`` with this object as ``PAPER``.
 
-    Each package in it is a subject, and a file in one that has ``ROWS``, measurements, adds these to the ledger. The folder
-    ``cases``, if there is one, has case files of the loops that the rows measure.
+    Each package in it is a subject. A file in a subject that lists measurements as ``ROWS`` adds them to the ledger. The folder
+    ``cases``, if there is one, contains case files of the loops that the rows measure.
 
     title         the paper's title
     introduction  the first text of its first page: HTML, at least a full sentence
     on_stored     the rows whose numbers are stored instead of measured, and their origin: HTML
     on_claims     an addition to its introduction on the page of its claims: HTML
     on_table_1    the text on the page of its certificates: HTML
-    run           simulates what its figures show and what the measurements that ``judges_runs`` are given
-    run_seconds   about how long that takes
-    figures       its figures, checked on these runs
-    certified     the certificates of its schemes, and Table 1
-    coverage      the paper sentence by sentence, in its order: what has a row, and why another has none
+    run           a function that simulates the runs of its figures and those of the measurements that ``judges_runs``
+    run_seconds   its estimated duration
+    figures       a function that checks the figures on these runs
+    certified     a function that returns the certificates of its schemes, and Table 1
+    coverage      its sentences, in its order, each with its row or the reason why it has none
     """
 
     package: str
@@ -81,7 +81,7 @@ class Paper:
 
     @cached_property
     def ledger(self) -> tuple[Measurement, ...]:
-        """The measurements of its rows, in the order of the rows; ValueError if two rows have the same name."""
+        """The measurements of its rows, in the order of the rows. ValueError if two rows have the same name."""
         modules = [one for subject in packages_in(import_module(self.package)) for one in modules_in(subject)]
         found = sorted((row for one in modules for row in getattr(one, "ROWS", ())), key=lambda row: row.place)
         names = [name for measurement in found for name in measurement.names]
@@ -92,7 +92,7 @@ class Paper:
 
 @cache
 def papers() -> dict[str, Paper]:
-    """All papers by their names, the default first; InputError if two have the same name, or if an entry point's paper
+    """Return all papers by name, the default one first. InputError if two have the same name, or if an entry point's paper
     cannot be imported."""
     found: dict[str, Paper] = {}
     for module in slices(__package__, GROUP, "paper"):
@@ -104,7 +104,7 @@ def papers() -> dict[str, Paper]:
 
 
 def paper_of(name: str) -> Paper:
-    """The paper with this name; InputError if there is none."""
+    """Return the paper with this name. InputError if there is none."""
     if name not in papers():
         raise InputError(f"PAPER must be one of {', '.join(papers())}, got {name!r}{hint(name, papers())}")
     return papers()[name]
@@ -116,7 +116,7 @@ ADDED_FIGURE = "added"
 
 @dataclass(frozen=True)
 class Check:
-    """One statement of a figure's description, the number that decides it, and the row that has it as its sentence, if one has."""
+    """One statement of a figure's description, the number that decides it, and the row with this sentence if there is one."""
 
     statement: str
     holds: bool
@@ -129,7 +129,7 @@ class PaperFigure:
     """A figure of the paper: the run that it shows, the variants that its description mentions, and the checks.
 
     key      "2" ... "5", or ``ADDED_FIGURE``
-    results  the shown run first; all by name
+    results  the runs by name, with the shown one first
     """
 
     key: str
@@ -140,7 +140,7 @@ class PaperFigure:
 
     @property
     def shown(self) -> tuple[Result, ...]:
-        """The runs that are drawn: the first one; all of them in the added comparison."""
+        """The runs that are drawn: the first one, or all of them in the added comparison."""
         results = tuple(self.results.values())
         return results if self.key == ADDED_FIGURE else results[:1]
 
@@ -149,7 +149,7 @@ class PaperFigure:
         return all(check.holds for check in self.checks)
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a figure; the checks and the solver's step are additional keys."""
+        """Return the JSON contract's block for a figure, with the checks and the solver's step as additional keys."""
         return {
             "reproduced": self.reproduced,
             "metrics": {name: result.figures for name, result in self.results.items()},

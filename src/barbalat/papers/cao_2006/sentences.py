@@ -1,4 +1,4 @@
-"""The abstract, sentence by sentence: the literal readings of sentences with a row, and the reason why others have no row."""
+"""The abstract, sentence by sentence. Sentences with a row have literal readings; for the others the reason is given."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from barbalat.papers.finding import Change, Sentence, Source, Unmeasured
 SOURCE = Source("cao_2006", "Cao, Patel, Reddy, Hovakimyan, Lavretsky, Wise (AIAA 2006-6347)", "L1's authors")
 
 EQUATION = "(5), (6), (7), (8) of jafari_2013 with phi = 1 in place of x; for MRAC with C = 1"
-"""The loop that every row measures: the abstract has no equation."""
+"""The loop that every row measures, because the abstract has no equation."""
 
 
 def _row(row: str, quote: str, statement: str, *literal: str, changed: tuple[Change, ...] = ()) -> Sentence:

@@ -1,4 +1,4 @@
-"""The abstract, sentence by sentence: the literal readings of sentences with a row, and the reason why others have no row."""
+"""The abstract, sentence by sentence. Sentences with a row have literal readings; for the others the reason is given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes of a row after its measurement: its literal readings, its weaker ones, its quotation, its settings."""
+"""Changes of rows after their measurement: of literal or weaker readings, quotations or settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulations of Section V: every run that Figures 2-5 show or mention, and the quantities needed to judge them."""
+"""The simulations of Section V: every run that Figures 2-5 show or mention, and the quantities that are needed to judge them."""
 
 from __future__ import annotations
 
@@ -39,42 +39,44 @@ KAPPA = 0.02
 TAU = 0.5
 COVARIANCE0 = 500.0
 C_0 = (1.0, 1.0)
-"""The printed settings: the horizon, both steps, kappa and tau, all in seconds; L1-AC's gain; P(0) and c_0 of the robust MRAC."""
+"""The printed settings: the horizon, both steps, kappa and tau, all in seconds, L1-AC's gain, and P(0) and c_0 of the robust
+MRAC."""
 SEARCHED_KAPPAS = (1e-3, 0.5)
-"""[s]: between these time constants, the delay margin with two slopes rises above that with (6)."""
+"""Time constants [s] between which the delay margin with a filter of two slopes rises above that with (6)."""
 ERRATUM_TAUS = (0.1, 0.05)
-"""Two values below the loop's time constants, at which the error is proportional to tau."""
+"""Two values of tau below the loop's time constants, for which the error is proportional to tau."""
 MODERATE_GAIN = 10.0
-"""Gain of the standard MRAC in the comparison: h times its adaptation frequency is near 0.2 at the coarse step."""
+"""Gain of the standard MRAC in the comparison. At the coarse step, h times its adaptation frequency is about 0.2."""
 
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Results by name, at the two steps of the paper."""
+    """Results by name at the two steps of the paper."""
 
     coarse: dict[str, Result]
     fine: dict[str, Result]
 
 
 def robust_mrac(name: str, tau: float = TAU, *, projection: bool = True) -> RobustMrac:
-    """The robust MRAC as in Figure 2."""
+    """Return the robust MRAC of Figure 2."""
     law = LeastSquares(covariance0=COVARIANCE0)
     return RobustMrac(c_0=C_0, tau=tau, law=law, projection=projection, name=name)
 
 
 def l1(name: str, gamma: float, kappa: float = KAPPA, *, projection: bool = True) -> L1Adaptive:
-    """The L1 controller as in Figures 3-5."""
+    """Return the L1 controller of Figures 3-5."""
     return L1Adaptive(gamma=gamma, filter=input_filter(kappa), projection=projection, name=name)
 
 
 def limit_delay_margin(C: TransferFunction) -> float:
-    """Exact, of the limit of fast adaptation at Section V's theta [s]."""
+    """Return the exact delay margin [s] of the limit of fast adaptation at Section V's theta."""
     return margins(fast_adaptation(problem().plant, C.realise())).delay
 
 
 @cache
 def two_slopes_kappa() -> float:
-    """The kappa [s] with which the filter of two slopes has the limit's delay margin with (6) and Section V's kappa."""
+    """Return the kappa [s] with which the filter of two slopes has the same delay margin in the limit of fast adaptation as (6)
+    with Section V's kappa."""
     from scipy.optimize import brentq
 
     margin = limit_delay_margin(input_filter(KAPPA))
@@ -83,14 +85,14 @@ def two_slopes_kappa() -> float:
 
 @cache
 def problem() -> Problem:
-    """Plant, model, command and known set of Section V."""
+    """Return the problem of Section V: plant, model, command and known set."""
     given = load_case("paper").problem
     assert isinstance(given, Problem)
     return given
 
 
 def coarse_controllers() -> list[Controller]:
-    """The controllers run at the coarse step."""
+    """Return the controllers that run at the coarse step."""
     return [
         robust_mrac("Robust MRAC"),
         robust_mrac("Robust MRAC, no projection", projection=False),
@@ -105,7 +107,7 @@ def coarse_controllers() -> list[Controller]:
 
 
 def fine_controllers() -> list[Controller]:
-    """The controllers run at the fine step."""
+    """Return the controllers that run at the fine step."""
     return [
         l1("L1, gamma 1e4", 1e4),
         l1("L1, gamma 1e4, no projection", 1e4, projection=False),
@@ -115,7 +117,7 @@ def fine_controllers() -> list[Controller]:
 
 
 def run(progress: Progress | None = None) -> Runs:
-    """All runs; those labelled numerically unstable have their check at a finer step."""
+    """Simulate all runs. Those that are labelled numerically unstable are checked at a finer step."""
     given, coarse, fine = problem(), coarse_controllers(), fine_controllers()
     runs = Runs(
         coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE_STEP), progress=part_of(progress, 0.0, 0.1)),
@@ -129,7 +131,7 @@ def run(progress: Progress | None = None) -> Runs:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AsPrinted(Equations):
-    """The equations with the sign of W_c0 that the paper prints."""
+    """The equations with the paper's printed sign of W_c0."""
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         estimation = self.estimation(state, x)
@@ -138,7 +140,7 @@ class AsPrinted(Equations):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PrintedSign:
-    """A robust MRAC, with the sign as printed."""
+    """A robust MRAC with the printed sign."""
 
     controller: RobustMrac
 
@@ -158,7 +160,7 @@ def variant(
     box: ParameterBox | None = None,
     input: PlantInput | None = None,
 ) -> Problem:
-    """The problem of Section V; arguments replace the paper's values."""
+    """Return the problem of Section V. Arguments replace the paper's values."""
     given = problem()
     plant = given.plant
     return Problem(
@@ -170,26 +172,26 @@ def variant(
 
 
 def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: float) -> Metrics:
-    """The figures of an ensemble over [0, t_end] with RK4."""
+    """Return the figures of an ensemble over [0, t_end] with RK4."""
     return simulate_ensemble(members, Simulation(t_end=t_end, dt=dt)).metrics
 
 
 def at_instants(t: Array, instants: Sequence[float]) -> Array:
-    """The indices of recorded instants, (k,) of (K,); ValueError for an instant that was not recorded."""
+    """Return the indices of recorded instants, (k,) of (K,). ValueError for an instant that was not recorded."""
     at = np.array([np.abs(t - instant).argmin() for instant in instants])
-    if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # roundings of a time's own product
+    if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # rounding errors of the instants
         raise ValueError(f"not recorded: {instants}, nearest {t[at]}")
     return at
 
 
 def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
-    """For each scheme the tail's error and the variation of the estimates, by component; Section V has two components of
-    each."""
+    """Return for each scheme the error in the tail and the variation of the estimates by component. Section V has two
+    components of each."""
     errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}
     rates = {f"theta_hat_{i + 1} moves [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
     return table(caption, {"scheme": list(runs), **errors, **rates})
 
 
 def local_exponents(values: Array, settings: Array) -> Array:
-    """The local exponent from each setting to the next, (k - 1,) for (k,)."""
+    """Return the local exponent from each setting to the next, (k - 1,) for (k,)."""
     return np.asarray(np.diff(np.log(values)) / np.diff(np.log(settings)))

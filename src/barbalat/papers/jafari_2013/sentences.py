@@ -1,7 +1,7 @@
-"""The paper, sentence by sentence: the literal readings of sentences with a row, and the reason why others have no row.
+"""The paper, sentence by sentence. Sentences with a row have literal readings; for the others the reason is given.
 
-docs/claims.md has the rules of the readings; ``changes.py`` says what was changed after a measurement. The order is the paper's. Formulas
-are in plain letters; errors of the OCR of the paper's text are corrected.
+docs/claims.md contains the rules of the readings, and ``changes.py`` lists the changes after a measurement. The order is the
+paper's. Formulas are in plain letters, and errors of the OCR of the paper's text are corrected.
 """
 
 from __future__ import annotations

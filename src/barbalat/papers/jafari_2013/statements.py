@@ -1,7 +1,7 @@
 """Sentences of the opposing side, and our own statements, with their literal readings.
 
-docs/claims.md has the rules of the readings; ``changes.py`` says what was changed after a measurement. Every quotation is from a text
-that was read; without a text there is no quotation, and the statement is ours.
+docs/claims.md contains the rules of the readings, and ``changes.py`` lists the changes after a measurement. Every quotation is
+from a text that was read. If a text was not available, there is no quotation, and the statement is ours.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from barbalat.papers.finding import Sentence, Source
 from barbalat.papers.jafari_2013.changes import CHANGED
 
 MENDED = "(14) with its sign corrected"
-"""Every row with the robust MRAC uses the sign of W_c0 from the swapping lemma, see erratum-14."""
+"""Every row with the robust MRAC uses the sign of W_c0 that the swapping lemma gives; see erratum-14."""
 OURS = Source("barbalat", "this project", "ours")
 CAO_HOVAKIMYAN_2006 = Source("cao_hovakimyan_2006", "Cao, Hovakimyan (arXiv:math/0608320)", "L1's authors")
 

@@ -1,8 +1,9 @@
-"""The loops of MRAC and L1-AC around x' = -a x + b (u + sigma), sigma constant and unknown, broken at the plant's input.
+"""The loops of MRAC and L1-AC around x' = -a x + b (u + sigma) with a constant, unknown sigma, broken at the plant's input.
 
-Both estimate sigma_hat' = Gamma P b x_tilde with the predictor x_hat' = -a x_hat + b (u + sigma_hat), u = -C sigma_hat. With
-v at the plant's input and u the controller's output, sigma_hat = F (v - u), F = w^2/(s^2 + a s + w^2), w^2 = Gamma P b^2; so
-L = -u/v = C F/(1 - C F). C = 1 is MRAC, C = 1/(kappa s + 1) L1-AC, and L = 1/(kappa s) its limit of fast adaptation.
+Both schemes estimate sigma_hat' = Gamma P b x_tilde with the predictor x_hat' = -a x_hat + b (u + sigma_hat), and
+u = -C sigma_hat. With v at the plant's input and u the controller's output, sigma_hat = F (v - u), where
+F = w^2/(s^2 + a s + w^2) and w^2 = Gamma P b^2. Therefore L = -u/v = C F/(1 - C F). C = 1 gives MRAC and
+C = 1/(kappa s + 1) gives L1-AC, whose limit of fast adaptation is L = 1/(kappa s).
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ from barbalat.papers.finding import Reading
 from barbalat.validate import Array
 
 A, B = 1.0, 1.0
-"""The plant's pole [1/s]; every stable first-order plant is this one after a scaling of time and x."""
+"""The magnitude of the plant's pole [1/s]. Every stable first-order plant becomes this one by scaling time and x."""
 P = 1 / (2 * A)
 """-2 a P = -1."""
 GAINS = np.geomspace(1e-2, 1e8, 31)
-"""Three per decade; at the smallest the adaptation is too slow to matter."""
+"""Three gains per decade. At the smallest one the adaptation is too slow to matter."""
 KAPPAS = (0.02, 0.1, 1.0)
-"""[s]: filters of fifty times, ten times and once the plant's bandwidth."""
+"""Time constants of the filters [s]. Their bandwidths are fifty times, ten times and once that of the plant."""
 UNCHANGED_SHARE = 0.1
 HOW = f"a loop of ours, since only the abstract was read: plant x' = -x + u + sigma, every stable first-order plant is a scaling of it; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
 
 
 def loop(gamma: float, kappa: float | None) -> TransferFunction:
-    """L of MRAC (``None``), or of L1-AC with the filter's time constant kappa [s]."""
+    """Return L of L1-AC with the filter's time constant kappa [s], or of MRAC if kappa is ``None``."""
     w = gamma * P * B**2
     if kappa is None:
         return TransferFunction([w], [1.0, A, 0.0])
@@ -42,7 +43,7 @@ def loop(gamma: float, kappa: float | None) -> TransferFunction:
 
 @dataclass(frozen=True, eq=False)
 class OverGains:
-    """The margins over ``GAINS``: phase [rad], delay [s]."""
+    """The phase margins [rad] and delay margins [s] over ``GAINS``."""
 
     phase: Array
     delay: Array
@@ -50,7 +51,7 @@ class OverGains:
 
 @cache
 def over_gains(kappa: float | None) -> OverGains:
-    """One scheme's exact margins."""
+    """Return the exact margins of one scheme."""
     found = [margins(loop(float(gamma), kappa).realise()) for gamma in GAINS]
     return OverGains(np.array([one.phase for one in found]), np.array([one.delay for one in found]))
 
@@ -126,8 +127,8 @@ def _phase() -> Claim:
 
 
 def _from_where(phases: Array) -> float:
-    """The gain above which the phase margin stays within a tenth of a quarter turn; infinite if it does not at the highest
-    gain."""
+    """Return the gain above which the phase margin stays within a tenth of a quarter turn; infinity if it is farther away at
+    the highest gain."""
     away = np.flatnonzero(np.abs(phases / (np.pi / 2) - 1) > UNCHANGED_SHARE)
     first = int(away[-1]) + 1 if len(away) else 0
     return float(GAINS[first]) if first < len(GAINS) else np.inf

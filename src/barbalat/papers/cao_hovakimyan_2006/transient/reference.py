@@ -1,4 +1,4 @@
-"""The transient of both schemes: L1-AC compared with its reference system, MRAC with its bounds from (9)."""
+"""The transients of both schemes. L1-AC is compared with its reference system, MRAC with its bounds from (9)."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 SEED, MEMBERS = 20130822, 96
-"""The number of random runs of MRAC, a multiple of the kernel's lanes; a fixed seed draws the same runs on every
-machine."""
+"""The number of random runs of MRAC, a multiple of the kernel's lanes. A fixed seed draws the same runs on every machine."""
 THETA_MAX = 10.0
-"""The largest |theta_hat|_1 over Section V's known set, in which projection keeps the estimates."""
+"""The largest |theta_hat|_1 over Section V's known set. Projection keeps the estimates in this set."""
 LATE_SHARE = 0.1
-"""The distance tends to zero if the last quarter's is below this share of the first quarter's."""
+"""The distance counts as tending to zero if that of the last quarter is below this share of that of the first quarter."""
 
 
 def mrac() -> Claim:
-    """MRAC's error and input over their bounds, theta and the gain drawn at random; and both over the gain, at steps that resolve it."""
+    """Compare MRAC's error and input with their bounds, for random theta and gain, and measure both over the gain, at steps
+    that resolve it."""
     rng, given = np.random.default_rng(SEED), section_v.problem()
     model, members, of_e, of_u = model_bounds(given), [], [], []
     for _ in range(MEMBERS):
@@ -68,7 +68,7 @@ def mrac() -> Claim:
 
 
 def _over_the_gain(gamma: float, h: float) -> tuple[float, float]:
-    """MRAC's largest |e_i| and |u - u*|."""
+    """Return MRAC's largest |e_i| and |u - u*|."""
     given = section_v.problem()
     simulation = Simulation(t_end=l1_reference.T_END, dt=h, record_points=l1_reference.COMPARED_INSTANTS)
     (run,) = simulate(given, [Mrac(gamma=gamma)], simulation).values()
@@ -77,14 +77,14 @@ def _over_the_gain(gamma: float, h: float) -> tuple[float, float]:
 
 
 def _ideal_control(x_m: Array, t: Array) -> Array:
-    """u* = -theta'x_m + k_0 r."""
+    """Return u* = -theta'x_m + k_0 r."""
     given = section_v.problem()
     return np.asarray(given.known.k_0 * np.ravel(given.commands[0](t)) - x_m @ given.plant.theta)
 
 
 def _largest_ideal_control() -> float:
-    """The largest control of Section V over the same time along the reference model's motion, which MRAC follows if theta is
-    known."""
+    """Return the largest control of Section V over the same time along the reference model's motion, which MRAC follows if
+    theta is known."""
     given = section_v.problem()
     known = Mrac(gamma=1.0, theta_hat0=given.plant.theta)
     (run,) = simulate(given, [known], Simulation(t_end=l1_reference.T_END, dt=1e-3)).values()
@@ -92,7 +92,7 @@ def _largest_ideal_control() -> float:
 
 
 def l1() -> list[Claim]:
-    """L1-AC's distance from its reference system, over the gain and over time."""
+    """Measure L1-AC's distance from its reference system over the gain and over time."""
     found, sentence = l1_reference.distances(l1_reference.STEPS), SENTENCES["gain-enforces-transient"]
     falls = [bool((np.diff(values) < 0).all()) for values in (found.state, found.control)]
     enforced = Claim(

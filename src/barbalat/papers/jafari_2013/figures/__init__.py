@@ -1,1 +1,1 @@
-"""The figures, and the statements of their captions and of the text about them."""
+"""The figures, and the statements about them in their captions and in the text."""

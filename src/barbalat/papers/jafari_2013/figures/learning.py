@@ -24,7 +24,7 @@ from barbalat.validate import Array
 
 
 def loss_of_learning(runs: Runs) -> Claim:
-    """The estimates of L1-AC at both steps and those of the robust MRAC, on the same exciting signals."""
+    """Compare the estimates of L1-AC at both steps with those of the robust MRAC, on the same exciting signals."""
     coarse, fine, robust = runs.coarse["L1"], runs.fine["L1, gamma 1e4"], runs.coarse["Robust MRAC"]
     distances = [float(_distance(r)[r.t > 45].min()) for r in (coarse, fine, robust)]
     spread = [float(_distance(r)[r.t > 45].max()) for r in (coarse, fine, robust)]
@@ -51,13 +51,13 @@ def _over_time(runs: Mapping[str, Result]) -> Listing:
 
 
 FIGURES_INSTANTS = (0.0, 3.0, 15.0, 30.0, 45.0, 60.0)
-"""[s]: instants recorded for Figures 2, 3 and 4, which end at 60 s."""
+"""Instants [s] recorded for Figures 2, 3 and 4, which end at 60 s."""
 TOLD_INSTANTS = (60.0, 120.0, 240.0, 479.04)
-"""[s]: recorded instants, each about twice the previous one; the last is just before the end."""
+"""Recorded instants [s]. Each is about twice the previous one, and the last is just before the end."""
 
 
 def exponential() -> Claim:
-    """Least squares, gradient and the unnormalised law under two sines."""
+    """Compare least squares, the gradient law and the unnormalised law under a command of two sines."""
     given = variant(reference=Sines((10.0, 10.0), (0.5, 1.7)))
     controllers: list[Controller] = [
         section_v.robust_mrac("least squares"),
@@ -97,8 +97,8 @@ def exponential() -> Claim:
 
 
 KEPT_RATE = 0.8
-"""The share of the decay rate that must remain from one interval to the next, which is twice as long: an exponential keeps
-all of it, an algebraic decay keeps half."""
+"""The share of the decay rate that must remain from one interval to the next, which is twice as long. An exponential decay
+keeps all of it, an algebraic decay half."""
 
 
 def _distances(at_instants: dict[str, Array]) -> Listing:

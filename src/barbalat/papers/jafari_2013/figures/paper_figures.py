@@ -1,4 +1,4 @@
-"""Figures 2-5: the statements of the paper's descriptions as measured checks, and one added figure."""
+"""Figures 2-5, with the paper's statements about them as measured checks, and one added figure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ THETA = np.array([4.0, -3.0])
 
 
 def paper_figures(runs: Runs) -> list[PaperFigure]:
-    """All figures, in the paper's order, then the added one."""
+    """Return all figures in the paper's order, and the added one last."""
     return [_figure_2(runs), _figure_3(runs), _figure_4(runs), _figure_5(runs), _added(runs)]
 
 
@@ -41,7 +41,7 @@ def _figure_2(runs: Runs) -> PaperFigure:
         ),
         Check(
             "the estimates converge to the true values",
-            distance < 1e-3,  # the drawn line can't show a smaller distance on an axis of 10
+            distance < 1e-3,  # a line on an axis of 10 cannot show a smaller distance
             f"|theta_hat - theta*| = {distance:.2g} at the end",
         ),
     )
@@ -90,7 +90,7 @@ def _figure_4(runs: Runs) -> PaperFigure:
         ),
         Check(
             "the high-frequency oscillation of the estimates disappears at the smaller step",
-            bool((factor > 1e3).all()),  # from kilohertz sweeps to one slow wave in the command's rhythm
+            bool((factor > 1e3).all()),  # from kilohertz sweeps to one slow wave with the command's period
             f"total variation {numbers(rate)} per s in the tail, {numbers(factor)} times less than at h = 1e-4 s",
             row="numerical-oscillation",
         ),
@@ -137,7 +137,8 @@ def _added(runs: Runs) -> PaperFigure:
 
 
 def as_described(runs: Runs) -> Claim:
-    """Figures 2-5 as a row of the ledger; all checks are shown beside each figure, including those that other rows decide."""
+    """Return Figures 2-5 as a row of the ledger. All checks are shown beside each figure, including those that other rows
+    decide."""
     shown = [figure for figure in paper_figures(runs) if figure.key != ADDED_FIGURE]
     checks = [check for figure in shown for check in figure.checks]
     own = [check for check in checks if not check.row]
@@ -167,7 +168,7 @@ def as_described(runs: Runs) -> Claim:
 
 
 def without_projection(runs: Runs) -> Claim:
-    """L1-AC without projection at the steps of Figures 3, 4 and 5."""
+    """Run L1-AC without projection at the steps of Figures 3, 4 and 5."""
     ends = [r.diverged_at for r in (runs.coarse["L1, no projection"], runs.fine["L1, gamma 1e6, no projection"])]
     smooth, robust = runs.fine["L1, gamma 1e4, no projection"], runs.coarse["Robust MRAC, no projection"]
     times = ", ".join("bounded" if at is None else f"t = {at:.4g} s" for at in ends)
@@ -191,7 +192,7 @@ def without_projection(runs: Runs) -> Claim:
 
 
 def _one_step_before(lost: float | None) -> str:
-    """How far each signal has come one step before Figure 3's run without projection is lost, at ``lost`` [s]."""
+    """Return the size of each signal one step before Figure 3's run without projection is lost, at ``lost`` [s]."""
     if lost is None:
         return "Figure 3's run is not lost"
     gamma, h = section_v.FIGURE_4_GAIN, section_v.COARSE_STEP
@@ -202,7 +203,7 @@ def _one_step_before(lost: float | None) -> str:
 
 
 def erratum_claim(runs: Runs) -> Claim:
-    """The sign of W_c0 in (14), decided by the dependence of the error on tau."""
+    """Decide the sign of W_c0 in (14) by the dependence of the error on tau."""
     tau, half = section_v.ERRATUM_TAUS
     derived, derived_half, printed, printed_half = (
         of_run(runs.coarse[f"tau {value}{sign}"], "max_abs_e") for sign in ("", ", printed sign") for value in (tau, half)
@@ -282,16 +283,17 @@ ROWS = (
 
 
 PARAMETER_BOUND = 5.0
-"""The projection bound on each component of theta_hat, on either side."""
+"""The magnitude of the projection's bounds on each component of theta_hat."""
 
 
 def of_run(result: Result, name: str) -> Array:
-    """A figure as an array; entries without a finite value are NaN, which fails every comparison."""
+    """Return a figure as an array. Entries without a finite value are NaN, with which every comparison fails."""
     return np.array(result.figures[name], dtype=float)
 
 
 def error_converges(early: Array, tail: Array) -> Check:
-    """The error converges to zero in 60 s: it falls two decades below the first quarter's error in every component."""
+    """Check that the error converges to zero in 60 s: in every component it falls two decades below that of the first
+    quarter."""
     return Check(
         "with Section V's command the tracking error converges to zero",
         bool((tail < early / 100).all()),
@@ -300,7 +302,7 @@ def error_converges(early: Array, tail: Array) -> Check:
 
 
 def error_stays(result: Result) -> Check:
-    """The error in the tail is as large as over the whole run."""
+    """Check that the error in the tail is about as large as over the whole run."""
     peak, tail = of_run(result, "max_abs_e"), of_run(result, "tail_max_abs_e")
     return Check(
         "the tracking error does not converge to zero",
@@ -310,18 +312,18 @@ def error_stays(result: Result) -> Check:
 
 
 def sweeps_the_bounds(result: Result) -> Check:
-    """The estimates swing permanently from bound to bound."""
+    """Check that the estimates swing permanently from bound to bound."""
     return Check("the estimates oscillate permanently between the projection bounds", _sweeps(result), _swept(result))
 
 
 def _sweeps(result: Result) -> bool:
-    """They reach both bounds, with hundreds of sweeps per second; the command causes one in 12 s."""
+    """Whether the estimates reach both bounds, with hundreds of sweeps per second. The command alone causes one in 12 s."""
     least, most = of_run(result, "theta_hat_tail_min"), of_run(result, "theta_hat_tail_max")
     return bool((least == -PARAMETER_BOUND).all() and (most == PARAMETER_BOUND).all() and (_sweep_rate(result) > 100).all())
 
 
 def _sweep_rate(result: Result) -> Array:
-    """[1/s]: there and back across the box."""
+    """Return the rate of sweeps across the box, there and back [1/s]."""
     return np.asarray(of_run(result, "theta_hat_variation_rate") / (2 * 2 * PARAMETER_BOUND))
 
 
@@ -333,7 +335,7 @@ def _swept(result: Result) -> str:
 
 
 def diverges(result: Result) -> Check:
-    """A run without projection diverges."""
+    """Check that a run without projection diverges."""
     at = result.diverged_at
     return Check(
         "without projection all signals go unbounded",

@@ -1,7 +1,7 @@
 """The filter's effect on the exact margins of the adapting loop, around constant commands.
 
-At the command r the estimates act through theta_hat' = Gamma x (...) with x proportional to r, and theta_hat'x: the loop
-depends only on Gamma r^2.
+The estimates act through the law theta_hat' = Gamma x (...) and through the product theta_hat'x. At the command r, x is
+proportional to r, so that the loop depends only on Gamma r^2.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from barbalat.papers.jafari_2013 import section_v
 from barbalat.validate import Array, InputError
 
 GAINS = np.geomspace(1e-6, 1e8, 43)
-"""Gamma r^2, three per decade: from adaptation too slow to matter to beyond Gamma = 1e4 at r = 50."""
+"""Values of Gamma r^2, three per decade. They range from adaptation too slow to matter to beyond Gamma = 1e4 at r = 50."""
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
-"""The last is too slow for Section V's plant: the filtered loop is unstable."""
+"""Time constants of the filter [s]. With the last one, which is too slow for Section V's plant, the loop is unstable."""
 COMMAND_CREST = 50.0
 """The crest of Section V's command."""
 FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
 TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
-"""Values of Gamma r^2 at which the readings state the margins: slow adaptation, the neighbourhood of L1-AC's least delay
-margin, and Figure 3's."""
+"""Values of Gamma r^2 at which the readings state the margins: slow adaptation, one near L1-AC's smallest delay margin, and
+Figure 3's."""
 MODERATE_KAPPA = 0.1
-"""The gain margin is claimed to fall with filters up to this one, twice the largest that Theorem 1's condition admits."""
+"""The gain margin is claimed to fall with filters up to this kappa [s], twice the largest that Theorem 1's condition admits."""
 METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends only on Gamma r^2"
 
 
 class BorneMargins(NamedTuple):
     """The margins of a stable loop.
 
-    small_gain  1/||T||_inf: a Delta_m of (11) that is smaller at every frequency cannot destabilise it
+    small_gain  1/||T||_inf; a Delta_m of (11) that is smaller at every frequency cannot destabilise the loop
     """
 
     margins: Margins
@@ -57,15 +57,16 @@ MARGINS: dict[str, Callable[[BorneMargins], float]] = {
     "delay margin": lambda borne: borne.margins.delay,
     "small-gain margin 1/||T||_inf": lambda borne: borne.small_gain,
 }
-"""The margins by name, each zero for a loop without margin: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of
-Delta_m."""
+"""The margins by name, each zero for a loop without margin: k - 1 and 1 - k for the gain margins k, the phase margin [rad], the
+delay margin [s], and the smallest destabilising size of Delta_m."""
 
 
 @dataclass(frozen=True)
 class FilterEffect:
-    """The filter's effect on the exact margins around constant commands: on each of ``MARGINS``, and as maps.
+    """The filter's effect on the exact margins around constant commands, for each of ``MARGINS`` and as maps.
 
-    fall_at_every_gain, rise_at_high_gain  names of ``MARGINS``: lower in every cell with a moderate filter; higher in all at the largest gain
+    fall_at_every_gain  names of the margins that are smaller in every cell with a moderate filter
+    rise_at_high_gain   names of the margins that are larger in all these cells at the largest gain
     """
 
     readings: tuple[Reading, ...]
@@ -76,7 +77,7 @@ class FilterEffect:
 
 
 def filter_effect() -> FilterEffect:
-    """The ratio of the margins with and without the filter, over Gamma and kappa."""
+    """Compute the ratio of the margins with and without the filter, over Gamma and kappa."""
     without, scans = scan(None), [scan(float(kappa)) for kappa in KAPPAS]
     ratios = {name: np.array([_ratios(each, without, of) for each in scans]) for name, of in MARGINS.items()}
     delay = ratios["delay margin"]
@@ -94,7 +95,7 @@ def filter_effect() -> FilterEffect:
 
 
 def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
-    """The margin that every moderate filter reduces; the slow filters that do not are listed one by one."""
+    """Return the reading on the margin that every moderate filter reduces. Slow filters that do not are listed one by one."""
     moderate = ratios[KAPPAS <= MODERATE_KAPPA]
     return Reading(
         f"the filter lowers the {UPWARDS} of the adapting loop: exact, around constant commands",
@@ -107,8 +108,8 @@ def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
 
 
 def _reading(name: str, moderate: Array) -> Reading:
-    """Another margin: the number of cells with a moderate filter in which it falls, and the gains at which Section V's
-    filter raises it."""
+    """Return the reading on another margin: the number of cells with a moderate filter in which it falls, and the gains at
+    which Section V's filter raises it."""
     of, (without, filtered) = MARGINS[name], (scan(None), scan(section_v.KAPPA))
     raised = np.array([of(f) > of(m) for f, m in zip(filtered, without, strict=True) if f is not None and m is not None])
     said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
@@ -125,7 +126,8 @@ def _reading(name: str, moderate: Array) -> Reading:
 
 
 def changed(name: str, gain: float) -> str:
-    """The values without and with the filter; for the downward gain margin the factor itself, for which smaller is better."""
+    """Return a text with the values without and with the filter. For the downward gain margin it gives the factor itself, for
+    which smaller is better."""
     plain, filtered = (bears(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
     assert plain is not None and filtered is not None
     of = MARGINS[name] if name != DOWNWARDS else (lambda borne: borne.margins.gain_down)
@@ -133,7 +135,7 @@ def changed(name: str, gain: float) -> str:
 
 
 def _slower(ratios: Array) -> str:
-    """The effect of filters slower than ``MODERATE_KAPPA`` on the gain margin, in each of their cells."""
+    """Return a text on the effect of filters slower than ``MODERATE_KAPPA`` on the gain margin, in each of their cells."""
     said = []
     for kappa, row in zip(KAPPAS, ratios, strict=True):
         if kappa <= MODERATE_KAPPA:
@@ -184,14 +186,15 @@ def _gain_map(ratios: Array) -> Map:
 
 
 def _section_v() -> Curve:
-    """Figure 3's gain and filter, at the two commands."""
+    """Return marks at Figure 3's gain and filter for the two commands."""
     return Curve("Figure 3's Γ and κ at r = 1, r = 50", np.array([1e4, FIGURE_3_GAIN]), [section_v.KAPPA] * 2, marks=True)
 
 
 @cache
 def loop(kappa: float | None) -> Callable[[float], StateSpace]:
-    """A function from Gamma r^2 to the adapting loop around a constant command; without a filter for ``None``. Gamma only
-    multiplies the law, so the loop's matrix is affine in it, and two exact linearisations determine it.
+    """Return a function from Gamma r^2 to the adapting loop around a constant command, without a filter if kappa is ``None``.
+
+    Gamma only multiplies the law, so the loop's matrix is affine in it and follows from two exact linearisations.
     """
     one, two = (around_equilibrium(section_v.problem(), _controller(gamma, kappa), 1.0) for gamma in (1.0, 2.0))
     return lambda gamma: StateSpace(one.A + (gamma - 1) * (two.A - one.A), one.B, one.C, one.D)
@@ -203,13 +206,13 @@ def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
 
 @cache
 def scan(kappa: float | None) -> tuple[BorneMargins | None, ...]:
-    """Over ``GAINS``; ``None`` if the loop is unstable."""
+    """Return the margins over ``GAINS``, each ``None`` if the loop is unstable."""
     at = loop(kappa)
     return tuple(bears(at(float(gamma))) for gamma in GAINS)
 
 
 def bears(loop: StateSpace) -> BorneMargins | None:
-    """The margins of the loop; ``None`` if it is unstable."""
+    """Return the margins of the loop, or ``None`` if it is unstable."""
     try:
         found = margins(loop)
     except InputError:  # the loop is unstable, which is a valid result here
@@ -220,13 +223,14 @@ def bears(loop: StateSpace) -> BorneMargins | None:
 def _ratios(
     with_filter: Sequence[BorneMargins | None], without: Sequence[BorneMargins | None], of: Callable[[BorneMargins], float]
 ) -> Array:
-    """The ratios of the margins; NaN if one of the loops is unstable."""
+    """Return the ratios of the margins, NaN if one of the loops is unstable."""
     pairs = zip(with_filter, without, strict=True)
     return np.array([np.nan if f is None or m is None else of(f) / of(m) for f, m in pairs])
 
 
 def _equal_at(kappa: float, ratios: Array) -> float:
-    """The Gamma r^2 at which the filter does not change the delay margin: the last crossing of the scan, refined."""
+    """Return the Gamma r^2 at which the filter does not change the delay margin, which is the last crossing of the scan,
+    refined."""
     from scipy.optimize import brentq
 
     k = int(np.flatnonzero((ratios[:-1] < 1) & (ratios[1:] >= 1))[-1])

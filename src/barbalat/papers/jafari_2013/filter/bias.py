@@ -1,4 +1,4 @@
-"""The claim that the filter leaves a constant bias proportional to kappa: with a sine and with a constant command."""
+"""The claim that the filter leaves a constant bias proportional to kappa, tested with a sine and with a constant command."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from barbalat.signals import Constant
 from barbalat.validate import Array
 
 KAPPAS = np.array([0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125])
-"""[s]: each half of the previous one; the first is twice Section V's."""
+"""Time constants of the filter [s], each half of the previous one. The first is twice Section V's."""
 BISECTIONS = 8
-"""Number of bisections between Section V's kappa and Theorem 1's kappa_max: the end of proportionality is then known to 1e-4
-s."""
+"""Number of bisections between Section V's kappa and Theorem 1's kappa_max, after which the end of proportionality is known to
+1e-4 s."""
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 STAYING_SHARE, LASTING_SHARE = 1e-2, 1e-3
-"""The tail's error exceeds this share of the largest error; with a constant command it exceeds this share of the error with
-a sine."""
+"""An error remains if that of the tail exceeds the first share of the largest error, or, with a constant command, the second
+share of the error with a sine."""
 
 
 def doubles(amplitudes: Array) -> Array:
-    """Whether each amplitude is twice the next, to within the rule's share: (k - 1,) for (k,) amplitudes at settings that
-    halve."""
+    """Return whether each amplitude is twice the next to within the rule's share, (k - 1,) for (k,) amplitudes. Each setting is
+    half of the previous one."""
     return np.asarray(np.abs(amplitudes[:-1] / amplitudes[1:] / 2 - 1) < PROPORTIONAL_SHARE)
 
 
 def _over_half(gamma: float, kappa: float) -> float:
-    """The tail's error over that of half the kappa."""
+    """Return the error in the tail divided by that with half the kappa."""
     members = [(section_v.problem(), section_v.l1("L1", gamma, k)) for k in (kappa, kappa / 2)]
     larger, smaller = figures(members, 60.0, 1e-4).tail_max_abs_e[:, 0]
     return float(larger / smaller)
 
 
 def _ends(gamma: float, admitted: float) -> float:
-    """Up to which kappa [s] the error is proportional; what Theorem 1 admits, if it is so there."""
+    """Return the kappa [s] up to which the error is proportional, at most the largest one that Theorem 1 admits."""
     low, high = section_v.KAPPA, admitted
     if abs(_over_half(gamma, high) / 2 - 1) < PROPORTIONAL_SHARE:
         return high
@@ -51,7 +51,7 @@ def _ends(gamma: float, admitted: float) -> float:
 
 
 def bias_is_proportional() -> Claim:
-    """The steady error against decreasing kappa, and with a constant command."""
+    """Measure the steady error for decreasing kappa, and with a constant command."""
     given, gamma, sentence = section_v.problem(), 100.0, SENTENCES["bias-kappa"]
     found = figures([(given, section_v.l1("L1", gamma, float(k))) for k in KAPPAS], 60.0, 1e-4)
     tail, ratios = found.tail_max_abs_e[:, 0], found.tail_max_abs_e[:-1, 0] / found.tail_max_abs_e[1:, 0]

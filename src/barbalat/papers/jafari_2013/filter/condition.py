@@ -1,5 +1,5 @@
-"""The claim on the range of kappa in which the condition of Section V holds, decided for every kappa by certified norms at a
-few values."""
+"""The claim on the range of kappa in which the condition of Section V holds. Certified norms at a few values decide it for every
+kappa."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from barbalat.problem.state_feedback import Known
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 PRINTED_KAPPA = 0.05
-"""[s]: the paper's limit, with its two decimals."""
+"""The paper's limit of kappa [s], with its two decimals."""
 LIMIT_WITHIN = 1e-6
-"""Relative distance between a kappa with a proof and one without."""
+"""Relative distance between the largest kappa with a proof and one without."""
 TOLD_KAPPAS = (0.01, 0.02, 0.03, 0.04, PRINTED_KAPPA)
-"""[s]: further values besides the limit itself."""
+"""Further values of kappa [s], besides the limit itself."""
 
 
 def condition() -> Claim:
-    """The range in which the condition holds, and whether it fails between its end and the printed limit."""
+    """Find the range in which the condition holds, and whether it fails between its end and the printed limit."""
     known = section_v.problem().known
     largest = theorem_1.kappa_admissible(known, THETA_MAX, LIMIT_WITHIN)
     least = fails_down_to(known, PRINTED_KAPPA)
@@ -79,7 +79,7 @@ def _refuted(known: Known, least: float) -> str:
 
 
 def _value(known: Known, kappa: float) -> tuple[float, float]:
-    """||W_b (C - 1)||_1 theta_max: guaranteed bounds from below and from above."""
+    """Return guaranteed lower and upper bounds of ||W_b (C - 1)||_1 theta_max."""
     found = theorem_1.filter_condition(known, input_filter(kappa).realise(), THETA_MAX)
     return found.norm.lower * THETA_MAX / OUTWARD_FACTOR, found.value_upper
 
@@ -87,23 +87,24 @@ def _value(known: Known, kappa: float) -> tuple[float, float]:
 def holds_up_to(known: Known, kappa: float) -> bool:
     """Whether the condition is proved for every kappa' in (0, kappa].
 
-    For k1 < k2, 1 - C_k1 = (1 - C_k2) [1 - (1 - k1/k2)/(k1 s + 1)], and the bracket's L1 norm is 2 - k1/k2: a value v < 1 at k2
-    stays below one down to (2 - 1/v) k2. Below kappa_max Theorem 1's own inequality N <= k ||s W_b||_1 takes over.
+    For k1 < k2, 1 - C_k1 = (1 - C_k2) [1 - (1 - k1/k2)/(k1 s + 1)], and the bracket's L1 norm is 2 - k1/k2. Therefore a value
+    v < 1 at k2 stays below one down to (2 - 1/v) k2. Below kappa_max Theorem 1's own inequality N <= k ||s W_b||_1 applies.
     """
     small = theorem_1.kappa_max(theorem_1.derivative_norm(known), THETA_MAX) * (1 - 1e-9)
     while kappa > small:
         value = _value(known, kappa)[1]
-        if value >= 1 - 1e-9:  # the enclosures' own width
+        if value >= 1 - 1e-9:  # the width of the enclosures
             return False
         kappa *= max(2 - 1 / value, 0.5) * OUTWARD_FACTOR
     return True
 
 
 def fails_down_to(known: Known, kappa: float) -> float:
-    """The least kappa' found for which the condition is refuted on [kappa', kappa]; infinite if it is not refuted at kappa.
+    """Return the smallest kappa' found for which the condition is refuted on [kappa', kappa]; infinity if it is not refuted at
+    kappa.
 
-    For k1 < k2, 1 - C_k2 = (1 - C_k1) [1 + (k2/k1 - 1)/(k2 s + 1)], and the bracket's L1 norm is k2/k1: N(k)/k does not grow,
-    so that a value v > 1 at k2 stays above one down to k2/v.
+    For k1 < k2, 1 - C_k2 = (1 - C_k1) [1 + (k2/k1 - 1)/(k2 s + 1)], and the bracket's L1 norm is k2/k1. Therefore N(k)/k does
+    not grow with k, and a value v > 1 at k2 stays above one down to k2/v.
     """
     least = math.inf
     while (value := _value(known, kappa)[0]) > 1 + LIMIT_WITHIN / 2:

@@ -1,4 +1,4 @@
-"""The filter's effect on the oscillations in the control: their frequency and size with and without C."""
+"""The filter's effect on the oscillations in the control, by their frequency and size with and without C."""
 
 from __future__ import annotations
 
@@ -19,20 +19,22 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 SLOWEST_OSCILLATION = 100.0
-"""[rad/s]: the command, the model and the projected estimates move below 10; the slowest ringing considered is near 900."""
+"""Smallest frequency of an oscillation [rad/s]. The command, the model and the projected estimates move below 10 rad/s, and the
+slowest ringing considered is near 900 rad/s."""
 RECORDED_INSTANTS = 100_000
-"""The recorded instants of a run: every step of the coarse runs and every fifth step of the fine ones, which still resolves
-their ringing."""
+"""Number of recorded instants of a run: every step of the coarse runs and every fifth step of the fine ones, which still
+resolves their ringing."""
 SEGMENT_INSTANTS = 8192
-"""Instants of one periodogram of Welch's method: a resolution of a hundredth of the frequencies found."""
+"""Number of instants of one periodogram of Welch's method. It resolves a hundredth of the frequencies found."""
 NUMERICAL_SETTINGS = {1e-4: (3e3, 1e4, 1e5)}
 """Steps [s] and gains at which RK4 is unstable; the second is Figure 3's."""
 MORE_NUMERICAL_SETTINGS = {2e-4: (1e3, 3e3, 1e4, 1e5), 1e-4: (3e3, 1e4, 1e5, 1e6), 5e-5: (1e4, 3e4, 1e5)}
 RESOLVED_SETTINGS, MORE_RESOLVED_SETTINGS = {1e-5: (100.0,)}, {1e-5: (10.0, 100.0, 1000.0)}
-"""Settings with h omega_a below 0.1: the ringing is that of the equations."""
+"""Settings with h omega_a below 0.1, so that the ringing is that of the equations."""
 FIGURE_3 = (section_v.COARSE_STEP, 1e4)
 EQUAL_FREQUENCY_SHARE = 0.1
-"""Two mean frequencies within a tenth count as equal: the frequency varies by this much from one quarter of a run to the next."""
+"""Two mean frequencies within this share count as equal, because the frequency varies by as much from one quarter of a run to
+the next."""
 
 
 class Oscillation(NamedTuple):
@@ -53,17 +55,17 @@ class Pair(NamedTuple):
 
     @property
     def frequency(self) -> float:
-        """The filtered control's mean frequency divided by that of the unfiltered control."""
+        """The ratio of the mean frequencies of the filtered and the unfiltered control."""
         return self.filtered.mean / self.without.mean
 
     @property
     def size(self) -> float:
-        """The RMS value of the oscillation."""
+        """The ratio of the RMS values of the oscillations."""
         return self.filtered.rms / self.without.rms
 
 
 def oscillation(t: Array, u: Array) -> Oscillation:
-    """Measure the oscillation by Welch's method; both arrays are (K,) and evenly spaced."""
+    """Measure the oscillation by Welch's method. Both arrays are (K,), with evenly spaced instants."""
     from scipy.signal import detrend, welch
 
     late = t > t[-1] / 2
@@ -76,7 +78,7 @@ def oscillation(t: Array, u: Array) -> Oscillation:
 
 
 def measured(chosen: Mapping[float, tuple[float, ...]]) -> list[Pair]:
-    """Both schemes at each step and gain; the record, of every step or every fifth, limits the length of the runs."""
+    """Simulate both schemes at each step and gain. The record, of every step or every fifth, limits the length of the runs."""
     found = []
     for h, gains in chosen.items():
         simulation = Simulation(t_end=RECORDED_INSTANTS * max(h, 5e-5), dt=h, record_points=RECORDED_INSTANTS)
@@ -91,7 +93,7 @@ def _of(run: Result) -> Oscillation:
 
 
 def claim(*, full: bool = False) -> Claim:
-    """Numerical oscillations at and around Figure 3's setting, and the ringing of the equations."""
+    """Measure the numerical oscillations at and around Figure 3's setting, and the ringing of the equations."""
     numerical, resolved = (
         measured(MORE_NUMERICAL_SETTINGS if full else NUMERICAL_SETTINGS),
         measured(MORE_RESOLVED_SETTINGS if full else RESOLVED_SETTINGS),

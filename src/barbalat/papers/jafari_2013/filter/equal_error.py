@@ -1,7 +1,7 @@
-"""MRAC and L1-AC at equal error: the same number of tunings of each, drawn over its own settings by one rule, with the delay
-that each tolerates.
+"""Compares the delays that MRAC and L1-AC tolerate at equal error, for the same number of tunings of each.
 
-MRAC has its gain, L1-AC its gain and its filter: (6) for one half of the tunings, two slopes for the other. No setting is chosen.
+The tunings are drawn by one rule over each scheme's own settings, so that no setting is chosen by hand. MRAC has its gain. L1-AC
+has its gain and its filter, which is (6) for one half of the tunings and has two slopes for the other half.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.validate import Array
 
 BUDGET, MORE = 8, 64
-"""Number of tunings of each side in the plain command and in ``--full``: powers of two, with which Sobol's sequence is balanced."""
+"""Number of tunings of each side in the plain command and with ``--full``. Sobol's sequence is balanced for powers of two."""
 GAINS = (1e-4, 100.0)
 """The range of gains for both sides, from gains with little adaptation to the largest decade that the step resolves at r = 50."""
 MRAC_KNOBS = {"Gamma": GAINS}
@@ -39,31 +39,31 @@ RULE = (
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """Both sides under one command: RMS error, then the delay by each of ``CRITERIA``, negative."""
+    """The objectives of both sides under one command: RMS error, and the negative delay by each of ``CRITERIA``."""
 
     command: str
     mrac: Side
     l1: Side
 
     def advantages(self, criterion: str) -> Array:
-        """(K,) of L1-AC's tunings: the delay over the longest of the MRAC tunings with no larger error."""
+        """Return for each of L1-AC's tunings (K,) its delay divided by the longest of MRAC's tunings with no larger error."""
         return _over_the_best(self.l1, self.mrac, 1 + list(CRITERIA).index(criterion))
 
     def drawbacks(self, criterion: str) -> Array:
-        """(K,) of the MRAC tunings: the same over L1-AC's."""
+        """Return for each of MRAC's tunings (K,) its delay divided by the longest of L1-AC's tunings with no larger error."""
         return _over_the_best(self.mrac, self.l1, 1 + list(CRITERIA).index(criterion))
 
 
 def _over_the_best(side: Side, other: Side, which: int) -> Array:
-    """(K,) delays divided by the longest of the other side's at no larger error; infinite if it has none, 0 if nothing is
-    tolerated."""
+    """Return (K,) delays divided by the other side's longest delay at no larger error. The ratio is infinite if the other side
+    has no such tuning, and 0 if no delay is tolerated."""
     error, delay, theirs = side.reached[:, 0], -side.reached[:, which], -other.reached[:, which]
     best = np.array([theirs[other.reached[:, 0] <= e].max(initial=0.0) if np.isfinite(e) else np.inf for e in error])
     return np.asarray(np.divide(delay, best, out=np.where(delay > 0, np.inf, 0.0), where=best > 0))
 
 
 def fronts(command: str, signal: Signal, simulation: Simulation, count: int) -> Fronts:
-    """Both sides' tunings under a command."""
+    """Measure the tunings of both sides under a command."""
     mrac = [Mrac(gamma=float(gamma)) for (gamma,) in drawn(MRAC_KNOBS, count)]
     points = drawn(L1_KNOBS, count)
     with_6 = [L1Adaptive(gamma=float(gamma), filter=input_filter(float(kappa))) for kappa, gamma in points[::2]]
@@ -78,7 +78,7 @@ def fronts(command: str, signal: Signal, simulation: Simulation, count: int) -> 
 
 
 def _reached(signal: Signal, tunings: Sequence[Controller], simulation: Simulation) -> Array:
-    """(K, 3); infinite error where a run diverged."""
+    """Return the objectives (K, 3), with an infinite error for a run that diverged."""
     problem = variant(reference=signal)
     found = delay_margins_ensemble([(problem, one) for one in tunings], simulation, resolution=RESOLUTION)
     error = np.linalg.norm(found.undelayed.rms_e, axis=1)
@@ -86,7 +86,7 @@ def _reached(signal: Signal, tunings: Sequence[Controller], simulation: Simulati
 
 
 def reading(found: Sequence[Fronts], criterion: str) -> Reading:
-    """Whether the filter lowers the delay at equal error: whether MRAC matches every tuning of L1-AC."""
+    """Return the reading that the filter lowers the delay at equal error, which holds if MRAC matches every tuning of L1-AC."""
     said, matched = [], True
     for one in found:
         half, ahead = len(one.l1.tunings) // 2, one.advantages(criterion) > 1
@@ -105,7 +105,7 @@ def reading(found: Sequence[Fronts], criterion: str) -> Reading:
 
 
 def listing(found: Sequence[Fronts]) -> Listing:
-    """The largest advantage of each filter by each criterion, with its tuning."""
+    """Return a table with the largest advantage of each filter by each criterion, and its tuning."""
     rows = []
     for one in found:
         half = len(one.l1.tunings) // 2

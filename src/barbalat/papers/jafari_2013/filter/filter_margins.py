@@ -33,21 +33,21 @@ from barbalat.study.verdicts import Lost, Verdicts
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)
-"""A simulation of three periods of the command."""
+"""A simulation over three periods of the command."""
 SMALL_COMMAND = "r = sin 0.5t"
 COMMANDS: dict[str, Signal] = {SMALL_COMMAND: Sine(1.0, 0.5), "r = 50 sin 0.5t": Sine(50.0, 0.5), "r = 50": Constant(50.0)}
 SIDES_SIMULATION = Simulation(t_end=40.0, dt=4e-4)
-"""The step for the many tunings at equal error: h omega_a is 0.5 at the largest gain and r = 50."""
+"""The simulation of the many tunings at equal error. With its step, h omega_a is 0.5 at the largest gain and r = 50."""
 EQUAL_GAINS = (0.01, 1.0, 100.0)
 OWN_GAINS = (10.0, 100.0)
-"""Gains that a user would choose at this step: a moderate one for MRAC, and for L1-AC the largest power of ten that the step
+"""Gains that a user would choose with this step: a moderate one for MRAC, and for L1-AC the largest power of ten that the step
 resolves at r = 50."""
 SEARCHED_GAINS = np.geomspace(1e-6, 10.0, 36)
-"""Gains of MRAC, five per decade: one of them tracks as well as L1-AC."""
+"""Gains of MRAC, five per decade. With one of them it tracks as well as L1-AC."""
 BANDWIDTHS = np.geomspace(0.2, 2000.0, 54)
 """Natural frequencies of the actuator [rad/s], from slower than the model to faster than the step resolves."""
 DAMPING = 0.7
-"""Damping ratio of the actuator; a maximally flat second-order lag has 0.707."""
+"""Damping ratio of the actuator. A maximally flat second-order lag has 0.707."""
 JUDGE, LOSS = Judge(), Lost()
 
 
@@ -55,7 +55,7 @@ TWO_SLOPES = "two slopes"
 
 
 class Simulated(NamedTuple):
-    """The values tolerated without and with the filter, by each criterion, (2,) each."""
+    """The tolerated values without and with the filter, (2,) by each criterion."""
 
     command: str
     what: str
@@ -64,7 +64,7 @@ class Simulated(NamedTuple):
 
 
 def claim(*, full: bool = False) -> Claim:
-    """Exact margins of the linear loops, and simulated ones of the adapting loops in each reading."""
+    """Measure exact margins of the linear loops, and simulated ones of the adapting loops in each reading."""
     given = section_v.problem()
     plant, C = given.plant, input_filter(section_v.KAPPA).realise()
     slow = [margins(loop).delay for loop in (known_parameters(plant, plant.theta), known_parameters(plant, plant.theta, C))]
@@ -118,7 +118,7 @@ def claim(*, full: bool = False) -> Claim:
 
 
 def _times(gain: float) -> float:
-    """The delay margin with Section V's filter divided by that without, at this Gamma r^2."""
+    """Return the delay margin with Section V's filter divided by that without a filter, at this Gamma r^2."""
     plain, filtered = (margins(loop(kappa)(gain)).delay for kappa in (None, section_v.KAPPA))
     return filtered / plain
 
@@ -129,7 +129,7 @@ def _reading(says: str, found: Sequence[Simulated], criterion: str) -> Reading:
 
 
 def _at_large_commands(found: Sequence[Simulated]) -> Reading:
-    """The filter of two slopes at equal error, under the commands of size 50."""
+    """Return the reading on the filter of two slopes at equal error, under the commands of size 50."""
     some = [one for one in found if TWO_SLOPES in one.what and one.command != SMALL_COMMAND]
     raised = [one for one in some if change(one.onset) == "up"]
     told = "; ".join(f"{one.command}, {one.what.split(',')[0]}: {one.onset[0]:.3g} to {one.onset[1]:.3g} s" for one in some)
@@ -142,11 +142,11 @@ def _at_large_commands(found: Sequence[Simulated]) -> Reading:
 
 
 EQUAL_MARGINS_RATIOS = 0.98, 1.02
-"""Two margins count as equal if their ratio is in this interval, the bisection's resolution."""
+"""Two margins count as equal if their ratio is in this interval, which is the bisection's resolution."""
 
 
 def change(pair: Array) -> str:
-    """The filter's effect on a margin; 0 means a margin below the smallest value tried."""
+    """Return a word for the filter's effect on a margin. A margin of 0 is below the smallest value tried."""
     without, filtered = pair
     if without == filtered == 0:
         return "none"
@@ -160,7 +160,7 @@ def change(pair: Array) -> str:
 
 
 def _counted(readings: Sequence[Simulated], criterion: str) -> str:
-    """How often the filter raises and lowers the margin, in total and for each kind of reading."""
+    """Return a text on how often the filter raises and lowers the margin, in total and for each kind of reading."""
 
     def counts(some: Sequence[Simulated]) -> str:
         found = [change(getattr(reading, criterion)) for reading in some]
@@ -201,18 +201,18 @@ def _way(pair: Sequence[float]) -> str:
 
 
 def adapting_delay_margin(controller: Mrac | L1Adaptive, r: float) -> float:
-    """The exact delay margin [s] of the loop linearised with its law at the constant command r."""
+    """Return the exact delay margin [s] of the loop that is linearised, law included, at the constant command r."""
     return margins(around_equilibrium(section_v.problem(), controller, r)).delay
 
 
 def _simulated(command: str, signal: Signal) -> list[Simulated]:
-    """The tolerated delays and actuators under one command."""
+    """Simulate the tolerated delays and actuators under one command."""
     problem = variant(reference=signal)
     two = L1Adaptive(gamma=OWN_GAINS[1], filter=two_slopes(section_v.two_slopes_kappa()), name="L1")
     with_6 = [section_v.l1("L1", g) for g in (*EQUAL_GAINS, OWN_GAINS[1], OWN_GAINS[1])]
     gains = [*EQUAL_GAINS, OWN_GAINS[0], _equal_error(signal, with_6[-1]), _equal_error(signal, two)]
     names = [*(f"Gamma {gain:g}" for gain in EQUAL_GAINS), "own gains", "equal error, (6)", f"equal error, {TWO_SLOPES}"]
-    sides: tuple[list[list[Controller]], ...] = ([[Mrac(gamma=g) for g in gains]], [[*with_6], [two]])  # each of one structure
+    sides: tuple[list[list[Controller]], ...] = ([[Mrac(gamma=g) for g in gains]], [[*with_6], [two]])  # each has one structure
     found = []
     for what, margins_of in (("delay", _delay_margins), ("actuator", _actuator_margins)):
         measured = [[margins_of(problem, group) for group in groups] for groups in sides]
@@ -225,13 +225,13 @@ def _simulated(command: str, signal: Signal) -> list[Simulated]:
 
 
 def _delay_margins(problem: Problem, controllers: Sequence[Controller]) -> dict[str, Array]:
-    """For each controller, by each criterion, the largest delay that is tolerated [s]."""
+    """Return for each criterion and controller the largest delay that is tolerated [s]."""
     found = delay_margins_ensemble([(problem, c) for c in controllers], SIMULATION, resolution=0.05)
     return {"onset": found.onset.bears, "loss": found.loss.bears}
 
 
 def _equal_error(signal: Signal, filtered: L1Adaptive) -> float:
-    """MRAC's gain with the RMS error of this L1-AC, the nearest of a fine grid."""
+    """Return the gain on a fine grid with which MRAC's RMS error is nearest to that of this L1-AC."""
     problem = variant(reference=signal)
     target = _rms([(problem, filtered)])[0]
     found = _rms([(problem, Mrac(gamma=float(g))) for g in SEARCHED_GAINS])
@@ -243,8 +243,8 @@ def _rms(members: list[tuple[object, Controller]]) -> Array:
 
 
 def _actuator_margins(problem: Problem, controllers: Sequence[Controller]) -> dict[str, Array]:
-    """For each controller, by each criterion, 1/w of the slowest actuator above which none is lost [s]; 0 if none is
-    tolerated."""
+    """Return for each criterion and controller 1/w [s] of the slowest actuator such that no faster one loses the run; 0 if none
+    is tolerated."""
     slowed = [
         replace(problem, plant=replace(problem.plant, input=PlantInput(actuator=TransferFunction([w**2], [1.0, 2 * DAMPING * w, w**2]))))
         for w in BANDWIDTHS
@@ -257,7 +257,7 @@ def _actuator_margins(problem: Problem, controllers: Sequence[Controller]) -> di
 
 
 def _slowest(lost: Array) -> float:
-    """1/w [s] of the smallest natural frequency above the last one with a lost run."""
+    """Return 1/w [s] of the smallest natural frequency above the largest one with a lost run."""
     first = np.flatnonzero(lost)[-1] + 1 if lost.any() else 0
     return 1 / float(BANDWIDTHS[first]) if first < len(BANDWIDTHS) else 0.0
 

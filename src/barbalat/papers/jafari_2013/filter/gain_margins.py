@@ -1,4 +1,4 @@
-"""The effect of the gain on the exact margins of the adapting loop, with and without the filter, around constant commands."""
+"""The effect of the gain on the exact margins of the adapting loop around constant commands, with and without the filter."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SHOWN_KAPPAS = (0.005, section_v.KAPPA, 0.05)
 
 
 def gain_reduces_margins() -> Claim:
-    """Every margin over Gamma, with and without the filter; the delay margin is drawn."""
+    """Compute every margin over Gamma, with and without the filter, and draw the delay margin."""
     curves = {"MRAC": _over_gains("delay margin", None)}
     curves |= {f"L1-AC, κ = {kappa:g} s": _over_gains("delay margin", kappa) for kappa in SHOWN_KAPPAS}
     plain, filtered = curves["MRAC"], curves[f"L1-AC, κ = {section_v.KAPPA:g} s"]
@@ -80,13 +80,13 @@ def gain_reduces_margins() -> Claim:
 
 
 UNCHANGED_SHARE = 0.1
-"""A margin that changes by less than this share of itself is unchanged."""
+"""A margin that changes by less than this share of itself counts as unchanged."""
 HIGH_GAIN = 1e4
 """Section V's "very large adaptive gain"."""
 
 
 def _smaller(values: Array) -> bool:
-    """Whether the last is smaller than the first, by more than ``UNCHANGED_SHARE``."""
+    """Whether the last value is smaller than the first by more than ``UNCHANGED_SHARE``."""
     return bool(values[-1] < (1 - UNCHANGED_SHARE) * values[0])
 
 
@@ -95,7 +95,7 @@ def _unchanged(values: Array) -> bool:
 
 
 def at_section_v(kappa: float | None) -> dict[str, Array]:
-    """Each of ``OWN_MEASURES`` at the moderate gain and at Section V's, around the command's crest."""
+    """Return each of ``OWN_MEASURES`` at the moderate gain and at Section V's, around the command's crest."""
     at = loop(kappa)
     borne = [bears(at(gamma * COMMAND_CREST**2)) for gamma in (section_v.MODERATE_GAIN, HIGH_GAIN)]
     moderate, high = (one for one in borne if one is not None)  # the loops are stable
@@ -107,7 +107,7 @@ def _from_to(margins_of: Mapping[str, Array]) -> str:
 
 
 def _ends(who: str, margins_of: Mapping[str, Array]) -> Reading:
-    """A supplementary reading: the highest gain of the sweep with the lowest."""
+    """Return a supplementary reading that compares the highest gain of the sweep with the lowest."""
     return Reading(
         f"{who}: both margins are smaller at the highest gain of the sweep, Gamma r^2 = {GAINS[-1]:g}, than at the lowest, {GAINS[0]:g}",
         all(_smaller(values) for values in margins_of.values()),
@@ -117,11 +117,11 @@ def _ends(who: str, margins_of: Mapping[str, Array]) -> Reading:
 
 
 OWN_MEASURES = ("delay margin", "small-gain margin 1/||T||_inf")
-"""The two of ``MARGINS`` in which the paper states robustness: the size of the Delta_m of (11), and its example, a delay."""
+"""The two of ``MARGINS`` by which the paper expresses robustness: the size of Delta_m in (11), and its example, a delay."""
 
 
 def l1_margins() -> Claim:
-    """The statements of L1's authors on phase and delay margins for another class of plants, tested on Section V's plant."""
+    """Test the statements of L1's authors on phase and delay margins for another class of plants on Section V's plant."""
     sentence = SENTENCES["l1-margins"]
     phase, delay = (_over_gains(name, section_v.KAPPA) for name in ("phase margin", "delay margin"))
     plain = _over_gains("delay margin", None)
@@ -164,7 +164,7 @@ def _told(found: Mapping[str, Array]) -> str:
 
 
 def _over_gains(name: str, kappa: float | None) -> Array:
-    """One of ``MARGINS`` over ``GAINS``; NaN where the loop is unstable."""
+    """Return one of ``MARGINS`` over ``GAINS``, NaN if the loop is unstable."""
     return np.array([np.nan if borne is None else MARGINS[name](borne) for borne in scan(kappa)])
 
 
@@ -173,7 +173,8 @@ def _falls(values: Array) -> bool:
 
 
 def _reading(who: str, name: str, values: Array) -> Reading:
-    """A supplementary reading: a margin falls at every step of the gain, which the sentence does not say."""
+    """Return the supplementary reading that a margin falls with every increase of the gain, which the sentence does not
+    say."""
     of_k = "; stated as the distance of the factor k from 1" if name in (UPWARDS, DOWNWARDS) else ""
     return Reading(
         f"{who}: the {name} falls with every increase of the gain", _falls(values), _told({name: values}) + of_k, "beside"

@@ -1,4 +1,4 @@
-"""The claim that the filter limits the size of the uncertainty: the guaranteed, the exact and the simulated limit."""
+"""The claim that the filter limits the size of the uncertainty, with the guaranteed, the exact and the simulated limit."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ THETA_DIRECTION = np.array([4.0, -3.0])
 ADAPTIVE_GAIN = 100.0
 KAPPAS = np.geomspace(1e-3, 1.0, 25)
 THETA_SCALES = np.geomspace(0.5, 50, 17)
-"""Sizes of theta; the paper's is 1."""
+"""Sizes of theta, of which the paper's is 1."""
 
 
 def filter_limits_theta() -> Claim:
-    """The filtered loop loses stability for large theta, the unfiltered one does not."""
+    """Measure up to which size of theta the filtered and the unfiltered loop are stable."""
     guaranteed = _guaranteed_scale(np.array([section_v.KAPPA]))[0]
     exact = _exact_scale(section_v.KAPPA)
     sides = [(_given(s), _l1(section_v.KAPPA)) for s in (0.8 * exact, 1.25 * exact)]
@@ -64,7 +64,7 @@ def filter_limits_theta() -> Claim:
 
 
 def _down(value: float) -> str:
-    """A guaranteed limit, rounded to the safe side."""
+    """Format a guaranteed limit, rounded to the safe side."""
     return f"{np.floor(1000 * value) / 1000:.3f}"
 
 
@@ -77,19 +77,19 @@ def _l1(kappa: float) -> Controller:
 
 
 def _tail(members: list[tuple[Problem, Controller]], t_end: float = 30.0) -> Array:
-    """The tail error of each run; NaN if it diverged."""
+    """Return the tail error of each run, NaN if it diverged."""
     return np.asarray(figures(members, t_end, 1e-4).tail_max_abs_e.max(axis=1))
 
 
 def _guaranteed_scale(kappas: Array) -> Array:
-    """The largest theta/[4, -3] with ||W_b (1 - C)||_1 |theta|_1 < 1, for each kappa."""
+    """Return for each kappa the largest theta/[4, -3] with ||W_b (1 - C)||_1 |theta|_1 < 1."""
     known, size = section_v.problem().known, np.abs(THETA_DIRECTION).sum()
     norms = [theorem_1.filter_condition(known, input_filter(float(k)).realise(), 1.0).norm.upper for k in kappas]
     return np.array([1 / (norm * size) for norm in norms])
 
 
 def _exact_scale(kappa: float) -> float:
-    """The size at which the limit of fast adaptation loses stability, by bisection."""
+    """Find the size at which the limit of fast adaptation loses stability, by bisection."""
     C = input_filter(kappa).realise()
 
     def is_stable(scale: float) -> bool:

@@ -1,4 +1,4 @@
-"""Results of flights of random vehicles. These rows are read from stored documents, because few users have the simulators."""
+"""Results of flights of random vehicles. Their rows are read from stored documents, because few users have the simulators."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from barbalat.sweeps.statistics import Share, beyond_chance
 
 
 def claims() -> list[Claim]:
-    """Both rows, from the documents."""
+    """Return both rows from the documents."""
     every = [Flights.stored(name) for name in stored()]
     return [in_flight(every), l1_and_mrac(every)]
 
 
 def in_flight(every: Sequence[Flights]) -> Claim:
-    """The adaptive schemes compared with the linear designs, by lost flights and by the error."""
+    """Compare the adaptive schemes with the linear designs, by lost flights and by the error."""
     sides = [(flights, *_fewest(flights)) for flights in every]
     lost, of_linear, flown = (
         sum(flights.sum_lost(one) for flights, one, _ in sides),
@@ -60,7 +60,7 @@ def in_flight(every: Sequence[Flights]) -> Claim:
 
 
 def l1_and_mrac(every: Sequence[Flights]) -> Claim:
-    """L1 with the filter and MRAC, by the error of the same draws: on the quadrotor, and on the F-16."""
+    """Compare L1 with the filter and MRAC by the error of the same draws, on the quadrotor and on the F-16."""
     sentence = SENTENCES["l1-mrac-in-flight"]
     sides = [[one for one in every if one.name == QUADROTOR], [one for one in every if one.name != QUADROTOR]]
     found = [(_failures(some, "L1", "MRAC", 1), _failures(some, "L1", "MRAC", -1)) for some in sides]
@@ -94,13 +94,13 @@ def _provenance(flights: Flights) -> str:
 
 
 def _fewest(flights: Flights) -> tuple[str, str]:
-    """The adaptive and the linear scheme that lose the fewest flights."""
+    """Return the adaptive and the linear scheme that lose the fewest flights."""
     adaptive, linear = (min(names, key=flights.sum_lost) for names in (flights.adaptive, flights.linear))
     return adaptive, linear
 
 
 def _through(every: Sequence[Flights], by: str) -> tuple[list[str], list[str]]:
-    """The failures through which some adaptive scheme is better than every linear one beyond chance, and the reverse."""
+    """Return the failures through which some adaptive scheme is significantly better than every linear one, and the reverse."""
 
     def found(one_side: str, other: str) -> list[str]:
         return [
@@ -114,13 +114,13 @@ def _through(every: Sequence[Flights], by: str) -> tuple[list[str], list[str]]:
 
 
 def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Reading:
-    """Two schemes compared by their errors; this does not decide the sentence."""
+    """Compare two schemes by their errors. This does not decide the sentence."""
     better, worse = (_failures(every, one, other, sign) for sign in (1, -1))
     return Reading(says, len(better) > len(worse), f"less error for {_joined(better)}; more for {_joined(worse)}", "beside")
 
 
 def _failures(every: Sequence[Flights], one: str, other: str, sign: int) -> list[str]:
-    """The failures through which ``one`` has less error than ``other`` beyond chance, or more with the sign -1."""
+    """Return the failures through which ``one`` has significantly less error than ``other``, or more for the sign -1."""
     return [f"{flights.name}: {failure}" for flights in every for failure in flights.failures if flights.compared(one, other, failure) == sign]  # fmt: skip
 
 
@@ -172,19 +172,19 @@ LINEAR_SCHEMES = (
 ADAPTIVE_SCHEMES = ("MRAC", "Robust MRAC", "L1")
 QUADROTOR = "quadrotor"
 REVERSED = "reversed"
-"""The failure that every count excludes: the control surface moves the wrong way, and nearly every flight is lost with any
+"""The failure that every count excludes. The control surface moves the wrong way, and nearly every flight is lost with any
 controller."""
 
 
 PREFIX, SUFFIX = "flown-", ".json"
 """The beginning and the end of a document's name."""
 ERROR, LOSS = "less_error_than", "kept_where_lost"
-"""Paired shares of the document: the draws with a smaller error, and the draws lost by only one of the two."""
+"""Names of the document's paired shares: draws with a smaller error, and draws that only one of the two loses."""
 
 
 @dataclass(frozen=True)
 class Flights:
-    """Queries on a stored document."""
+    """A stored document, with queries on it."""
 
     document: dict[str, Any]
 
@@ -217,14 +217,14 @@ class Flights:
 
     @cached_property
     def failures(self) -> tuple[str, ...]:
-        """The failures that are counted: those that some controller survives, without reversed surfaces."""
+        """The counted failures: all that some controller survives, except reversed surfaces."""
         every = self.document["failures"]
         return tuple(
             one for one, found in every.items() if one != REVERSED and any(flown["lost"]["count"] < self.members for flown in found.values())
         )  # fmt: skip
 
     def sum_lost(self, controller: str) -> int:
-        """Its lost flights over all failures that are counted."""
+        """Return the number of the controller's lost flights over all counted failures."""
         return sum(self.lost(controller, failure) for failure in self.failures)
 
     def lost(self, controller: str, failure: str) -> int:
@@ -247,21 +247,22 @@ class Flights:
 
     @cached_property
     def signs(self) -> dict[tuple[str, str, str, str], int]:
-        """The comparisons beyond chance, judged jointly."""
+        """The significant comparisons, judged jointly."""
         return beyond_chance(self.shares)
 
     def compared(self, one: str, other: str, failure: str, by: str = ERROR) -> int:
-        """1 if ``one`` is better than ``other`` beyond chance on the same draws, -1 if it is worse."""
+        """Return 1 if ``one`` is significantly better than ``other`` on the same draws, -1 if it is worse, else 0."""
         return self.signs.get((failure, one, other, by), 0) - self.signs.get((failure, other, one, by), 0)
 
     def over_all(self, one: str, others: Sequence[str], by: str) -> Iterator[str]:
-        """The failures through which it is better than each of these beyond chance; a lost flight has the largest error."""
+        """Yield the failures through which ``one`` is significantly better than each of the others. A lost flight has the
+        largest error."""
         for failure in self.failures:
             if all(self.compared(one, other, failure, by) == 1 for other in others if other != one):
                 yield failure
 
 
 def stored() -> tuple[str, ...]:
-    """Names of the flights whose campaigns are stored."""
+    """Return the names of the flights whose campaigns are stored."""
     files = (one.name for one in resources.files(__package__).iterdir())
     return tuple(sorted(name[len(PREFIX) : -len(SUFFIX)] for name in files if name.startswith(PREFIX) and name.endswith(SUFFIX)))

@@ -1,4 +1,4 @@
-"""A comparison that the paper omits: adaptive schemes and linear robust designs on the same plant family."""
+"""A comparison that the paper omits, of adaptive schemes with linear robust designs on the same family of plants."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 DELAY = 0.01
-"""Delay at the plant's input [s]: a third of L1-AC's delay margin."""
+"""Delay at the plant's input [s], a third of L1-AC's delay margin."""
 DELAYS = np.geomspace(2e-3, 0.1, 24)
 PI_DELAY, HINF_DELAY = 0.0118, 0.025
 """Unmodelled delays that give the two designs at least L1-AC's delay margin of 33 ms at Section V's theta."""
 HINF_FAST_DELAY = 0.01
 UNFOLLOWED_SHARE = 0.2
-"""A controller whose error is a fifth of the model's amplitude no longer follows the model."""
+"""A controller whose error exceeds this share of the model's amplitude does not follow the model."""
 
 
 UNSTABLE_ERROR_FACTOR = 10.0
-"""A loop whose error exceeds this multiple of the model's amplitude is unstable."""
+"""A loop whose error exceeds this multiple of the model's amplitude counts as unstable."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class ComparedController:
 
 @dataclass(frozen=True, eq=False)
 class TailErrors:
-    """Tail errors max |e|: over SIZES at the corner, without and with DELAY (NaN: diverged), and at Section V's own theta."""
+    """Tail errors max |e| over SIZES at the corner, without and with DELAY, and at Section V's own theta; NaN if diverged."""
 
     plain: Array
     delayed: Array
@@ -70,7 +70,7 @@ L1_NAME, PI_NAME = "L1-AC, Γ = 100, κ = 0.02 s", "PI"
 
 
 def claims() -> list[Claim]:
-    """Both rows; without the extra ``robust`` they concern only the PI controller, and say so."""
+    """Measure both rows. Without the extra ``robust`` they include only the PI controller, and say so."""
     contestants, missing = _contestants()
     measured = {c.name: _measure(c.controller) for c in contestants}
     against_pi = claim(measured[L1_NAME].plain, measured[PI_NAME].plain)
@@ -82,7 +82,7 @@ THETAS = ((0.0, 0.0), (4.0, -3.0), (5.0, 5.0), (5.0, -5.0), (-5.0, 5.0), (-5.0, 
 
 
 def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
-    """Whether a fixed linear design follows at the centre and at the corners of the known set."""
+    """Decide whether a fixed linear design follows at the centre and at the corners of the known set."""
     sentence, problems = SENTENCES["non-adaptive-cannot"], [variant(theta=theta) for theta in THETAS]
     shares = {c.name: tail([(problem, c.controller) for problem in problems]) / amplitude() for c in contestants}
     worst = {name: float(np.where(np.isnan(found), np.inf, found).max()) for name, found in shares.items()}
@@ -136,7 +136,7 @@ def _measure(controller: Controller) -> TailErrors:
 
 
 def amplitude() -> float:
-    """The amplitude of x_m,1 in the steady state: 50 |k_0/(s^2 + s + 0.3)| at 0.5 rad/s."""
+    """Return the amplitude of x_m,1 in the steady state, 50 |k_0/(s^2 + s + 0.3)| at 0.5 rad/s."""
     return float(50 * 4 / abs((0.5j) ** 2 + 0.5j + 0.3))
 
 
@@ -175,19 +175,19 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
 
 
 def _ahead(readings: list[Reading]) -> str:
-    """Which adaptive schemes are better at every size."""
+    """Return a text that names the adaptive schemes that are better at every size."""
     always = [reading.says for reading in readings if reading.holds]
     return f"better at every size: {'; '.join(always) or 'none'}"
 
 
 def _best_linear(contestants: list[ComparedController], measured: dict[str, TailErrors], part: str) -> Array:
-    """The least error of a linear design at each size; infinite if all are lost."""
+    """Return the smallest error of a linear design at each size, infinite if all are lost."""
     errors = [getattr(measured[c.name], part) for c in contestants if c.linear]
     return np.min([np.where(np.isnan(e), np.inf, e) for e in errors], axis=0)
 
 
 def _against_the_best(name: str, words: str, errors: Array, linear: Array) -> Reading:
-    """The comparison at the sizes that some linear design tolerates."""
+    """Return the comparison at the sizes that some linear design tolerates."""
     alive = np.isfinite(linear)
     better = np.where(np.isnan(errors), np.inf, errors)[alive] < linear[alive]
     return Reading(
@@ -199,7 +199,7 @@ def _against_the_best(name: str, words: str, errors: Array, linear: Array) -> Re
 
 
 def _step_effect(contestants: list[ComparedController], measured: dict[str, TailErrors]) -> float:
-    """The largest relative change of the errors at size 1 with the delay when the step is halved."""
+    """Return the largest relative change of the errors, at size 1 and with the delay, when the step is halved."""
     problem = given(1.0, DELAY)
     fine = {c.name: float(tail([(problem, c.controller)], STEP / 2)[0]) for c in contestants}
     return max(abs(at_one(measured[c.name].delayed) / fine[c.name] - 1) for c in contestants)
@@ -249,7 +249,7 @@ def _table(contestants: list[ComparedController], measured: dict[str, TailErrors
 
 
 def _shown(value: Any, factor: float = 1.0, round_off: Callable[[float], float] = round) -> str:
-    """Three digits; bounds are rounded to their safe side, up or down."""
+    """Format a value with three digits. Bounds are rounded to their safe side, up or down."""
     if value is None:
         return "-"
     unit = 10.0 ** (math.floor(math.log10(factor * value)) - 2)
@@ -276,14 +276,14 @@ ROWS = (
 
 
 GAMMA = 100.0
-"""The gain of the comparison with linear designs: the loop is close to its limit of fast adaptation, and h = 1e-4 s resolves
-it."""
+"""The gain of L1-AC in the comparison with linear designs. The loop is close to its limit of fast adaptation, and h = 1e-4 s
+resolves it."""
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 
 
 def claim(l1: Array, pi: Array) -> Claim:
-    """From the tail errors of L1-AC with the first-order filter and of the PI over the sizes, (sizes,) each."""
+    """Return the row from the tail errors of L1-AC with the first-order filter and of the PI over the sizes, (sizes,) each."""
     margin, kappa = section_v.limit_delay_margin(input_filter(section_v.KAPPA)), section_v.two_slopes_kappa()
     C = two_slopes(kappa)
     second = over_sizes(L1Adaptive(gamma=GAMMA, filter=C, name="two slopes"))[:-1]
@@ -328,7 +328,7 @@ def _over_sizes(l1: Array, second: Array, pi: Array) -> Listing:
 
 
 def _compared(l1: Array, pi: Array) -> tuple[bool, str]:
-    """Whether its errors are smaller at every size that both tolerate, and by how much."""
+    """Return whether L1-AC's errors are smaller at every size that both tolerate, and a text with the ratios."""
     both = ~(np.isnan(l1) | np.isnan(pi))
     ratio = l1[both] / pi[both]
     return (
@@ -339,28 +339,28 @@ def _compared(l1: Array, pi: Array) -> tuple[bool, str]:
 
 T_END, STEP = 60.0, 1e-4
 CORNER = np.array([5.0, 5.0])
-"""The corner of Section V's set in whose direction mu finds the linear loops weakest. It makes the plant unstable from size
-0.2 on."""
+"""The corner of Section V's set in whose direction the linear loops are weakest according to mu. The plant is unstable there
+from size 0.2 on."""
 SIZES = 0.25 * 2.0 ** (np.arange(24) / 3)
-"""Sizes of the set and of theta in it, up to 51 times Section V's; their number is a multiple of the kernel's lanes."""
+"""Sizes of the set and of theta in it, up to 51 times Section V's. Their number is a multiple of the kernel's lanes."""
 
 
 def given(size: float, delay: float = 0.0) -> Problem:
-    """The problem with the set and the true parameters scaled by this factor, and the parameters in the set's corner."""
+    """Return the problem with the set and the true parameters scaled by this factor, and the parameters in the set's corner."""
     box = ParameterBox(lower=-size * np.array([5.0, 5.0]), upper=size * np.array([5.0, 5.0]))
     return variant(theta=size * CORNER, box=box, input=PlantInput(delay=delay) if delay else None)
 
 
 def tail(members: list[tuple[Problem, Controller]], step: float = STEP) -> Array:
-    """The tail error max |e| of each run; NaN if it diverged."""
+    """Return the tail error max |e| of each run, NaN if it diverged."""
     return figures(members, T_END, step).tail_max_abs_e.max(axis=1)
 
 
 def over_sizes(controller: Controller) -> Array:
-    """(sizes + 1) tail errors over SIZES and, last, at Section V's own theta."""
+    """Return (sizes + 1) tail errors: those over SIZES and, last, that at Section V's own theta."""
     return tail([*((given(size), controller) for size in SIZES), (variant(), controller)])
 
 
 def at_one(values: Array) -> float:
-    """Return the value at size 1 of values over SIZES."""
+    """Return the value at size 1 from values over SIZES."""
     return float(values[np.argmin(np.abs(SIZES - 1))])

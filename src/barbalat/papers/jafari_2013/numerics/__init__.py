@@ -1,1 +1,1 @@
-"""The oscillations of the estimates: their cause, and the solvers, steps and gains that remove them."""
+"""The oscillations of the estimates, their cause, and the solvers, steps and gains that remove them."""

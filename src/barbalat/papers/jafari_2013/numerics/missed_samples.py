@@ -1,4 +1,4 @@
-"""Which sampled schemes tolerate lost measurements: Section V with a tenth of them lost, one by one and in bursts."""
+"""Tests which sampled schemes tolerate lost measurements. In Section V's case a tenth are lost, one by one or in bursts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ DRAWS, MORE_DRAWS = 12, 64
 
 @dataclass(frozen=True, eq=False)
 class Losses:
-    """The largest |e| of one scheme over the run: own (n,) without losses; singles and bursts (draws, n) with them."""
+    """The largest |e| of one scheme over the run: ``own`` (n,) without losses, ``singles`` and ``bursts`` (draws, n) with
+    them."""
 
     own: Array
     singles: Array
@@ -40,8 +41,8 @@ class Losses:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """The factor by which the worst component of the worst draw exceeds its error without losses: one by one, in bursts;
-        infinite if lost."""
+        """The factors by which the worst component of the worst draw exceeds its error without losses, for losses one by one and
+        in bursts; infinite if a run is lost."""
         one_by_one, in_bursts = (
             float(np.nan_to_num(errors / self.own, nan=np.inf).max()) for errors in (self.singles, self.bursts)
         )
@@ -59,8 +60,8 @@ class Losses:
 
 
 def schemes() -> list[Controller]:
-    """The sampled schemes: those of the bundled case, unchanged, and others with the bandwidth 1/kappa or the ledger's PI
-    design."""
+    """Return the sampled schemes: those of the bundled case, unchanged, and others with the bandwidth 1/kappa or with the
+    ledger's PI design."""
     given = section_v.problem()
     continuous = (
         Mrac(gamma=1.0, name="MRAC"),
@@ -69,7 +70,7 @@ def schemes() -> list[Controller]:
         Adrc(bandwidth=1 / section_v.KAPPA, name="ADRC"),
         pi_feedback(given.known, unmodelled_delay=PI_DELAY, name="PI"),
     )
-    ideal = KnownParameters(given.parameters, name="known parameters")  # no states: any discretization is exact
+    ideal = KnownParameters(given.parameters, name="known parameters")  # it has no states, so any discretization is exact
     return [
         *(Sampled(controller=one, sample_time=SAMPLE_TIME) for one in continuous),
         L1PiecewiseConstant(sample_time=SAMPLE_TIME, filter=input_filter(section_v.KAPPA), name="piecewise-constant L1"),
@@ -78,13 +79,13 @@ def schemes() -> list[Controller]:
 
 
 def claim(draws: int = DRAWS) -> Claim:
-    """Every scheme with the same draws, judged by the largest error of each component."""
+    """Run every scheme with the same draws, and judge them by the largest error of each component."""
     found = {one.name: losses(one, draws) for one in schemes()}
     return judged({name: whole for name, (whole, _) in found.items()}, {name: tail for name, (_, tail) in found.items()})
 
 
 def losses(controller: Controller, draws: int) -> tuple[Losses, Losses]:
-    """The errors of the whole run, and of its last quarter."""
+    """Return the errors of the whole run, and those of its last quarter."""
     own = _errors(controller, [None])
     singles = _errors(controller, [Dropout(share=LOST_SHARE, seed=seed) for seed in range(draws)])
     burst = BURST_SAMPLES * SAMPLE_TIME
@@ -94,7 +95,8 @@ def losses(controller: Controller, draws: int) -> tuple[Losses, Losses]:
 
 
 def _errors(controller: Controller, faults: Sequence[Dropout | None]) -> tuple[Array, Array]:
-    """(runs, n) max |e| of the run, and of its tail; runs with other losses have other signals and do not form an ensemble."""
+    """Return max |e| (runs, n) of each run and of its tail. Runs with different losses have different signals and cannot form an
+    ensemble."""
     given = section_v.problem()
     problems = [given if fault is None else replace(given, faults=(fault,)) for fault in faults]
     runs = [figures([(problem, controller)], T_END, SAMPLE_TIME) for problem in problems]
@@ -102,7 +104,7 @@ def _errors(controller: Controller, faults: Sequence[Dropout | None]) -> tuple[A
 
 
 def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
-    """The row of the measurements of each scheme, over the run and over its tail."""
+    """Return the row from the measurements of each scheme, over the run and over its tail."""
     sentence, draws = SENTENCES["missed-samples"], len(next(iter(whole.values())).singles)
     factors = [{name: one.factors[k] for name, one in whole.items()} for k in range(2)]
     one_by_one, in_bursts = (_worst(kind) for kind in factors)
@@ -139,7 +141,7 @@ def _beyond(factors: Mapping[str, float]) -> str:
 
 
 def _in_the_tail(tail: Mapping[str, Losses]) -> Reading:
-    """The transient's error hides the effect of later losses."""
+    """Return the reading on the tail, because the error of the transient hides the effect of later losses."""
     factors = {name: max(one.factors) for name, one in tail.items()}
     return Reading(
         "judged only by the error of the last quarter, every scheme tolerates both kinds of losses",
@@ -150,7 +152,7 @@ def _in_the_tail(tail: Mapping[str, Losses]) -> Reading:
 
 
 def _no_merit(whole: Mapping[str, Losses]) -> Reading:
-    """Each factor is relative to the scheme's own error."""
+    """Return the reading on the absolute error, because each factor is relative to the scheme's own error."""
     least = min(whole, key=lambda one: max(whole[one].factors))
     smaller = [name for name, one in whole.items() if one.largest < whole[least].largest]
     return Reading(

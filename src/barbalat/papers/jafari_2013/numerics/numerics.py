@@ -1,4 +1,4 @@
-"""Claims on the oscillations: their cause, their onset and their remedies."""
+"""Claims on the cause, the onset and the remedies of the oscillations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from barbalat.validate import Array
 
 
 def come_and_go(runs: Runs) -> Claim:
-    """The total variation at the steps and gains of Figures 3, 4, 5."""
+    """Compare the total variation at the steps and gains of Figures 3, 4 and 5."""
     rates = [
         np.array(result.figures["theta_hat_variation_rate"])
         for result in (runs.coarse["L1"], runs.fine["L1, gamma 1e4"], runs.fine["L1, gamma 1e6"])
@@ -54,11 +54,12 @@ def come_and_go(runs: Runs) -> Claim:
 
 
 FILTERS_TRIED = (0.001, 0.005, section_v.KAPPA, 0.04)
-"""[s]: kappa of (6), up to near the largest that Theorem 1 (ii) admits, 0.0434 s."""
+"""Values of kappa in (6) [s], up to nearly the largest that Theorem 1 (ii) admits, 0.0434 s."""
 
 
 def without_filter() -> Claim:
-    """The estimates at the gain and step of Figure 3: of the standard MRAC, and with filters from fast to slow."""
+    """Compare the estimates of the standard MRAC with those of filtered schemes, from fast to slow filters, at Figure 3's gain
+    and step."""
     given = section_v.problem()
     rate = figures([(given, Mrac(gamma=1e4))], 60.0, 1e-4).theta_hat_variation_rate[0]
     filtered = figures([(given, section_v.l1("L1", 1e4, kappa)) for kappa in FILTERS_TRIED], 60.0, 1e-4).theta_hat_variation_rate
@@ -81,13 +82,13 @@ def without_filter() -> Claim:
 
 
 RESOLVING_STEP = 2e-5
-"""[s]: h omega_a is at most 1.4 at Figure 3's gain."""
+"""A step [s] with which h omega_a is at most 1.4 at Figure 3's gain."""
 CREST = 50.0
 """The crest of Section V's command."""
 
 
 def smaller_gain() -> Claim:
-    """A moderate gain at the same step."""
+    """Test a moderate gain at the same step."""
     given = section_v.problem()
     mrac = figures([(given, Mrac(gamma=section_v.MODERATE_GAIN))], 60.0, 1e-4)
     l1 = figures([(given, section_v.l1("L1", 1e4))], 60.0, 1e-4)
@@ -125,8 +126,7 @@ def smaller_gain() -> Claim:
 
 
 def small_tau() -> list[Claim]:
-    """The smallest tau with a stable run without modelling error, compared with the solver's limit for h/tau on the real
-    axis."""
+    """Compare the smallest tau with a stable run without modelling error to the solver's limit of h/tau on the real axis."""
     h = 1e-4
     taus = np.append(np.geomspace(1e-5, 1e-4, 41), section_v.TAU)
     diverged = ~np.isnan(
@@ -160,12 +160,12 @@ def small_tau() -> list[Claim]:
 
 SMALL_TAUS = f"Section V, robust MRAC, {MENDED}, RK4, h = 1e-4 s, 10 s, 41 values of tau from 1e-5 to 1e-4 s, and 0.5 s"
 UNCHANGED_SHARE = 1e-3
-"""The largest share by which a tenth of the step may change an error or the control if the step causes no problem."""
+"""The step counts as harmless if a tenth of it changes no error and no control by more than this share."""
 
 
 def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
-    """The conclusion's sentence, at Section V's settings; the effect of very small tau, from the previous row's runs, is shown
-    beside it."""
+    """Test the conclusion's sentence at Section V's settings. The effect of very small tau, from the previous row's runs, is
+    shown beside it."""
     sentence, above = SENTENCES["no-numerical-problems"], ~diverged[taus > observed]
     member = (section_v.problem(), section_v.robust_mrac("r"))
     coarse, fine = (figures([member], section_v.T_END, h) for h in (section_v.COARSE_STEP, section_v.FINE_STEP))
@@ -205,7 +205,7 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
 
 
 def _changed(one: Metrics, other: Metrics) -> float:
-    """The largest relative difference of the largest errors, those of the tail, and the control."""
+    """Return the largest relative difference of the largest errors, of those in the tail, and of the control."""
     pairs = ((getattr(run, name) for run in (one, other)) for name in ("max_abs_e", "tail_max_abs_e", "max_abs_u"))
     return max(float(np.abs(np.ravel(a) / np.ravel(b) - 1).max()) for a, b in pairs)
 

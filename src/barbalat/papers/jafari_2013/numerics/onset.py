@@ -1,4 +1,4 @@
-"""The claim on the onset of the oscillations: predicted and observed over the plane of gain and step."""
+"""The claim on the onset of the oscillations, predicted and observed over the plane of gain and step."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from barbalat.solvers import RK4
 from barbalat.validate import Array
 
 T_END = 30.0
-"""The last quarter of the run contains a crest of |x|, at which the adaptation is fastest."""
+"""Horizon [s]. The last quarter of the run contains a crest of |x|, at which the adaptation is fastest."""
 STEPS = (2e-4, 1e-4, 5e-5)
-"""[s]: the paper's coarse step, twice it and half of it."""
+"""The paper's coarse step, twice this step and half of it [s]."""
 SWEEP_RATE = 20.0
-"""Variation of an estimate [1/s] equal to one sweep of the box, there and back, per second; the command causes one in 12 s."""
+"""Variation of an estimate [1/s] equal to one sweep of the box per second, there and back. The command causes one in 12 s."""
 
 MAP_GAINS = np.geomspace(10, 1e7, 73)
 MAP_STEPS = np.array([T_END / round(T_END / h) for h in np.geomspace(1e-5, 1e-3, 15)])
 
 
 def boundary(runs: Runs) -> Claim:
-    """The gain at which the estimates begin to oscillate against h omega_a = 2.83, for both schemes, and the map for L1-AC."""
+    """Compare the gain at which the estimates begin to oscillate with h omega_a = 2.83, for both schemes, and draw the map for
+    L1-AC."""
     steps = np.array(STEPS)
     filtered, plain = runs.fine["L1, gamma 1e4"], runs.coarse["MRAC"]
     expected = [_predicted_gain(filtered, steps), _predicted_gain(plain, steps)]
@@ -63,13 +64,14 @@ def boundary(runs: Runs) -> Claim:
 
 
 def _predicted_gain(smooth: Result, h: Array) -> Array:
-    """(beta/h)^2/(max |x|^2 b'P b); |x| from a run without oscillation, which depends neither on the gain nor on the step."""
+    """Return (beta/h)^2/(max |x|^2 b'P b), with |x| from a run without oscillation, where it depends neither on the gain nor on
+    the step."""
     known = section_v.problem().known
     return (RK4.imaginary_limit / h) ** 2 / (np.linalg.norm(smooth.x, axis=1).max() ** 2 * float(known.b @ known.P @ known.b))
 
 
 def _onset(make: Callable[[float], Controller], expected: Array) -> Array:
-    """The least gain with oscillating estimates for each of STEPS, within a decade of the expected one."""
+    """Return for each of STEPS the smallest gain with oscillating estimates, within a decade of the expected one."""
     found = []
     for h, gain in zip(STEPS, expected, strict=True):
         gains = gain * np.geomspace(0.1, 10, 61)
@@ -116,7 +118,7 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
 
 
 def _predicted_step(smooth: Result, gains: Array) -> Array:
-    """Return the step at which oscillations are due: the boundary solved for h."""
+    """Return the step at which oscillations are expected to begin, which is the boundary solved for h."""
     return np.sqrt(_predicted_gain(smooth, np.array(1.0)) / gains)
 
 

@@ -1,4 +1,4 @@
-"""The claim that Figure 3's oscillation comes from the solver: the oscillation that remains as the step goes to zero."""
+"""The claim that Figure 3's oscillation comes from the solver, tested by the oscillation that remains as the step tends to 0."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 
 
 def own_oscillation() -> Claim:
-    """The ringing that remains as the step goes to zero, compared with that of Figure 3's run, second by second."""
+    """Compare the ringing that remains as the step goes to zero with that of Figure 3's run, second by second."""
     figure_3 = rk4(PAPER_SETTING.gamma, section_v.COARSE_STEP, T_END)[1]
     steps = [rk4(PAPER_SETTING.gamma, h, T_END) for h in (section_v.FINE_STEP, *CONVERGED_STEPS)]
     free, boxed = ([path.ringing(*TAIL_WINDOW) for path in paths] for paths in zip(*steps, strict=True))
@@ -74,7 +74,7 @@ def own_oscillation() -> Claim:
 OWN_SHARE = 0.1
 """An oscillation is attributed to the solver if the equations have less than this share of it."""
 NUMERICAL_FROM = 2.0
-"""[s]: RK4 has left the solution at the paper's step, and the estimates reach both bounds."""
+"""Time [s] from which RK4 at the paper's step has left the solution, and the estimates reach both bounds."""
 
 
 ROWS = (

@@ -1,5 +1,5 @@
-"""A sampled law that no gain destabilises numerically, in contrast to the sentence that no solver avoids the phenomenon; its
-delays."""
+"""A sampled law that no gain destabilises numerically, in contrast to the sentence that no solver avoids the phenomenon, and the
+delays that it tolerates."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ GAINS = (1e2, 1e4, 1e6, 1e8)
 
 
 def claim() -> Claim:
-    """Variation of the estimates for gains from 1e2 to 1e8, by midpoint and by Euler, with and without filter."""
+    """Measure the variation of the estimates for gains from 1e2 to 1e8, with midpoint and Euler steps, with and without a
+    filter."""
     smooth = {scheme: _rates(scheme, "midpoint") for scheme in ("MRAC", "L1")}
     rough = _rates("MRAC", "euler")
     spread = max(float((rates.max(axis=0) / rates.min(axis=0)).max()) for rates in smooth.values())
@@ -57,7 +58,7 @@ def claim() -> Claim:
 
 
 def _rates(scheme: str, discretization: str) -> Array:
-    """(gains, n) variation of the estimates in the tail [1/s]."""
+    """Return the variation of the estimates in the tail (gains, n) [1/s]."""
     rates = []
     for gamma in GAINS:
         inner: Controller = Mrac(gamma=gamma, name="c") if scheme == "MRAC" else section_v.l1("c", gamma)
@@ -72,12 +73,12 @@ DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
 """Delays [s], from one sample to fifty."""
 DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 CHATTER_FACTOR = 30.0
-"""Estimates do not chatter if they vary by at most this factor more than without delay; the others vary a thousand times
-more."""
+"""Estimates are quiet if they vary by at most this factor more than without a delay. The others vary a thousand times more."""
 
 
 def delays() -> Claim:
-    """The error under a delay at the plant's input, in samples, by gain: midpoint with and without filter, Euler, continuous."""
+    """Measure the error under a delay at the plant's input, in samples, over the gain: for midpoint steps with and without a
+    filter, Euler steps, and the continuous law."""
     found = _by_form()
     errors, rates = found["MRAC, midpoint"]
     quiet = CHATTER_FACTOR * rates[-1, 0]
@@ -112,7 +113,7 @@ def delays() -> Claim:
 
 
 def _by_form() -> dict[str, tuple[Array, Array]]:
-    """Errors and rates of each controller, in each form."""
+    """Return the errors and rates of each controller in each form."""
     resolved = [gamma for gamma in DELAY_GAINS if gamma <= RESOLVED_GAIN]
     return {
         "MRAC, midpoint": _under_delays([_each_sample(_mrac(gamma), "midpoint") for gamma in DELAY_GAINS], SAMPLE_TIME / 2),
@@ -142,7 +143,8 @@ def _mrac(gamma: float) -> Mrac:
 
 
 RESOLVED_GAIN = 1e2
-"""The largest gain that 1e-4 s resolves in continuous time on this problem: the adaptation's frequency is near 100 sqrt(Gamma)."""
+"""The largest gain that 1e-4 s resolves in continuous time on this problem, where the adaptation's frequency is near
+100 sqrt(Gamma)."""
 
 
 def _each_sample(controller: Controller, discretization: str) -> Sampled:
@@ -150,7 +152,7 @@ def _each_sample(controller: Controller, discretization: str) -> Sampled:
 
 
 def _under_delays(controllers: Sequence[Controller], dt: float) -> tuple[Array, Array]:
-    """The largest |e| of the tail and the variation of the estimates [1/s], for each controller and delay; the first delay
+    """Return the largest |e| of the tail and the variation of the estimates [1/s], for each controller and delay. The first delay
     is zero."""
     given = variant()
     delayed = [replace(given, plant=replace(given.plant, input=PlantInput(delay=delay))) for delay in DELAYS]

@@ -1,4 +1,5 @@
-"""The claim that a solver for stiff problems does not help: implicit methods at a fixed step, and codes with automatic steps."""
+"""The claim that a solver for stiff problems does not help, tested with implicit methods at fixed steps and with codes that
+choose their steps."""
 
 from __future__ import annotations
 
@@ -26,13 +27,13 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 
 
 def stiff_solvers() -> Claim:
-    """The solvers at the gains and steps of Figures 3 and 5, at which RK4 fails: without projection, and with it as in the
+    """Run the solvers at the gains and steps of Figures 3 and 5, at which RK4 fails, without projection and with it as in the
     figures."""
     return _claim(StiffRuns.now())
 
 
 def stiff_solvers_further() -> Claim:
-    """The same, longer runs at the other gains, and more and longer runs of the codes with automatic steps."""
+    """Run the same, longer runs at the other gains, and more and longer runs of the codes with automatic steps."""
     listings, right, followed = [], PAPER_SETTING.right, []
     for gain in FURTHER_GAINS:
         rows = [gain.explicit(h) for h in STEPS] + _implicit(gain)
@@ -82,13 +83,15 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
 
 
 def _worst(tried: StiffRuns, place: int) -> float:
-    """The largest ringing over the equations' of one implicit method, at any gain; infinite if a run is lost."""
+    """Return the largest ratio of one implicit method's ringing to that of the equations, at any gain; infinite if a run is
+    lost."""
     rows = [(rows[place], gain) for rows, gain in zip(tried.fixed, GAINS, strict=True)]
     return max(np.inf if row.boxed.lost else ratios(row.boxed, gain.right[1], row.span)[1] for row, gain in rows)
 
 
 def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
-    """A solver that avoids the phenomena at every gain; and a singularity: a converged solution that ends, against the proof that none does."""
+    """Return the two literal readings: that no solver avoids the phenomena at every gain, and that the converged solution may end
+    in a singularity, which a proof excludes."""
     sentence, avoiding = SENTENCES["stiff-solvers"], _avoiding(tried)
     ends = min(path.reached for path in PAPER_SETTING.right)
     return (
@@ -104,7 +107,8 @@ def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
 
 
 def _avoiding(tried: StiffRuns) -> list[str]:
-    """The implicit methods, each with its step, that show nothing of Figures 3 and 5 at any gain, and how far their estimates ring."""
+    """Return a text for each implicit method and step that shows nothing of Figures 3 and 5 at any gain, with the ringing of its
+    estimates."""
     found = []
     for rows in zip(*tried.fixed, strict=True):
         if not any(_shows_them(row, gain) for row, gain in zip(rows, GAINS, strict=True)):
@@ -116,12 +120,14 @@ def _avoiding(tried: StiffRuns) -> list[str]:
 
 
 def _shows_them(row: StiffRow, gain: StiffSetting) -> bool:
-    """Figures 3 and 5: estimates that ring beyond the equations, with projection; signals that go unbounded, without."""
+    """Whether a run shows the phenomena of Figures 3 and 5: with projection, estimates that ring more than those of the
+    equations; without projection, unbounded signals."""
     return row.free.lost or row.boxed.lost or rings_too_much(row.boxed, gain.right[1], row.span)
 
 
 def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
-    """Codes that choose their steps: tight, to where the phenomenon has begun and past the first second on a bound; and loose."""
+    """Return the readings on codes that choose their steps. The runs with a tight tolerance last beyond the onset of the
+    phenomenon and the first second on a bound; others have a loose tolerance."""
     right, failing = PAPER_SETTING.right, _failing(tried)
     return (
         Reading(
@@ -145,12 +151,13 @@ def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
 
 
 def _failing(tried: StiffRuns) -> list[StiffRow]:
-    """The runs at the loose tolerance that show something of Figures 3 and 5: more ringing than the equations', or no end."""
+    """Return the runs at the loose tolerance that ring more than the equations or do not reach their end."""
     return [row for row in tried.loose if _shows_them(row, PAPER_SETTING)]
 
 
 def _beside(tried: StiffRuns) -> tuple[Reading, ...]:
-    """Whether solvers follow the equations, ringing included: more than the sentence asks of them."""
+    """Return the readings on whether solvers follow the equations, including their ringing, which the sentence does not
+    require."""
     coarse, fine = (
         [(row, gain) for gain, rows in zip(GAINS, tried.fixed, strict=True) for row in rows if row.setting == rows[first].setting]
         for first in (0, 2)
@@ -168,7 +175,7 @@ def _beside(tried: StiffRuns) -> tuple[Reading, ...]:
 
 
 def _followed(says: str, pairs: list[tuple[StiffRow, StiffSetting]]) -> Reading:
-    """Whether no method, by its name, follows the equations at each of its gains."""
+    """Return the reading that no method follows the equations at each of its gains."""
     names = {row.name for row, _ in pairs}
     following = [n for n in names if all(agrees(row.boxed, gain.right[1], row.span) for row, gain in pairs if row.name == n)]
     told = "; ".join(f"Gamma = {gain.gamma:g}, {row.name} {cell(row, 1, gain.right)}" for row, gain in pairs)
@@ -186,7 +193,8 @@ NO_SINGULARITY = (
 
 
 def _giving_up(tried: StiffRuns) -> Reading:
-    """The message of a code at a real or supposed singularity: its step falls below the resolution of t in double precision."""
+    """Return the reading on codes that give up as at a singularity: their step falls below the resolution of t in double
+    precision."""
     codes = [*tried.tight, *tried.loose]
     gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]
     return Reading(
@@ -198,12 +206,12 @@ def _giving_up(tried: StiffRuns) -> Reading:
 
 
 def _highest(until: float) -> float:
-    """The largest estimate of the converged solution up to this time."""
+    """Return the largest estimate of the converged solution up to this time."""
     return float(np.nanmax(np.abs([(p.least, p.greatest) for p in PAPER_SETTING.right])[:, :, : round(until / RINGING_WINDOW)]))
 
 
 def _implicit(gain: StiffSetting) -> list[StiffRow]:
-    """Both methods at both of the paper's steps."""
+    """Run both methods at both of the paper's steps."""
     return [gain.implicit(h, midpoint=midpoint) for h in STEPS for midpoint in (True, False)]
 
 
@@ -224,30 +232,36 @@ STEPS = (section_v.COARSE_STEP, section_v.FINE_STEP)
 T_END = 20.0
 TAIL_WINDOW = (0.75 * T_END, T_END)
 AUTOMATIC_END = 3.0
-"""[s]: past the time at which RK4 has left the solution at the paper's step, and before any estimate reaches its bound."""
+"""Horizon [s] beyond the time at which RK4 at the paper's step has left the solution, and before any estimate reaches its
+bound."""
 LONG_AUTOMATIC_END = 10.0
-"""[s]: after the time during which an estimate is at its bound, from 6.5 to 9.3 s."""
+"""Horizon [s] beyond the time during which an estimate is at its bound, which is from 6.5 to 9.3 s."""
 TOLERANCE = 1e-7
-"""Relative tolerance of the codes with automatic steps; at 1e-6 they damp the ringing up to 3 s by a quarter or more (docs/laboratory/claims.md)."""
+"""Relative tolerance of the codes with automatic steps. At 1e-6 they damp the ringing up to 3 s by a quarter or more
+(docs/laboratory/claims.md)."""
 LOOSE_TOLERANCES = (1e-3, 1e-6)
-"""The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a tolerance."""
+"""Loose tolerances. The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a
+tolerance."""
 LOOSE_END, RADAU_END = 4.0, 1.5
-"""[s]: of the plain command at the loose tolerance; ``--full`` goes to ``LONG_AUTOMATIC_END`` with all four codes, in a minute and more."""
+"""Horizons [s] of the plain command at the loose tolerance. ``--full`` runs all four codes to ``LONG_AUTOMATIC_END``, which takes
+a minute or more."""
 RADAU_BUDGET: dict[SciPyMethod, int] = {"Radau": 1_000_000}
-"""Ten times the steps that it needs to ``RADAU_END``. SciPy's BDF and Radau are Python, 20 to 40 us for each evaluation."""
+"""Largest number of evaluations, ten times the steps that the code needs to ``RADAU_END``. SciPy's BDF and Radau are written in
+Python and take 20 to 40 us for each evaluation."""
 LONG_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 3_000_000, "BDF": 3_000_000, "Radau": 3_000_000}
-"""The steps that they need to ``AUTOMATIC_END`` at ``LOOSE_TOLERANCES``."""
+"""Largest numbers of evaluations, which the codes need to ``AUTOMATIC_END`` at ``LOOSE_TOLERANCES``."""
 FULL_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, "Radau": 30_000_000}
-"""Evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance: more than any code needs to reach the end or to give up."""
+"""Largest number of evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance, more than any code needs to reach the end or
+to give up."""
 CONVERGED_STEPS = (1e-6, 5e-7)
-"""Steps [s] at which h |lambda| is at most 0.07: two that agree show the behaviour of the equations."""
+"""Two steps [s] at which h |lambda| is at most 0.07. If their results agree, they show the behaviour of the equations."""
 PAPER_SETTING = StiffSetting(1e4, T_END, CONVERGED_STEPS[0])
 FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7)
-"""The converged step is 1e-7 s within 0.2 % of the ringing."""
+"""Figure 3's setting. At its converged step the ringing is within 0.2 % of that at 1e-7 s."""
 GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5e-7), FIGURE_5)
-"""At each of them RK4 fails at the paper's step of 1e-4 s; the plain command has time for this much of each."""
+"""Settings at which RK4 fails with the paper's step of 1e-4 s, with the horizons for which the plain command has time."""
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))
-"""The runs of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
+"""The settings of ``reproduce --full``. The last run is as long as its converged step allows within a quarter of a minute."""
 FULL_COMMAND = (
     f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
     f"the largest); SciPy's LSODA, BDF and Radau as well as CVODES, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
@@ -260,7 +274,7 @@ class StiffRuns:
     """All runs, by their purpose.
 
     explicit  RK4 at Figure 3's gain, at the steps of Figures 3 and 4
-    fixed     for each of ``GAINS`` the implicit steps, in one order
+    fixed     the implicit steps for each of ``GAINS``, always in the same order
     """
 
     explicit: list[StiffRow]
@@ -270,7 +284,7 @@ class StiffRuns:
 
     @staticmethod
     def now(*, full: bool = False) -> StiffRuns:
-        """The runs of the plain command; the full one runs all codes to the end at the loose tolerance."""
+        """Simulate the runs of the plain command, or with ``full`` all codes to the end at the loose tolerance."""
         loosely = [(RADAU_BUDGET, RADAU_END), ({}, LOOSE_END)] if not full else [(FULL_BUDGETS, LONG_AUTOMATIC_END)]
         tightly = ((TOLERANCE, AUTOMATIC_END), (LOOSE_TOLERANCES[1], LONG_AUTOMATIC_END))
         return StiffRuns(

@@ -1,9 +1,9 @@
-"""Solvers for stiff problems on one closed loop: implicit steps compiled as a kernel, SciPy's codes, SUNDIALS' CVODES.
+"""Solvers for stiff problems on one closed loop: implicit steps compiled as a kernel, SciPy's codes, and SUNDIALS' CVODES.
 
 The projection makes the right-hand side jump. An implicit step is made without the projection, and the estimate is then
-replaced by the nearest point of the known set: Lie splitting, of first order, as the catching-up method of sweeping
-processes. The codes with automatic steps get the limited right-hand side itself, as in every stage of our own solvers, and
-locate the jumps by their step control, with limited success; their Jacobian is that of the side on which the state is.
+replaced by the nearest point of the known set. This is Lie splitting of first order, as in the catching-up method for sweeping
+processes. The codes with automatic steps get the limited right-hand side itself, as every stage of our own solvers does. They
+locate the jumps by their step control, with limited success. Their Jacobian is that of the side on which the state is.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ if TYPE_CHECKING:
 SciPyMethod = Literal["Radau", "BDF", "LSODA"]
 """SciPy's solvers for stiff problems."""
 NEWTON_STEPS = 3
-"""Newton steps, starting from the last step's state; the residual after them is checked."""
+"""Number of Newton steps, which start from the state of the last step. The residual after them is checked."""
 LARGEST_RESIDUAL = 1e-6
-"""Largest residual of the method's equation; after a window that exceeds it, a run has no numbers."""
+"""Largest residual of the method's equation. After a window that exceeds it, a run's values are NaN."""
 DIVERGED_ESTIMATE = 1e3
-"""An estimate of this size has diverged: the converged estimates stay below 9, and their bounds are 5."""
+"""An estimate of this size has diverged. The converged estimates stay below 9, and their bounds are 5."""
 RINGING_WINDOW = 0.01
-"""[s]: dozens of periods of the adaptation, during which the command changes little."""
+"""Window [s] with dozens of periods of the adaptation, during which the command changes little."""
 STEPS_UNDISTURBED = 200
-"""Steps between two checks for Ctrl-C: a check takes as long as a step, and this number of steps of the slowest code takes
-0.1 s."""
+"""Number of steps between two checks for Ctrl-C. A check takes as long as a step, and this number of steps of the slowest code
+takes 0.1 s."""
 REPORT_STEP = 5e-5
-"""[s] between the output points of CVODES: 15 or more per period of the adaptation."""
+"""Time [s] between the output points of CVODES, of which there are 15 or more per period of the adaptation."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SolverPath:
     """The estimates that a solver computed, and the cost.
 
-    least, greatest  (windows, n): over each WINDOW from t = 0 on, NaN if the solver had no point in it
-    final            (n,): the estimates at its end
-    reached          [s]: the time at its end: the horizon, a loss, or the limit of evaluations
-    lost             whether it diverged, or could not solve its own equation
-    evaluations      of the right-hand side; of an implicit method its Newton steps
-    seconds          of one core of this computer, compilation included
+    least, greatest  (windows, n) extrema over each window from t = 0 on, NaN if the solver had no point in it
+    final            (n,) the estimates at the end
+    reached          the time of the end [s]: the horizon, a loss, or the limit of evaluations
+    lost             whether the run diverged, or the solver could not solve its own equation
+    evaluations      number of evaluations of the right-hand side, or of an implicit method's Newton steps
+    seconds          time of one core of this computer, including compilation
     """
 
     least: Array
@@ -70,9 +70,9 @@ class SolverPath:
     seconds: float
 
     def ringing(self, start: float, end: float) -> Array:
-        """Half the largest swing of each estimate within one WINDOW of [start, end] s, its drift removed: (n,), NaN if unknown.
+        """Return half the largest swing (n,) of each estimate within one window of [start, end] s, without its drift.
 
-        The drift is the motion of the swing's middle from one window to the next.
+        The drift is the motion of the swing's middle from one window to the next. NaN marks an unknown swing.
         """
         chosen = slice(round(start / RINGING_WINDOW), round(end / RINGING_WINDOW))
         drift = np.abs(np.gradient((self.least + self.greatest) / 2, axis=0))
@@ -83,10 +83,10 @@ class SolverPath:
 def implicit(
     loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight: float, box: ParameterBox
 ) -> tuple[SolverPath, SolverPath]:
-    """Take implicit steps without projection and with it, side by side in two lanes; ``loop`` is the one without.
+    """Take implicit steps with and without projection, in two lanes. ``loop`` is the loop without projection.
 
-    The slope is taken at (1 - weight) old + weight new: 1/2 is the midpoint rule, 1 is Euler's implicit method.
-    If the method's equation is not solved to LARGEST_RESIDUAL, all later windows are NaN.
+    The slope is evaluated at (1 - weight) old + weight new. A weight of 1/2 gives the midpoint rule, and 1 gives Euler's implicit
+    method. If the method's equation is not solved to LARGEST_RESIDUAL, all later windows are NaN.
     """
     started = time.process_time()
     rows, size = loop.theta_hat_rows, loop.size
@@ -121,7 +121,7 @@ def implicit(
 
 
 def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
-    """The step in the kernel's form: accumulators are the extrema of the estimates and the largest residual."""
+    """Return the step in the kernel's form. Its accumulators are the extrema of the estimates and the largest residual."""
     import casadi as ca
 
     rows = loop.theta_hat_rows
@@ -147,8 +147,8 @@ def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
 def scipy_path(
     loop: ClosedLoop, problem: Problem, method: SciPyMethod, *, tolerance: float, t_end: float, evaluations: int
 ) -> SolverPath:
-    """One of SciPy's solvers, with a relative tolerance and a hundredth of it as the absolute one, until t_end or the limit
-    of evaluations."""
+    """Run one of SciPy's solvers until t_end or the limit of evaluations. The absolute tolerance is a hundredth of the relative
+    one."""
     import casadi as ca
     from scipy.integrate import BDF, LSODA, Radau
 
@@ -180,7 +180,7 @@ def scipy_path(
 
 
 def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float) -> SolverPath:
-    """SUNDIALS' code for stiff problems, backward differentiation formulas, with the exact Jacobian."""
+    """Run SUNDIALS' code for stiff problems, which uses backward differentiation formulas, with the exact Jacobian."""
     import casadi as ca
 
     started = time.process_time()
@@ -188,14 +188,14 @@ def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float
     options = {"reltol": tolerance, "abstol": tolerance / 100, "max_num_steps": 10**9}
     instants = np.linspace(0, t_end, round(t_end / REPORT_STEP) + 1)
     solver = ca.integrator("solver", "cvodes", {"x": state, "t": t, "ode": slope}, 0.0, instants, options)
-    with contextlib.redirect_stderr(io.StringIO()):  # failures are raised; after an interrupt it would report a failed slope
+    with contextlib.redirect_stderr(io.StringIO()):  # failures are raised; this hides CVODES' own message
         states = np.array(solver(x0=loop.initial())["xf"])
     seconds = time.process_time() - started
     return _path(instants, states[loop.theta_hat_rows].T, t_end, int(solver.stats()["nfevals"]), seconds)
 
 
 def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Symbols of the state and of time, and the slope at the limited state."""
+    """Return the symbols of the state and of time, and the slope at the limited state."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
@@ -208,9 +208,9 @@ def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, 
 
 
 def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> SolverPath:
-    """Extrema over the windows from the points (K,), (K, n) of a solver."""
+    """Return the extrema over the windows from the points (K,), (K, n) of a solver."""
     windows = round(t_end / RINGING_WINDOW)
-    place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
+    place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last window
     filled, first = np.unique(place, return_index=True)
     least, greatest = np.full((2, windows, theta_hat.shape[1]), np.nan)
     least[filled], greatest[filled] = (extremum.reduceat(theta_hat, first) for extremum in (np.minimum, np.maximum))

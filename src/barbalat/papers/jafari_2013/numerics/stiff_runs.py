@@ -1,4 +1,4 @@
-"""Solvers for stiff problems compared with RK4 and the converged solution by the ringing of the estimates, at any gain."""
+"""Compares solvers for stiff problems with RK4 and the converged solution, by the ringing of the estimates at any gain."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from barbalat.run.kernel.grid import CHUNK_STEPS
 from barbalat.solvers.simulation import Simulation
 
 AGREEMENT_FACTOR = 1.25
-"""Factor between the ringing of a run and the converged one."""
+"""A run agrees with the converged solution if the ratio of their ringing is within this factor."""
 RINGING_START, RINGING_END = 0.5, 6.4
-"""[s]: the equations ring from the start on, until an estimate meets its bound at 6.5 s; later, with projection, they only
-drift."""
+"""Interval [s] over which the ringing is compared. The equations ring from the start until an estimate reaches its bound at
+6.5 s. With projection they only drift later."""
 CASES = ("L1, no projection", "L1")
 
 
 class StiffRow(NamedTuple):
-    """One solver: its paths without projection and with it, and the time over which its ringing is taken."""
+    """One solver: its paths with and without projection, and the time over which its ringing is measured."""
 
     name: str
     setting: str
@@ -49,7 +49,7 @@ class StiffRow(NamedTuple):
 class StiffSetting:
     """L1-AC of Section V at one gain: its horizon, and the step at which RK4 has converged.
 
-    converged_step  [s]: h |lambda| is 0.14 and less, |lambda| near 700 sqrt(Gamma) at the crest of |x|
+    converged_step  a step [s] with h |lambda| of at most 0.14; |lambda| is near 700 sqrt(Gamma) at the crest of |x|
     """
 
     gamma: float
@@ -58,7 +58,7 @@ class StiffSetting:
 
     @property
     def span(self) -> tuple[float, float]:
-        """[s]: over which the ringing is taken."""
+        """The time over which the ringing is measured [s]."""
         return _span(self.t_end)
 
     @property
@@ -67,11 +67,11 @@ class StiffSetting:
         return rk4(self.gamma, self.converged_step, self.t_end)
 
     def explicit(self, h: float) -> StiffRow:
-        """The run of RK4 with the step h."""
+        """Run RK4 with the step h."""
         return StiffRow("RK4", self._setting(h), *rk4(self.gamma, h, self.t_end), self.span)
 
     def implicit(self, h: float, *, midpoint: bool) -> StiffRow:
-        """The implicit midpoint rule, or Euler's implicit method, with the step h."""
+        """Run the implicit midpoint rule, or Euler's implicit method, with the step h."""
         given = section_v.problem()
         assert isinstance(given.uncertainty, ParameterBox)
         loop = ClosedLoop.of(given, _controllers(self.gamma)[0])
@@ -79,7 +79,7 @@ class StiffSetting:
         return StiffRow("implicit midpoint" if midpoint else "implicit Euler", self._setting(h), *paths, self.span)
 
     def automatic(self, budgets: dict[SciPyMethod, int], *, tolerance: float, t_end: float) -> list[StiffRow]:
-        """The codes with automatic steps, with projection; those of SciPy stop when their evaluations are used up."""
+        """Run the codes with automatic steps, with projection. Those of SciPy stop when their evaluations are used up."""
         given = section_v.problem()
         loop = ClosedLoop.of(given, _controllers(self.gamma)[1])
         paths = {"CVODES (BDF)": cvodes(loop, given, tolerance=tolerance, t_end=t_end)}
@@ -102,7 +102,7 @@ def _controllers(gamma: float) -> list[Controller]:
 
 @cache
 def rk4(gamma: float, h: float, t_end: float) -> tuple[SolverPath, SolverPath]:
-    """L1-AC with RK4, without and with projection."""
+    """Run L1-AC with RK4, without and with projection."""
     started = time.process_time()
     windows, parts = round(t_end / RINGING_WINDOW), _parts(round(RINGING_WINDOW / h))
     simulation = Simulation(t_end=t_end, dt=h, record_points=windows * parts)
@@ -129,24 +129,26 @@ def rk4(gamma: float, h: float, t_end: float) -> tuple[SolverPath, SolverPath]:
 
 
 def _parts(steps: int) -> int:
-    """The number of equal parts of a window with this number of steps, such that no part is longer than a run's blocks."""
+    """Return into how many equal parts a window with this number of steps is divided, so that no part is longer than a run's
+    blocks."""
     return next(parts for parts in range(1, steps + 1) if steps % parts == 0 and steps // parts <= CHUNK_STEPS)
 
 
 def ratios(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> tuple[float, float]:
-    """Its ringing over the converged one's in each second of the span: the least and the largest ratio of any estimate."""
-    seconds = np.append(np.arange(span[0], span[1] - 0.5, 1.0), span[1])  # the last one takes the rest
+    """Return the smallest and the largest ratio of a path's ringing to the converged one's, over all seconds of the span and all
+    estimates."""
+    seconds = np.append(np.arange(span[0], span[1] - 0.5, 1.0), span[1])  # the last one includes the rest
     found = [path.ringing(*ends) / right.ringing(*ends) for ends in pairwise(seconds)]
     return float(np.nanmin(found)), float(np.nanmax(found))
 
 
 def arrived(path: SolverPath, span: tuple[float, float]) -> bool:
-    """Whether it reached the end of the span."""
+    """Whether the path reached the end of the span."""
     return not path.lost and path.reached >= span[1] * (1 - 1e-9)
 
 
 def agrees(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bool:
-    """Whether it reached the end and rings like the converged solution in every second."""
+    """Whether the path reached the end and rings like the converged solution in every second."""
     if not arrived(path, span):
         return False
     least, largest = ratios(path, right, span)
@@ -154,12 +156,12 @@ def agrees(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bo
 
 
 def rings_too_much(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bool:
-    """Whether it reached the end and rings more than the converged solution in some second."""
+    """Whether the path reached the end and rings more than the converged solution in some second."""
     return arrived(path, span) and ratios(path, right, span)[1] >= AGREEMENT_FACTOR
 
 
 def cell(row: StiffRow, which: int, right: tuple[SolverPath, SolverPath]) -> str:
-    """The ratios and their meaning, or the reason for their absence."""
+    """Return the ratios and their meaning, or the reason why there are none."""
     path = (row.free, row.boxed)[which]
     if path.lost:
         return f"lost at {path.reached:.2g} s"
@@ -171,7 +173,7 @@ def cell(row: StiffRow, which: int, right: tuple[SolverPath, SolverPath]) -> str
 
 
 def listing(rows: list[StiffRow], right: tuple[SolverPath, SolverPath], gamma: float) -> Listing:
-    """All solvers, with their cost."""
+    """Return the table of all solvers with their cost."""
     return Listing(
         f"Solvers on L1-AC of Section V, Gamma = {gamma:g}: ringing of the estimates over the converged solution's, smallest and largest in any second, evaluations of the "
         "right-hand side (Newton steps of the implicit ones) per simulated second without projection, and the seconds of one core of this computer",

@@ -1,5 +1,5 @@
-"""The claim that a high gain makes the loop stiff: the eigenvalues of its exact Jacobian at the fastest adaptation, over the
-gain."""
+"""The claim that a high gain makes the loop stiff, tested by the eigenvalues of its exact Jacobian at the fastest adaptation,
+over the gain."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from barbalat.validate import Array
 
 GAINS = (1e2, 1e3, 1e4, 1e5, 1e6)
 GROWTH = 1.5
-"""A decay rate that grows by less than this factor per decade of the gain counts as independent of the gain; sqrt(Gamma)
-would give a factor of 3.2."""
+"""A decay rate that grows by less than this factor per decade of the gain counts as independent of the gain. Growth with
+sqrt(Gamma) would give a factor of 3.2."""
 SMOOTH_GAIN = 100.0
-"""Gain of the run that provides the crest of |x|: x depends little on the gain, and this run is smooth at h = 1e-4 s."""
+"""Gain of the run that provides the crest of |x|. x depends little on the gain, and this run is smooth at h = 1e-4 s."""
 
 
 def stiffness() -> Claim:
-    """The eigenvalues of L1-AC's loop, frozen at the crest of |x|, for five gains."""
+    """Compute the eigenvalues of L1-AC's loop, frozen at the crest of |x|, for five gains."""
     eigenvalues = [_at_crest(gamma) for gamma in GAINS]
     decay = np.array([-found.real.min() for found in eigenvalues])
     size = np.array([np.abs(found).max() for found in eigenvalues])
@@ -52,7 +52,7 @@ def stiffness() -> Claim:
 
 
 def _at_crest(gamma: float) -> Array:
-    """The eigenvalues [1/s] of the loop with this gain at the largest |x| of the smooth run."""
+    """Return the eigenvalues [1/s] of the loop with this gain at the largest |x| of the smooth run."""
     given = section_v.problem()
     (run,) = simulate(given, [section_v.l1("L1", SMOOTH_GAIN, projection=False)], Simulation(t_end=20.0, dt=1e-4)).values()
     crest = int(np.linalg.norm(run.x, axis=1).argmax())

@@ -1,1 +1,1 @@
-"""Output feedback: the nature of its L1 controllers, and the robust MRAC for any relative degree."""
+"""Output feedback: the structure of its L1 controllers, and the robust MRAC for any relative degree."""

@@ -1,4 +1,4 @@
-"""One C of (20) for every plant of a known set, tried by forms with one bandwidth."""
+"""The search for one C that satisfies (20) for every plant of a known set, over three forms with one bandwidth each."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.sentences import SENTENCES
 
 M, LIPSCHITZ = 1.0, 0.5
-"""The pole of (19) [rad/s], and L as in the bundled case l1-output."""
+"""The pole of (19) [rad/s], and L, both as in the bundled case l1-output."""
 BANDWIDTHS = np.geomspace(1.0, 1e4, 9)
 """Bandwidths of the filter [rad/s]."""
 GRID = np.linspace(-5.0, 5.0, 5)
-"""Values of each theta_i: corners, edges and interior of Section V's known set."""
+"""Values of each theta_i, which give corners, edges and interior points of Section V's known set."""
 
 
 def first_order(w: float) -> TransferFunction:
-    """(6), with kappa = 1/w."""
+    """Return (6) with kappa = 1/w."""
     return TransferFunction([w], [1.0, w])
 
 
 def two_slopes(w: float) -> TransferFunction:
-    """1 - C = s^2/(s + w)^2."""
+    """Return the C with 1 - C = s^2/(s + w)^2."""
     return TransferFunction([2 * w, w**2], [1.0, 2 * w, w**2])
 
 
 def with_lead(w: float) -> TransferFunction:
-    """C/(1 - C) = m w^2 (3 s + w)/(s (s + 3 w)): with 1/s^2, the high-frequency limit of every plant of the set, a lead of 53
-    degrees at the crossover w."""
+    """Return the C with C/(1 - C) = m w^2 (3 s + w)/(s (s + 3 w)). With 1/s^2, the high-frequency limit of every plant of the
+    set, it gives a lead of 53 degrees at the crossover w."""
     num = M * np.array([3 * w**2, w**3])
     return TransferFunction(num, np.polyadd([1.0, 3 * w, 0.0], num))
 
@@ -48,25 +48,25 @@ FORMS: dict[str, Callable[[float], TransferFunction]] = {
 
 
 def plants(gain: float = 1.0) -> list[TransferFunction]:
-    """From u to x_1 over the known set: gain/(s^2 + (1 - theta_2) s + 0.3 - theta_1)."""
+    """Return the plants from u to x_1 over the known set, gain/(s^2 + (1 - theta_2) s + 0.3 - theta_1)."""
     A_m = section_v.problem().plant.A_m
     return [TransferFunction([gain], [1.0, -A_m[1, 1] - b, -A_m[1, 0] - a]) for a in GRID for b in GRID]
 
 
 def stabilised(C: TransferFunction, family: list[TransferFunction]) -> int:
-    """For how many of them H is stable."""
+    """Return the number of plants for which H is stable."""
     scheme = L1Output(m=M, gamma=1.0, filter=C)
     return sum(small_gain_system(scheme, G).is_stable for G in family)
 
 
 def largest_norm(C: TransferFunction, family: list[TransferFunction]) -> float:
-    """||H (1 - C)||_1 L, guaranteed from above, of the worst of them; H is stable for all."""
+    """Return a guaranteed upper bound of ||H (1 - C)||_1 L for the worst plant. H must be stable for all."""
     scheme = L1Output(m=M, gamma=1.0, filter=C)
     return LIPSCHITZ * max(condition_norm(scheme, G).upper for G in family)
 
 
 def claim() -> Claim:
-    """Each form over the bandwidths and the plants of the set, and with the sign of the gain unknown."""
+    """Try each form over the bandwidths and the plants of the set, and with an unknown sign of the gain."""
     sentence, family = SENTENCES["c-of-20"], plants()
     counts = {name: [stabilised(form(float(w)), family) for w in BANDWIDTHS] for name, form in FORMS.items()}
     found = {name: _least(form, family, counts[name]) for name, form in FORMS.items()}
@@ -104,7 +104,8 @@ def claim() -> Claim:
 
 
 def _least(form: Callable[[float], TransferFunction], family: list[TransferFunction], counts: list[int]) -> tuple[float, float]:
-    """The least bandwidth with which a form satisfies (20) for all plants, and its worst norm times L; infinite if none does."""
+    """Return the smallest bandwidth with which a form satisfies (20) for all plants, and its worst norm times L; infinity if none
+    does."""
     for w, count in zip(BANDWIDTHS, counts, strict=True):
         if count == len(family) and (norm := largest_norm(form(float(w)), family)) < 1:
             return float(w), norm

@@ -1,4 +1,4 @@
-"""Claims on output feedback: the nature of the L1 controller, the SISO scheme, and Rohrs' counterexample."""
+"""Claims on output feedback: the structure of the L1 controller, the SISO scheme, and Rohrs' counterexample."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ from barbalat.validate import Array
 
 
 def l1_is_linear() -> Claim:
-    """The controller compared with its equivalent; a constant disturbance; saturation with and without the bound on sigma."""
+    """Compare the controller with its linear equivalent, under a constant disturbance and under saturation with and without the
+    bound on sigma."""
     case = load_case("l1-output")
     assert isinstance(case.problem, OutputProblem)
     controller = next(c for c in case.controllers if isinstance(c, L1Output))
@@ -68,11 +69,11 @@ def _beside_equivalent(adaptive: Result, linear: Result) -> Listing:
 
 
 TOLD_INSTANTS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""[s]: instants of the comparison of both, which ends at 20 s."""
+"""Instants [s] at which both are compared. The run ends at 20 s."""
 
 
 def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[float, float]:
-    """Mean |e| in the 8 s after the end of a disturbance that saturated the input, with sigma bounded and free."""
+    """Return the mean |e| in the 8 s after a disturbance that saturated the input, with sigma bounded and with sigma free."""
     plant = replace(problem.plant, input=PlantInput(saturation=(-1.0, 1.0)), nonlinear=None)
     hit = replace(problem, plant=plant, reference=Step(amplitude=1.0), disturbance=Step(amplitude=4.0, start=6.0, constant=-4.0))
     pair = [replace(controller, gamma=50.0, sigma_bound=bound, name=name) for name, bound in (("bounded", 3.0), ("free", None))]
@@ -82,13 +83,13 @@ def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[flo
 
 
 DEAD_ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
-"""Half widths of the dead zone that are tried in addition to the case's own."""
+"""Half-widths of the dead zone that are tried in addition to the case's own."""
 LEAST_PATH = 0.1
-"""Least path of the estimates, all of order one: an estimate that moves less in 80 s does not adapt."""
+"""Smallest path of estimates that adapt. All estimates are of order one, and one that moves less in 80 s does not adapt."""
 
 
 def rohrs() -> Claim:
-    """The classical law and its remedies on one plant, and how far each of them still adapts."""
+    """Compare the classical law and its remedies on one plant, and measure how much each of them still adapts."""
     case = load_case("rohrs")
     runs = simulate(case.problem, case.controllers, case.simulation)
     classical, resting = runs.pop("Classical"), runs.pop("Not adapting")
@@ -134,7 +135,7 @@ def rohrs() -> Claim:
 
 
 def _heights(runs: dict[str, Result]) -> Array:
-    """The largest |y| of each law."""
+    """Return the largest |y| of each law."""
     return np.array([run.figures["max_abs_y"] for run in runs.values()], dtype=float)
 
 
@@ -146,12 +147,12 @@ def _motions(runs: dict[str, Result], t_end: float) -> Listing:
 
 
 def _moved(run: Result) -> float:
-    """The length of the path of all estimates."""
+    """Return the length of the path of all estimates."""
     return float(np.linalg.norm(run.envelope.theta_hat_path.sum(axis=0)))
 
 
 def _dead_zones(case: Case) -> Array:
-    """The time [s] at which the classical law diverges with each of ``DEAD_ZONES``; NaN if it does not."""
+    """Return the time [s] at which the classical law diverges with each of ``DEAD_ZONES``; NaN if it does not."""
     classical = next(c for c in case.controllers if isinstance(c, MracOutput) and c.name == "Classical")
     assert isinstance(classical.law, LyapunovLaw)
     tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in DEAD_ZONES]

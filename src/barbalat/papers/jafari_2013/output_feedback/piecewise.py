@@ -1,4 +1,5 @@
-"""The L1 law used in flight, tested on Section IV's statement about the output-feedback law: that it is a linear controller."""
+"""The L1 law used in flight. Section IV's statement about the output-feedback law, that it is a linear controller, is tested on
+it."""
 
 from __future__ import annotations
 
@@ -19,14 +20,15 @@ from barbalat.solvers.simulation import Simulation
 
 STEPS_A_SAMPLE = 2
 ROUNDING_SHARE = 1e-9
-"""Share of the largest |u|: the rounding of sums in another order, divided by the sample time."""
+"""Largest difference due to rounding, as a share of the largest |u|. It arises from sums in another order, divided by the sample
+time."""
 TRIED_POLES = (-10.0, -5.0, -1.0, 0.0)
 """The flown predictor's a [1/s]."""
 
 
 def is_linear() -> Claim:
-    """Both forms compared with their realisations; the remaining effect of a constant disturbance, by the predictor's poles;
-    the limit."""
+    """Compare both forms with their realisations, and measure the remaining effect of a constant disturbance for several poles of
+    the predictor and in the limit."""
     problem, laws = _case()
     differences = {law.name: _difference(problem, law) for law in laws}
     difference = max(differences.values())
@@ -58,7 +60,7 @@ def is_linear() -> Claim:
 
 
 def _case() -> tuple[Problem, list[L1PiecewiseConstant]]:
-    """The bundled case as a linear loop."""
+    """Return the bundled case as a linear loop."""
     case = load_case("quadrotor-pitch")
     assert isinstance(case.problem, Problem)
     (path,) = case.problem.plant.paths
@@ -73,7 +75,7 @@ def _simulation(law: L1PiecewiseConstant, t_end: float = 12.0) -> Simulation:
 
 
 def _difference(problem: Problem, law: L1PiecewiseConstant) -> float:
-    """The largest difference of u, relative to the largest |u|."""
+    """Return the largest difference of u relative to the largest |u|."""
     run = simulate(problem, [law], _simulation(law))[law.name]
     x, r, u = (values[::STEPS_A_SAMPLE] for values in (run.x, run.r, run.u))
     equations = law.bind(problem.known)
@@ -85,7 +87,7 @@ def _difference(problem: Problem, law: L1PiecewiseConstant) -> float:
 
 
 def _left(problem: Problem, law: L1PiecewiseConstant, a: float) -> float:
-    """|e_1| at the end of 40 s under a constant disturbance and no command."""
+    """Return |e_1| at the end of 40 s with a constant disturbance and no command."""
     assert law.as_flown is not None
     tried = replace(law, as_flown=replace(law.as_flown, predictor_poles=a))
     constant = replace(problem, reference=Constant(0.0), disturbance=Step(amplitude=0.05, start=1.0))

@@ -35,24 +35,24 @@ DEGREES = {
         TransferFunction(np.ones(1), np.array([1.0, 5.5, 11.0, 9.5, 3.0])),
     ),
 }
-"""A plant and a model for each relative degree; the second plant is unstable. The last pair has the poles -0.5, -1, -1.5, -2
-and -1, -1, -1.5, -2."""
+"""A plant and a model for each relative degree. The second plant is unstable. The last plant has the poles -0.5, -1, -1.5 and -2,
+its model -1, -1, -1.5 and -2."""
 USUAL_DEGREES = (1, 2, 3)
-"""The degrees that the plain command tries; ``--full`` tries all."""
+"""The relative degrees that the plain command tries. ``--full`` tries all."""
 LEAST_SQUARES = "least squares (15)"
 LAWS: dict[str, AdaptiveLaw] = {LEAST_SQUARES: LeastSquares(covariance0=5.0), "gradient": Gradient(gamma=5.0)}
-"""The plain command tries only the first, which the literal readings name."""
+"""The laws. The plain command tries only the first, which the literal readings name."""
 
 DISTURBANCE_AND_LAG: tuple[Sine, float] = (Sine(amplitude=0.2, frequency=2.0), 0.05)
-"""A bounded disturbance, a fifth of the command, and an actuator lag [s] unknown to the designer."""
+"""A bounded disturbance of a fifth of the command, and an actuator lag [s] that is unknown to the designer."""
 LARGEST_GROWTH = 1.1
-"""Factor by which the largest error of the last quarter may exceed that of the previous quarter: signals of two frequencies
-beat, and the estimates still move."""
+"""Factor by which the largest error of the last quarter may exceed that of the previous quarter, because signals of two
+frequencies beat and the estimates still move."""
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The auxiliary input's effect for the degrees and laws tried, and the law under the perturbations that the sentence
-    names."""
+    """Measure the effect of the auxiliary input for the relative degrees and laws tried, and the law under the perturbations that
+    the sentence names."""
     taus = np.array([0.1, 0.05, 0.025])
     degrees, laws = (tuple(DEGREES), tuple(LAWS)) if full else (USUAL_DEGREES, tuple(LAWS)[:1])
     errors = {f"n* = {degree}, {law}": _peaks(degree, LAWS[law], taus) for law in laws for degree in degrees}
@@ -112,14 +112,14 @@ def _told(quarters: dict[str, tuple[float, float]]) -> str:
 
 
 def _peaks(degree: int, law: AdaptiveLaw, taus: Array) -> Array:
-    """The largest |y - y_m| of the transient for each tau, without modelling error."""
+    """Return the largest |y - y_m| of the transient for each tau, without modelling error."""
     controllers = [_robust(degree, law, float(tau), name=f"{tau}") for tau in taus]
     runs = simulate(_on_a_plant(degree), controllers, Simulation(t_end=20.0, dt=1e-3))
     return np.array([run.metrics.max_abs_e[0, 0] for run in runs.values()])
 
 
 def _last_quarters(degree: int, law: AdaptiveLaw) -> tuple[float, float]:
-    """The largest |y - y_m| of the third and of the last quarter of four minutes; infinite if the run diverges."""
+    """Return the largest |y - y_m| of the third and of the last quarter of four minutes; infinite if the run diverges."""
     controller = replace(_robust(degree, law, 0.1, name="robust"), normalization=Normalization(alpha_0=0.1, delta_0=0.5))
     disturbance, lag = DISTURBANCE_AND_LAG
     actuator = TransferFunction(np.ones(1), np.array([lag, 1.0]))
@@ -133,7 +133,7 @@ def _last_quarters(degree: int, law: AdaptiveLaw) -> tuple[float, float]:
 
 
 def _robust(degree: int, law: AdaptiveLaw, tau: float, *, name: str) -> MracOutput:
-    """The controller for a plant of known order, relative degree and sign."""
+    """Return the controller for a plant of known order, relative degree and sign."""
     order = len(DEGREES[degree][0].poles)
     return MracOutput(order=order, relative_degree=degree, sign=1, law=law, tau=tau, c_0_min=0.1, name=name)
 

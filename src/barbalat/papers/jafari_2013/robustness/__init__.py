@@ -1,1 +1,1 @@
-"""Modelling errors: Lemma 1, Theorem 2, the error at a fixed tau, unmodelled dynamics."""
+"""Modelling errors: Lemma 1, Theorem 2, the error at a fixed tau, and unmodelled dynamics."""

@@ -1,8 +1,8 @@
-"""(17)'s second term: the effect of a modelling error on the robust MRAC's error at a fixed tau.
+"""The second term of (17), which is the effect of a modelling error on the robust MRAC's error at a fixed tau.
 
-Two frequencies in the command: with one, two estimates can match the plant with its modelling error exactly at that
-frequency, and the term vanishes. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s, which also bounds
-that of an input delay mu and of -mu s/(T s + 1): (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
+The command contains two frequencies. With only one, two estimates can match the plant with its modelling error exactly at that
+frequency, and the term vanishes. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s. It also bounds the norm
+for an input delay mu and for -mu s/(T s + 1), because (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from barbalat.signals import Sine, Sines
 from barbalat.validate import Array
 
 TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
-"""[s]: Section V's value, halved three times."""
+"""Values of tau [s]: Section V's value, and this value halved three times."""
 SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
-"""mu, or the delay [s]: up to half of the smallest tau; the robust MRAC tolerates every pair."""
+"""Values of mu, or of the delay [s], up to half of the smallest tau. The robust MRAC tolerates every pair."""
 STEP = 1e-3
-"""[s]: a sixtieth of the smallest tau."""
+"""Step [s], a sixtieth of the smallest tau."""
 T_END, LONGER_T_END = 200.0, 800.0
-"""Horizons [s] of the plain command and of ``--full``: the last quarter of the shorter run has four periods of the slower
+"""Horizons [s] of the plain command and of ``--full``. The last quarter of the shorter run contains four periods of the slower
 sine."""
 COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s], as in the rows on Theorem 2's boundary."""
 DELTA_0, ALPHA_0 = 0.5, 0.05
-"""Constants of (16): 1/delta_0 = 2 s exceeds every tau, Delta(s) is analytic to the right of -0.25, and n_d is at most a
-third of phi'phi."""
+"""Constants of (16). With them 1/delta_0 = 2 s exceeds every tau, Delta(s) is analytic to the right of -0.25, and n_d is at most
+a third of phi'phi."""
 
 
 def families() -> dict[str, ModellingError]:
-    """The two modelling errors that the paper names."""
+    """Return the two modelling errors that the paper names."""
     derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
     return {"Delta_m = -mu s/(0.002 s + 1)": derivative, "input delay": DelayError()}
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Over TAUS and SIZES: the largest |e| of the run and of its last quarter, (4, 5) each, and without Delta, (4,) each."""
+    """The largest |e| of the run and of its last quarter over TAUS and SIZES, (4, 5) each, and without Delta, (4,) each."""
 
     peak: Array
     tail: Array
@@ -62,22 +62,22 @@ class Errors:
 
     @property
     def exponents(self) -> Array:
-        """(4, 4) local exponents of the tail's error in the size, at fixed tau."""
+        """The local exponents (4, 4) of the tail's error in the size, at fixed tau."""
         return np.array([local_exponents(row, SIZES) for row in self.tail])
 
     @property
     def slopes(self) -> Array:
-        """(4,) the tail's error per second of mu, at the largest size."""
+        """The tail's error per second of mu (4,), at the largest size."""
         return np.asarray(self.tail[:, -1] / SIZES[-1])
 
 
 def controller(tau: float, alpha_0: float) -> RobustMrac:
-    """Figure 2's with (16)'s dynamic normalising signal; alpha_0 = 0 in Section V."""
+    """Return Figure 2's robust MRAC with the dynamic normalising signal of (16). In Section V alpha_0 is 0."""
     return replace(section_v.robust_mrac("r", tau), normalization=Normalization(alpha_0=alpha_0, delta_0=DELTA_0))
 
 
 def measure(error: ModellingError, alpha_0: float, t_end: float, command: Signal = COMMAND) -> Errors:
-    """All pairs of tau and size, and every tau without modelling error."""
+    """Simulate all pairs of tau and size, and every tau without modelling error."""
     paths = [error.added(PlantInput(), float(size)) for size in SIZES]
     pairs = [(variant(input=path, reference=command), controller(float(tau), alpha_0)) for tau in TAUS for path in paths]
     given = figures(pairs, t_end, STEP)
@@ -92,19 +92,19 @@ def measure(error: ModellingError, alpha_0: float, t_end: float, command: Signal
 
 
 def norm_per_size() -> float:
-    """||s W_m||_1, rounded up: Delta_2 per second of mu; s W_m = c_0'A_m (sI - A_m)^-1 b + c_0'b."""
+    """Return Delta_2 per second of mu, which is ||s W_m||_1 rounded up, with s W_m = c_0'A_m (sI - A_m)^-1 b + c_0'b."""
     known, c_0 = section_v.problem().known, np.array(section_v.C_0)
     return l1_norm(known.A_m, known.b[:, None], (c_0 @ known.A_m)[None], np.array([[c_0 @ known.b]])).upper
 
 
 def constants(errors: Errors) -> Array:
-    """(4,) the smallest nu of |e| <= (tau + Delta_2) nu for each tau, over all sizes and none."""
+    """Return for each tau (4,) the smallest nu with |e| <= (tau + Delta_2) nu, over all sizes and without modelling error."""
     delta_2 = norm_per_size() * np.append(0.0, SIZES)
     return np.asarray((np.column_stack([errors.peak_without, errors.peak]) / (TAUS[:, None] + delta_2)).max(axis=1))
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The exponent of the remaining error in the size of Delta, and whether one nu serves all tau and sizes."""
+    """Measure the exponent of the remaining error in the size of Delta, and whether one nu suffices for all tau and sizes."""
     t_end = LONGER_T_END if full else T_END
     found = {
         f"{name}, alpha_0 = {alpha_0:g}": measure(error, alpha_0, t_end)
@@ -148,7 +148,7 @@ def _proportional(found: dict[str, Errors]) -> Reading:
 
 
 def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
-    """(17) is a bound: its term need not shrink with tau, but it does."""
+    """Return a text on the term's dependence on tau. (17) is only a bound, so the term need not shrink with tau, but it does."""
     slopes = next(iter(found.values())).slopes
     return (
         f"The remaining error per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s"
@@ -157,7 +157,7 @@ def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
 
 
 def _one_frequency() -> str:
-    """Two estimates fit a delayed plant at one frequency."""
+    """Return a text on a command of one frequency, at which two estimates fit a delayed plant."""
     tails = [_one_sine(t_end) for t_end in (T_END, LONGER_T_END)]
     return f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and {tails[1]:.3g} after {LONGER_T_END:g} s"
 
@@ -168,7 +168,7 @@ def _one_sine(t_end: float) -> float:
 
 
 def _peak(found: dict[str, Errors]) -> Reading:
-    """Delta near its limit makes the transient longer and larger."""
+    """Return the reading on the transient, which is longer and larger if Delta is near its limit."""
     errors = next(iter(found.values()))
     exponents = np.array([local_exponents(row, SIZES) for row in errors.peak - errors.peak_without[:, None]])
     return Reading(
@@ -181,7 +181,7 @@ def _peak(found: dict[str, Errors]) -> Reading:
 
 
 def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
-    """A row for each size and a column for each tau, and the values behind the first two readings."""
+    """Return tables with a row for each size and a column for each tau, and one with the values behind the first two readings."""
     by_size = [
         table(
             f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",

@@ -1,10 +1,10 @@
-"""Lemma 1 along runs: the adaptive law (15) with and without a modelling error eta.
+"""Lemma 1 along runs of the adaptive law (15), with and without a modelling error eta.
 
 With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's
-bounds, and at most this at the bounds. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2:
-the constant of S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin
-at t. Pure least squares does not bound V(t) under a lasting error: the constants are measured, and ``scalar_lemma`` shows
-that none serves all signals.
+bounds, and at most this at the bounds. Therefore the integral of (epsilon m_s)^2 from 0 is at most V(0) plus the integral of
+eta^2/m_s^2, and the constant of S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0 and max(1, V(t)) for
+those that begin at t. Pure least squares does not bound V(t) under a lasting error. The constants are therefore measured, and
+``scalar_lemma`` shows that none is sufficient for all signals.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MUS = (0.0, 0.005, 0.02, 0.1)
-"""mu in Delta_m = -mu s/(0.001 s + 1): zero, and three values that are tolerated with tau = 0.5 s."""
+"""Values of mu in Delta_m = -mu s/(0.001 s + 1): zero, and three values that are tolerated with tau = 0.5 s."""
 LARGEST_GROWTH = 1.05
 """Admissible growth of a supremum from the first half of a run to the second."""
 METHOD = f"robust MRAC of Figure 2, {MENDED}, with {{}}, RK4, h = 1e-4 s, 60 s; {{}}"
 
 
 def claims() -> list[Claim]:
-    """All rows of this group."""
+    """Measure all rows of this group."""
     runs = {mu: _run(mu) for mu in MUS}
     return [bounded(runs), without_error(runs[0.0]), with_error(runs)]
 
 
 def bounded(runs: dict[float, Along]) -> Claim:
-    """(i): a finite run can only show that the suprema are reached early."""
+    """Test part (i). A finite run can only show that the suprema are reached early."""
     names = ("epsilon", "error", "theta_hat", "rate")
     halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
     growth = {name: float((v[:, 1] / v[:, 0]).max()) for name, v in halves.items()}
@@ -72,7 +72,7 @@ def bounded(runs: dict[float, Along]) -> Claim:
 
 
 def without_error(run: Along) -> Claim:
-    """eta = 0: V falls, exactly by the integral."""
+    """Test part (ii) for eta = 0, where V falls by exactly the integral."""
     V, spent = run.V, run.integrals["error"]
     gap = np.abs(V + spent - V[0]).max() / V[0]
     late = {name: 1 - part[3 * len(part) // 4] / part[-1] for name, part in run.integrals.items() if name != "eta"}
@@ -101,7 +101,7 @@ def without_error(run: Along) -> Claim:
 
 
 def with_error(runs: dict[float, Along]) -> Claim:
-    """eta nonzero: the constants of S(eta^2/m_s^2)."""
+    """Test part (ii) for a nonzero eta, by the constants of S(eta^2/m_s^2)."""
     mus = np.array([mu for mu in runs if mu])
     some = [runs[mu] for mu in mus]
     constants = {name: np.array([run.constant(name) for run in some]) for name in ("epsilon", "error", "rate")}
@@ -144,7 +144,7 @@ def with_error(runs: dict[float, Along]) -> Claim:
 
 
 def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
-    """Whether they are at most the bounds that follow from V'; for each run there is some constant."""
+    """Return the reading that the constants are at most the bounds that follow from V'. Each run has some constant."""
     bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
     return Reading(
         what, all(bool((constants[name] <= bound).all()) for name, bound in bounds.items()), _at_most(constants), "beside"
@@ -180,13 +180,13 @@ def _at_most(found: dict[str, Array]) -> str:
 
 
 def _half_suprema(values: Array) -> tuple[float, float]:
-    """The largest magnitude in the first and in the second half."""
+    """Return the largest magnitude in the first and in the second half."""
     half = len(values) // 2
     return float(np.abs(values[:half]).max()), float(np.abs(values[half:]).max())
 
 
 def _run(mu: float) -> Along:
-    """Section V with the robust MRAC of Figure 2, with the dynamic normalising signal if there is a modelling error."""
+    """Run Section V with the robust MRAC of Figure 2, with the dynamic normalising signal if there is a modelling error."""
     dynamics = TransferFunction([-mu, 0.0], [1e-3, 1.0])
     scheme = RobustMrac(
         c_0=section_v.C_0,
@@ -228,7 +228,7 @@ class LemmaState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LemmaEquations:
-    """The robust MRAC's equations, and the integrals of Lemma 1; theta, which no controller knows, enters only these."""
+    """The robust MRAC's equations and the integrals of Lemma 1. theta, which no controller knows, enters only the integrals."""
 
     scheme: RobustEquations
     theta: Array
@@ -278,7 +278,7 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """The quantities of Lemma 1 at K instants of a run, (K, ...); the integrals start at 0."""
+    """The quantities of Lemma 1 at K instants of a run, (K, ...). The integrals start at 0."""
 
     t: Array
     epsilon: Array
@@ -290,11 +290,13 @@ class Along:
     integrals: dict[str, Array]
 
     def constant(self, name: str) -> float:
-        """The smallest nu with: integral over [t, t + T] <= nu (integral of eta^2/m_s^2 over it + 1), over all pairs of instants."""
+        """Return the smallest nu for which, for all pairs of instants, the integral over [t, t + T] is at most
+        nu (integral of eta^2/m_s^2 over [t, t + T] + 1)."""
         return self._least(name, self.integrals["eta"])
 
     def constant_of_largest(self, name: str) -> float:
-        """The smallest nu with: integral over [t, t + T] <= nu (mu T + 1), mu the largest eta^2/m_s^2: the paper's definition."""
+        """Return the smallest nu of the paper's definition, for which the integral over [t, t + T] is at most nu (mu T + 1) with
+        mu the largest eta^2/m_s^2."""
         return self._least(name, (self.eta**2).max() * self.t)
 
     def _least(self, name: str, allowed: Array) -> float:
@@ -303,7 +305,7 @@ class Along:
 
 
 def along(problem: Problem, controller: RobustMrac, simulation: Simulation) -> Along:
-    """Simulate, and evaluate at the recorded instants."""
+    """Simulate a run and evaluate the quantities at the recorded instants."""
     (run,) = simulate(problem, [Observed(controller, problem.plant.theta)], simulation).values()
     equations, loop = controller.bind(problem.known), run.loop
     rows = [loop.unpack(flat) for flat in run.states]

@@ -1,4 +1,4 @@
-"""Claims on tau: its effect on the error, and its lower limit due to a modelling error."""
+"""The claim on the effect of tau on the error without a modelling error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EQUAL_NU_FACTOR = 1.05
 
 
 def tau_and_error() -> Claim:
-    """The error without modelling error, from Figure 2's tau downwards."""
+    """Measure the error without modelling error, from Figure 2's tau downwards."""
     taus = np.array([section_v.TAU, 0.1, 0.05, 0.02, 0.01, 0.005])
     peaks = figures([(section_v.problem(), section_v.robust_mrac("r", float(t))) for t in taus], 60.0, 1e-4).max_abs_e.max(axis=1)
     exponents, nu = local_exponents(peaks, taus), peaks / taus

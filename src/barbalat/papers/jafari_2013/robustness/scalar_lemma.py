@@ -1,8 +1,8 @@
-"""Lemma 1 (ii) without a plant: one parameter, piecewise constant phi and eta, m^2 = 1 + phi^2, all in closed form.
+"""Lemma 1 (ii) without a plant: one parameter, piecewise constant phi and eta, and m^2 = 1 + phi^2, all in closed form.
 
-Least squares: p = 1/P and q = p theta_tilde are integrals, p' = phi^2/m^2 and q' = phi eta/m^2, and V = q^2/p spends
-V' = -(epsilon m)^2 + eta^2/m^2. Gradient: theta_tilde goes to eta/phi as exp(-gamma phi^2/m^2 t). The estimates stay inside
-the known set.
+With least squares, p = 1/P and q = p theta_tilde are integrals with p' = phi^2/m^2 and q' = phi eta/m^2, and V = q^2/p changes
+by V' = -(epsilon m)^2 + eta^2/m^2. With the gradient law, theta_tilde tends to eta/phi as exp(-gamma phi^2/m^2 t). The
+estimates stay inside the known set.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.validate import Array
 
 BIASED_TIMES = (10.0, 100.0, 1000.0)
-"""Durations [s] of eta = 1 with phi = 1; eta is zero afterwards."""
+"""Durations [s] of eta = 1 with phi = 1. Afterwards eta is zero."""
 WEAK_REGRESSORS = (0.3, 0.1, 0.03)
-"""Values of phi with which eta = phi LEARNT_BIAS teaches a wrong estimate, before phi = 1 reveals the error."""
+"""Values of phi with which eta = phi LEARNT_BIAS leads to a wrong estimate, before phi = 1 reveals the error."""
 LEARNT_BIAS = 5.0
-"""The learnt bias, less than the width of Section V's set."""
+"""The learnt bias, which is smaller than the width of Section V's set."""
 GRADIENT_GAIN = 10.0
 BOUNDED_GROWTH = 1.5
-"""Constants count as bounded if they grow by at most this factor from one signal to the next; those of pure least squares
-grow tenfold."""
+"""Constants count as bounded if they grow by at most this factor from one signal to the next. Those of pure least squares grow
+tenfold."""
 
 
 class Piece(NamedTuple):
-    """Constant signals over an interval [s]."""
+    """Constant signals over an interval of time [s]."""
 
     duration: float
     phi: float
@@ -43,17 +43,17 @@ class Piece(NamedTuple):
 
 
 class ScalarLaw(Protocol):
-    """One law: its initial state, and the effect of a piece on it."""
+    """An adaptive law: its initial state, and the effect of a piece on the state."""
 
     def initial(self) -> tuple[float, float]: ...
 
     def over(self, state: tuple[float, float], piece: Piece) -> tuple[tuple[float, float], float]:
-        """The state at the piece's end, and the integral of (epsilon m)^2 over it."""
+        """Return the state at the end of the piece, and the integral of (epsilon m)^2 over it."""
         ...
 
 
 class ScalarLeastSquares(NamedTuple):
-    """(15) with P(0); the state is p = 1/P and q = theta_tilde/P, from theta_tilde = 0."""
+    """Law (15) with P(0). The state is p = 1/P and q = theta_tilde/P, and starts from theta_tilde = 0."""
 
     covariance0: float = section_v.COVARIANCE0
 
@@ -68,7 +68,7 @@ class ScalarLeastSquares(NamedTuple):
 
 
 class ScalarGradient(NamedTuple):
-    """theta_hat' = gamma epsilon phi; the state is theta_tilde, from 0, and an unused entry."""
+    """The law theta_hat' = gamma epsilon phi. The state is theta_tilde, which starts from 0, and an unused entry."""
 
     gamma: float = GRADIENT_GAIN
 
@@ -83,7 +83,7 @@ class ScalarGradient(NamedTuple):
 
 
 def spent_in_the_last(law: ScalarLaw, pieces: tuple[Piece, ...]) -> float:
-    """The integral of (epsilon m)^2 over the last piece."""
+    """Return the integral of (epsilon m)^2 over the last piece."""
     state, spent = law.initial(), 0.0
     for piece in pieces:
         state, spent = law.over(state, piece)
@@ -91,15 +91,16 @@ def spent_in_the_last(law: ScalarLaw, pieces: tuple[Piece, ...]) -> float:
 
 
 def biased(duration: float) -> tuple[Piece, Piece]:
-    """A lasting modelling error, then no error until the estimate has converged."""
+    """Return a lasting modelling error, followed by no error until the estimate has converged."""
     return Piece(duration, 1.0, 1.0), Piece(1e6 * duration, 1.0, 0.0)
 
 
 def weakly_taught(phi: float) -> tuple[tuple[Piece, Piece], float]:
-    """A bias learnt from a weak regressor, then a strong one without error, and mu, the largest eta^2/m^2 of both.
+    """Return a weak regressor from which a bias is learnt, a strong one without error, and mu, the largest eta^2/m^2 of both.
 
-    The second piece lasts T = 1/mu, and the first is long enough for phi^2/m^2 times it to be T/2, as in the second: then
-    least squares has T/2 of evidence for the bias, and spends LEARNT_BIAS^2 T/4 on it, where mu T + 1 = 2.
+    The second piece lasts T = 1/mu. The first is so long that phi^2/m^2 times its duration is T/2, as for the second. Least
+    squares then has evidence T/2 for the bias, and the integral of (epsilon m)^2 over the second piece is LEARNT_BIAS^2 T/4,
+    where mu T + 1 = 2.
     """
     first = Piece(1.0, phi, phi * LEARNT_BIAS)
     mu = first.eta**2 / first.m_squared
@@ -108,13 +109,15 @@ def weakly_taught(phi: float) -> tuple[tuple[Piece, Piece], float]:
 
 
 def constants(law: ScalarLaw) -> Array:
-    """The smallest nu of the paper's definition, integral <= nu (mu T + 1), over the last piece, for each of WEAK_REGRESSORS."""
+    """Return for each of WEAK_REGRESSORS the smallest nu of the paper's definition, integral <= nu (mu T + 1), over the last
+    piece."""
     taught = [weakly_taught(phi) for phi in WEAK_REGRESSORS]
     return np.array([spent_in_the_last(law, pieces) / (mu * pieces[1].duration + 1) for pieces, mu in taught])
 
 
 def readings() -> tuple[Reading, Reading]:
-    """For any signals of (13): with the paper's constant mu, and with the integral of eta^2/m_s^2 over the same interval."""
+    """Return the readings for any signals of (13): one with the paper's constant mu, and one with the integral of eta^2/m_s^2
+    over the same interval."""
     taught, left = _of_both(constants), _of_both(_left)
     return (
         SENTENCES["lemma-1-small"].reads(
@@ -133,7 +136,7 @@ def readings() -> tuple[Reading, Reading]:
 
 
 def listings() -> tuple[Listing, Listing]:
-    """The values behind the two readings, signal by signal."""
+    """Return the values behind the two readings, signal by signal."""
     taught, left = _of_both(constants), _of_both(_left)
     mus = [weakly_taught(phi)[1] for phi in WEAK_REGRESSORS]
     return (

@@ -1,5 +1,5 @@
-"""Theorem 2's trade-off: tau against the modelling error, the observed boundary, its prediction from linear loops, the error
-along it."""
+"""Theorem 2's trade-off between tau and the modelling error: the observed boundary, its prediction from linear loops, and the
+error along it."""
 
 from __future__ import annotations
 
@@ -28,22 +28,23 @@ from barbalat.validate import Array
 TAUS = np.geomspace(2.5e-3, 2.0, 20)
 SIZES = np.geomspace(5e-3, 0.7, 12)
 T_END, BOUNDARY_RUN_FACTOR, STEP = 100.0, 4, 1e-3
-"""A quarter of the run contains two periods of the command; the runs at and along the boundary are four times as long."""
+"""Horizon [s], a quarter of which contains two periods of the command. The runs at and along the boundary are four times as
+long."""
 TAU_MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Multiples of the boundary's tau at which the error is measured. On the boundary itself a remaining oscillation hides it."""
 FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 0.36, 6), [0.6, 1.0, TAUS[-1]]])
 THEOREM_SIZES = np.array([0.01, 0.05, 0.1])
-"""[s]: the delays and the values of mu for which the boundary is found with (16), alpha_0 > 0."""
+"""The delays and values of mu [s] for which the boundary is found with (16) and alpha_0 > 0."""
 RANGE_TAUS = np.append(np.geomspace(0.01, 0.95 / DELTA_0, 8), np.array([1.5, 3.0, 10.0]) / DELTA_0)
-"""[s]: values over most of the interval that Theorem 2 admits, and some above 1/delta_0."""
+"""Values of tau [s] over most of the interval that Theorem 2 admits, and some above 1/delta_0."""
 RANGE_DELAY = 2e-3
-"""[s]: a small modelling error, an input delay of two steps."""
+"""A small modelling error: an input delay [s] of two steps."""
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s]."""
 
 
 def claims() -> list[Claim]:
-    """The rows for an input delay and for Delta_m = -mu s."""
+    """Measure the rows for an input delay and for Delta_m = -mu s."""
     derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
     realised = f"-mu s/({DERIVATIVE_POLE} s + 1)"
     delay = TauTradeOff("delay", "delay", "delay at the plant's input [s]", "an input delay", "exact delay", DelayError())
@@ -54,7 +55,7 @@ def claims() -> list[Claim]:
 
 @dataclass(frozen=True, eq=False)
 class TauTradeOff:
-    """One family of modelling errors on Section V: the runs, the linear loops, the pictures."""
+    """One family of modelling errors in Section V's case: the runs, the linear loops and the pictures."""
 
     key: str
     word: str
@@ -74,12 +75,12 @@ class TauTradeOff:
 
     @cached_property
     def bounded(self) -> Array:
-        """Indices of the sizes that have a boundary: tolerated by some tau of the scan, and lost below it."""
+        """The indices of the sizes that have a boundary, which some tau of the scan tolerates and smaller ones do not."""
         return np.flatnonzero(np.isfinite(self.limits.bears) & (self.limits.loses > 0))
 
     @cached_property
     def along(self) -> Array:
-        """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN if lost."""
+        """max |e| in the tail of the longer runs at multiples of the boundary's tau (multiples, bounded); NaN if lost."""
         sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
         pairs = np.tile(sizes, len(TAU_MULTIPLES)), np.concatenate([multiple * taus for multiple in TAU_MULTIPLES])
         return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(
@@ -88,7 +89,7 @@ class TauTradeOff:
 
     @cached_property
     def frozen(self) -> list[BorneSizes]:
-        """The sizes tolerated by the linear loops, for ``FROZEN_TAUS``."""
+        """The sizes that the linear loops tolerate, for ``FROZEN_TAUS``."""
         return [borne(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
 
     @cached_property
@@ -105,7 +106,7 @@ class TauTradeOff:
 
     @property
     def literal(self) -> tuple[Reading, str]:
-        """Theorem 2's own setting, and the results."""
+        """The reading with Theorem 2's own setting, and a text with its results."""
         bears, loses = self.normalised.bears, self.normalised.loses
         said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(bears, THEOREM_SIZES, strict=True))
         holds = bool(np.isfinite(bears).all() and (loses > 0).all() and (np.diff(bears) > 0).all())
@@ -189,7 +190,7 @@ class TauTradeOff:
 
 
 def _range_of_tau(delay: TauTradeOff) -> Claim:
-    """Whether one delay is tolerated at every tau that Theorem 2 admits, and at larger ones."""
+    """Measure whether one delay is tolerated at every tau that Theorem 2 admits, and at larger ones."""
     sentence, t_end = SENTENCES["tau-range"], BOUNDARY_RUN_FACTOR * T_END
     tails = delay.with_16.tail_errors(np.full(len(RANGE_TAUS), RANGE_DELAY), RANGE_TAUS, Simulation(t_end=t_end, dt=STEP))
     admitted = RANGE_TAUS < 1 / DELTA_0
@@ -209,7 +210,8 @@ def _range_of_tau(delay: TauTradeOff) -> Claim:
 
 
 def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
-    """The sizes of a delay and of -mu s that loops tolerate: with theta known, and the robust MRAC's frozen loops."""
+    """Compare the sizes of a delay and of -mu s that loops tolerate: the loop with theta known, and the robust MRAC's frozen
+    loops."""
     sentence, limits = SENTENCES["minus-mu-s"], [np.array([each.limit for each in of.frozen]) for of in (delay, mu)]
     ratios, plant = limits[1] / limits[0], section_v.problem().plant
     known = known_parameters(plant, plant.theta)
@@ -236,7 +238,7 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
 
 
 def _largest_mu(loop: StateSpace) -> float:
-    """The largest mu [s] for which den + num (1 - mu s) is Hurwitz, L = num/den."""
+    """Return the largest mu [s] for which den + num (1 - mu s) is Hurwitz, where L = num/den."""
     L = loop.transfer_function()
 
     def is_stable(mu: float) -> bool:
@@ -246,7 +248,8 @@ def _largest_mu(loop: StateSpace) -> float:
 
 
 AGREEMENT_SHARE = 0.02
-"""Share of the size within which the linear limit and the observed boundary agree; the boundary is resolved to 1 % of tau."""
+"""The linear limit and the observed boundary agree if they differ by less than this share of the size. The boundary is resolved
+to 1 % of tau."""
 
 
 @cache
@@ -256,7 +259,7 @@ def frozen_loops(tau: float) -> FrozenLoops:
 
 
 def _agree(linear: Array, sizes: Array) -> str:
-    """The size up to which the linear limit agrees with the observed boundary."""
+    """Return a text with the size up to which the linear limit agrees with the observed boundary."""
     differs = np.append(np.abs(linear - 1) > AGREEMENT_SHARE, True)
     first = int(np.argmax(differs))
     return f" (within {AGREEMENT_SHARE:.0%} of it up to {sizes[first - 1]:.3g} s)" if first else ""

@@ -1,8 +1,9 @@
-"""The projected MRAC (3)-(4) and L1-AC (5)-(8) with unmodelled dynamics: the limits of boundedness.
+"""The limits of boundedness of the projected MRAC (3)-(4) and of L1-AC (5)-(8) with unmodelled dynamics.
 
-Projection bounds the estimates, not the state: some estimates of the known set do not stabilise the plant, and the law must
-leave them in time. If a run grows without bound, no proof of boundedness can exist. For both schemes the following is exact:
-(x, r, x(0)) times c with Gamma divided by c^2 gives the same motion, scaled: no gain, however small, is reasonable for all commands.
+Projection bounds the estimates but not the state. Some estimates of the known set do not stabilise the plant, and the law must
+leave them in time. If a run grows without bound, no proof of boundedness can exist. For both schemes, (x, r, x(0)) multiplied by
+c, with Gamma divided by c^2, gives exactly the same motion, scaled. Therefore no gain, however small, is reasonable for all
+commands.
 """
 
 from __future__ import annotations
@@ -36,22 +37,22 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
-# His model -3 x_m + 3 r makes it x' = -3 x + 2 (theta x + v) with theta = 1 and k_0 = 1.5. With theta_hat fixed the loop is
-# (s + 1)(s^2 + 30 s + 229) + 458 C theta_hat: stable between -0.5 and 17.03 without filter.
+# With Rohrs' model -3 x_m + 3 r the plant is x' = -3 x + 2 (theta x + v) with theta = 1 and k_0 = 1.5. For a fixed theta_hat the
+# characteristic polynomial is (s + 1)(s^2 + 30 s + 229) + 458 C theta_hat. Without a filter it is stable between -0.5 and 17.03.
 
 UNMODELLED = TransferFunction([229.0], [1.0, 30.0, 229.0])
 COMMANDS: dict[str, Signal] = {"r = 0.3 + 1.85 sin 16.1t": Sines((1.85,), (16.1,), constant=0.3), "r = 2": Constant(2.0)}
 ROHRS_GAINS = (1.0, 10.0, 100.0, 1000.0)
 WIDE_BOUND, NARROW_BOUND = 20.0, 5.0
-"""Known sets |theta| <= 20, which contains gains that make the plant unstable, and |theta| <= 5."""
+"""Bounds of two known sets: |theta| <= 20, which contains gains that make the loop unstable, and |theta| <= 5."""
 KAPPAS = (0.02, 0.1)
-"""Section V's filter, and one with about a third of the plant's bandwidth."""
+"""Time constants [s] of Section V's filter and of one with about a third of the plant's bandwidth."""
 ROHRS_T_END, ROHRS_STEP = 200.0, 1e-3
-"""[s]: two hundred time constants of the plant; h times the unmodelled modes' 15 rad/s is 0.015."""
+"""Horizon [s], two hundred time constants of the plant. The step times the unmodelled modes' 15 rad/s is 0.015."""
 
 
 def problem(width: float, command: Signal) -> Problem:
-    """The plant with the known set |theta| <= width."""
+    """Return the problem with the known set |theta| <= width."""
     return Problem(
         plant=Plant(A_m=[[-3.0]], b=[2.0], theta=[1.0], input=PlantInput(actuator=UNMODELLED)),
         reference_model=ReferenceModel(k_0=1.5),
@@ -61,18 +62,19 @@ def problem(width: float, command: Signal) -> Problem:
 
 
 def scheme(kappa: float | None, gamma: float) -> Controller:
-    """MRAC, or L1-AC with the first-order filter."""
+    """Return MRAC, or L1-AC with the first-order filter."""
     return Mrac(gamma=gamma) if kappa is None else L1Adaptive(gamma=gamma, filter=input_filter(kappa))
 
 
 def diverged_at(kappa: float | None, command: Signal) -> Array:
-    """(2, gains) the time [s] at which the run diverged, NaN if it did not, with the wide known set and the narrow one."""
+    """Return the time [s] at which each run diverged (2, gains), with the wide and with the narrow known set; NaN if it did
+    not."""
     pairs = [(problem(width, command), scheme(kappa, gamma)) for width in (WIDE_BOUND, NARROW_BOUND) for gamma in ROHRS_GAINS]
     return np.asarray(figures(pairs, ROHRS_T_END, ROHRS_STEP).diverged_at.reshape(2, -1))
 
 
 def largest_gain(kappa: float | None) -> float:
-    """The largest theta_hat with a stable frozen loop, by its characteristic roots."""
+    """Return the largest theta_hat with a stable frozen loop, found from its characteristic roots."""
     nominal = (
         np.polymul([1.0, 1.0], UNMODELLED.den)
         if kappa is None
@@ -86,7 +88,7 @@ def largest_gain(kappa: float | None) -> float:
 
 
 def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
-    """The times of loss with a known set that contains destabilising gains, and with one that does not."""
+    """Compare the times of loss with a known set that contains destabilising gains and with one that does not."""
     at = {kappa: {name: diverged_at(kappa, command) for name, command in COMMANDS.items()} for kappa in (None, *KAPPAS)}
     wide = {kappa: np.array([each[0] for each in found.values()]) for kappa, found in at.items()}
     narrow = {kappa: np.array([each[1] for each in found.values()]) for kappa, found in at.items()}
@@ -110,7 +112,7 @@ def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
 
 
 def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
-    """A row for each scheme and known set."""
+    """Return a table with a row for each scheme and known set."""
     earliest = {kappa: np.fmin(*found.values()) for kappa, found in at.items()}  # NaN if no command's run is lost
     schemes: dict[str, Sequence[str] | Array] = {
         "scheme": [_name(kappa) for kappa in at for _ in (WIDE_BOUND, NARROW_BOUND)],
@@ -130,7 +132,7 @@ def _name(kappa: float | None) -> str:
 
 
 def _text(wide: dict[float | None, Array], kappa: float | None) -> str:
-    """The gains at which the runs are lost, for either command."""
+    """Return a text on the gains at which the runs are lost with either command."""
     gone = np.isfinite(wide[kappa]).any(axis=0)
     tried = f"of the {len(ROHRS_GAINS)} gains from {ROHRS_GAINS[0]:g} to {ROHRS_GAINS[-1]:g}"
     if not gone.any():
@@ -142,11 +144,12 @@ THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, 
 """Section V's theta, the centre of its known set, and the four corners."""
 GAINS, MORE_GAINS = (1.0, 100.0), (1e-2, 1.0, 100.0, 1e4)
 DELAYS = np.round(np.geomspace(0.02, 1.0, 14), 3)
-"""[s]; Delta_m = e^(-s d) - 1; the paper's -mu s is its first term."""
+"""Delays d [s]. They are Delta_m = e^(-s d) - 1, whose first term is the paper's -mu s."""
 T_END, STEP = 120.0, 1e-3
-"""Ten periods of the command: growth of 15 % per second exceeds the bound below in that time."""
+"""Horizon [s], ten periods of the command. Growth of 15 % per second exceeds the bound below in that time."""
 UNBOUNDED_RATIO = 100.0
-"""Multiple of the largest |x_m| in the last quarter; bounded runs stay below 20, as the listing shows."""
+"""A run counts as unbounded if |e| in the last quarter exceeds this multiple of the largest |x_m|. Bounded runs stay below 20, as
+the listing shows."""
 PROVEN_DELAY = 0.1
 """Largest delay [s] to which the small-gain theorem is applied."""
 SCHEMES: dict[str, Callable[[float], Controller]] = {
@@ -157,8 +160,8 @@ SCHEMES: dict[str, Callable[[float], Controller]] = {
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """For each theta and gain, (6, gains): the largest delay below the first with a lost run, that first delay, and the
-    largest tail error."""
+    """The results (6, gains) for each theta and gain: the largest delay below the first one with a lost run, that first delay,
+    and the largest tail error."""
 
     bears: Array
     loses: Array
@@ -170,7 +173,8 @@ class Loss:
 
 
 def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = STEP) -> tuple[Array, Array]:
-    """Which combinations (theta, gain, delay) are unbounded, and max |e| in their last quarter over the largest |x_m|."""
+    """Return which combinations (theta, gain, delay) are unbounded, and max |e| in their last quarter divided by the largest
+    |x_m|."""
     pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
     largest = ReferenceMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=STEP)).largest
     tail = figures(pairs, T_END, h).tail_max_abs_e.max(axis=1) / largest
@@ -178,7 +182,7 @@ def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str,
 
 
 def search(scheme: str, gains: tuple[float, ...], h: float = STEP) -> Loss:
-    """The scan of DELAYS for every theta and gain."""
+    """Scan DELAYS for every theta and gain."""
     members = [(theta, gain, float(delay)) for theta in THETAS for gain in gains for delay in DELAYS]
     gone, tail = (part.reshape(len(THETAS), len(gains), len(DELAYS)) for part in lost(members, scheme, h))
     first = np.where(gone.any(axis=2), gone.argmax(axis=2), len(DELAYS))
@@ -187,18 +191,18 @@ def search(scheme: str, gains: tuple[float, ...], h: float = STEP) -> Loss:
 
 
 def ideal_margins(kappa: float | None) -> Array:
-    """(6,) the exact delay margin [s] of the loop with theta known: u = -C theta'x."""
+    """Return the exact delay margins [s] (6,) of the loop with theta known, u = -C theta'x."""
     C = None if kappa is None else input_filter(kappa).realise()
     plants = [variant(theta=theta).plant for theta in THETAS]
     return np.array([margins(known_parameters(plant, plant.theta, C)).delay for plant in plants])
 
 
 def certain_size(kappa: float | None) -> float:
-    """The largest s for which every |theta_i|, |theta_hat_i| <= s keeps x bounded for any motion of theta_hat, by the
-    small-gain theorem.
+    """Return the largest s such that, by the small-gain theorem, x stays bounded for any motion of theta_hat if all |theta_i| and
+    |theta_hat_i| are at most s.
 
-    x = W_b[(theta - theta_hat)'x] + W_b (1 - C e^(-s d))[theta_hat'x] + bounded, and ||W_b (1 - C e^(-s d))||_1 is at most
-    ||W_b (1 - C)||_1 + d ||s W_b||_1 ||C||_1; with |theta - theta_hat|_1 <= 4 s and |theta_hat|_1 <= 2 s. ||C||_1 = 1.
+    x = W_b[(theta - theta_hat)'x] + W_b (1 - C e^(-s d))[theta_hat'x] + bounded terms. ||W_b (1 - C e^(-s d))||_1 is at most
+    ||W_b (1 - C)||_1 + d ||s W_b||_1 ||C||_1, with ||C||_1 = 1, |theta - theta_hat|_1 <= 4 s and |theta_hat|_1 <= 2 s.
     """
     known = section_v.problem().known
     plain = l1_norm(known.A_m, known.b[:, None], np.eye(2), np.zeros((2, 1))).upper
@@ -209,7 +213,7 @@ def certain_size(kappa: float | None) -> float:
 
 
 def claim(*, full: bool = False) -> Claim:
-    """Delays, and Rohrs' actuator."""
+    """Search for unbounded runs with delays and with Rohrs' actuator."""
     gains = MORE_GAINS if full else GAINS
     found = {name: search(name, gains, STEP / 4 if full else STEP) for name in SCHEMES}
     ideal = dict(zip(SCHEMES, (ideal_margins(None), ideal_margins(section_v.KAPPA)), strict=True))
@@ -280,7 +284,7 @@ def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, 
 
 
 def _below_the_limit(found: Loss) -> str:
-    """The robustness measure of L1-AC's authors: the margin of the linear loop to which it tends with fast adaptation."""
+    """Return a text on the robustness measure of L1-AC's authors, which is the delay margin of the limit of fast adaptation."""
     C = input_filter(section_v.KAPPA).realise()
     limits = np.array([margins(fast_adaptation(variant(theta=theta).plant, C)).delay for theta in THETAS])
     tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]

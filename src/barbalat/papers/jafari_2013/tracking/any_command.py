@@ -1,5 +1,5 @@
-"""Theorems 1 (i) and 2 without modelling error: e -> 0 for any bounded command; tested with many random commands of seven
-kinds."""
+"""Theorems 1 (i) and 2 without modelling error state that e -> 0 for any bounded command. Many random commands of seven kinds
+test this."""
 
 from __future__ import annotations
 
@@ -23,48 +23,49 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
-SEED = 20130820  # any fixed number: the draws are the same on every machine
+SEED = 20130820  # an arbitrary fixed number, so that the draws are the same on every machine
 DRAWS, MORE_DRAWS = 2, 12
-"""Commands of each kind, in the plain command and in ``--full``."""
+"""Number of commands of each kind in the plain command and with ``--full``."""
 LARGEST_COMMAND = 50.0
 """The largest |r| of Section V."""
 T_END, LONGER_T_END = 400.0, 1600.0
-"""Horizons [s] of the plain command and of ``--full``: each quarter of the shorter run has eight periods of Section V's
+"""Horizons [s] of the plain command and of ``--full``. Each quarter of the shorter run contains eight periods of Section V's
 command."""
 STEP = 2e-3
-"""The step, a twentieth of the one at which RK4 shows its fourth order on the fastest dynamics, those of tau; jumps fall
-exactly on steps."""
+"""The step [s], a twentieth of the one at which RK4 shows its fourth order on the fastest dynamics, those of tau. Jumps coincide
+with steps."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3
-"""Gain of the standard MRAC: slow enough for a visible error in the first quarter, with h omega_a = 0.35 at |x| = 50."""
+"""Gain of the standard MRAC. It is small enough for a visible error in the first quarter, and h omega_a is 0.35 at |x| = 50."""
 SMALL_ERROR_SHARE = 1e-3
 """Share of the largest |x_m| below which the error at the end counts as close to zero."""
 ROUNDING_SHARE = 1e-12
-"""Share of the largest |x_m| below which an error is zero in double precision and falls no further."""
+"""Share of the largest |x_m| below which an error is only rounding in double precision and falls no further."""
 ONE_OVER_T = 1 / 3
-"""The start of the second quarter divided by the start of the last."""
+"""The ratio of the errors in the last and the second quarter if the error fell as 1/t: the start of the second quarter divided
+by the start of the last."""
 NOISE_STEP = 0.05
 """Time [s] between the samples of the noise, which is linear in between."""
 
 
 def sums_of_sines(rng: np.random.Generator, _: float) -> Signal:
-    """Two to six sines, over two decades of frequency."""
+    """Draw two to six sines over two decades of frequency."""
     count = int(rng.integers(2, 7))
     shares = rng.dirichlet(np.ones(count))
     return Sines(tuple(LARGEST_COMMAND * shares), tuple(10 ** rng.uniform(-1, 1, count)), tuple(rng.uniform(0, 2 * np.pi, count)))
 
 
 def square_wave(rng: np.random.Generator, _: float) -> Signal:
-    """A square wave with half periods of 1.5 s to 30 s."""
+    """Draw a square wave with half periods of 1.5 s to 30 s."""
     return Square(LARGEST_COMMAND, float(10 ** rng.uniform(-1, 0.3)), phase=float(rng.uniform(0, 2 * np.pi)))
 
 
 def chirp(rng: np.random.Generator, t_end: float) -> Signal:
-    """A chirp over the whole run, up to 1 to 100 rad/s."""
+    """Draw a chirp over the whole run that ends at 1 to 100 rad/s."""
     return Chirp(LARGEST_COMMAND, float(rng.uniform(0.02, 0.5)), float(10 ** rng.uniform(0, 2)), t_end)
 
 
 def filtered_noise(rng: np.random.Generator, t_end: float) -> Signal:
-    """White noise behind a first-order lag with a corner of 0.1 to 3 rad/s, scaled to the bound."""
+    """Draw white noise behind a first-order lag with a corner of 0.1 to 3 rad/s, scaled to the bound."""
     from scipy.signal import lfilter
 
     count, pole = round(t_end / NOISE_STEP) + 1, np.exp(-NOISE_STEP * 10 ** rng.uniform(-1, 0.5))
@@ -73,13 +74,13 @@ def filtered_noise(rng: np.random.Generator, t_end: float) -> Signal:
 
 
 def train_of_steps(rng: np.random.Generator, t_end: float) -> Signal:
-    """Levels drawn evenly, held for 1 s to 15 s."""
+    """Draw levels uniformly, each held for 1 s to 15 s."""
     times = np.cumsum(rng.uniform(1, 15, round(t_end / 8) + 1))
     return Steps(tuple(times.tolist()), tuple(rng.uniform(-LARGEST_COMMAND, LARGEST_COMMAND, len(times)).tolist()))
 
 
 def jumps_ever_rarer(rng: np.random.Generator, t_end: float) -> Signal:
-    """Jumps between the two bounds, each interval 1.5 to 2 times as long as the previous one."""
+    """Draw jumps between the two bounds. Each interval is 1.5 to 2 times as long as the previous one."""
     ratio, times = float(rng.uniform(1.5, 2.0)), [1.0]
     while times[-1] * ratio < t_end:
         times.append(times[-1] * ratio)
@@ -87,7 +88,7 @@ def jumps_ever_rarer(rng: np.random.Generator, t_end: float) -> Signal:
 
 
 def held(rng: np.random.Generator, _: float) -> Signal:
-    """A constant, of any size up to the bound."""
+    """Draw a constant of any size up to the bound."""
     return Constant(float(rng.uniform(-LARGEST_COMMAND, LARGEST_COMMAND)))
 
 
@@ -103,16 +104,16 @@ KINDS: dict[str, Callable[[np.random.Generator, float], Signal]] = {
 
 
 def commands(draws: int, t_end: float) -> list[tuple[str, Signal]]:
-    """This number of commands of each kind."""
+    """Draw this number of commands of each kind."""
     rng = np.random.default_rng(SEED)
     return [(kind, make(rng, t_end)) for kind, make in KINDS.items() for _ in range(draws)]
 
 
 def quarter_errors(command: Signal, t_end: float, controller: Controller, h: float) -> tuple[Array, float]:
-    """(4,) max |e| in the quarters of a run, and the integral of |e|^2 over all of it."""
+    """Return max |e| in the quarters of a run (4,), and the integral of |e|^2 over the whole run."""
     given, simulation = variant(reference=command), Simulation(t_end=t_end, dt=h)
     run = simulate_ensemble([(given, controller)], simulation, quarters=True)
-    assert run.quarters is not None  # asked for
+    assert run.quarters is not None  # the run was asked to record them
     return np.asarray(run.quarters[0].max(axis=1)), float((run.metrics.rms_e[0] ** 2).sum() * t_end)
 
 
@@ -122,8 +123,10 @@ def _largest(command: Signal, t_end: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CommandErrors:
-    """The results of one scheme for all commands: (commands, 4) max |e| in the quarters of a run, over the largest |x_m|.
-    squared  (commands,) the integral of |e|^2 over the run
+    """The results of one scheme for all commands.
+
+    quarters  (commands, 4) max |e| in the quarters of a run, divided by the largest |x_m|
+    squared   (commands,) the integral of |e|^2 over the run
     """
 
     scheme: str
@@ -137,12 +140,12 @@ class CommandErrors:
 
     @property
     def ratios(self) -> Array:
-        """The last quarter's error divided by the second's; zero if the last is only rounding."""
+        """The error of the last quarter divided by that of the second; zero if the last is only rounding."""
         return np.where(self.late < ROUNDING_SHARE, 0.0, self.late / self.quarters[:, 1])
 
     @property
     def small(self) -> Reading:
-        """A supplementary reading: the error is small at the end of the run; the sentence does not name a rate."""
+        """Return the supplementary reading that the error is small at the end of the run. The sentence does not name a rate."""
         small, worst = self.late < SMALL_ERROR_SHARE, int(self.late.argmax())
         return Reading(
             f"{self.scheme}: at the end of the run the error is below {SMALL_ERROR_SHARE:g} of the largest |x_m| with every command",
@@ -153,13 +156,13 @@ class CommandErrors:
 
     @property
     def fell(self) -> str:
-        """How many of the errors fell from the second quarter to the last, and the slowest."""
+        """A text on how many errors fell from the second quarter to the last, and on the slowest."""
         slowest = int(self.ratios.argmax())
         return f"{int((self.ratios < 1).sum())} of {len(self.ratios)} errors fell, the slowest to {self.ratios[slowest]:.2g} of its value ({self.kinds[slowest]})"
 
 
 def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[CommandErrors, CommandErrors]:
-    """The robust MRAC of Figure 2, Theorem 2, and the standard MRAC, Theorem 1 (i)."""
+    """Run the robust MRAC of Figure 2 (Theorem 2) and the standard MRAC (Theorem 1 (i))."""
     largest = np.array([[_largest(command, t_end)] for _, command in tried])
     kinds, found = tuple(kind for kind, _ in tried), []
     for scheme, controller, h in (
@@ -176,7 +179,7 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Command
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The final error for every command, and whether it has decreased."""
+    """Measure the final error for every command, and whether it has decreased."""
     t_end = LONGER_T_END if full else T_END
     tried = commands(MORE_DRAWS if full else DRAWS, t_end)
     robust, standard = followed(tried, t_end)

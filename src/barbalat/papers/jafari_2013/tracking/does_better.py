@@ -1,9 +1,9 @@
-"""The robust MRAC against L1-AC, both tuned by one rule: equally many tunings of each, drawn evenly over its own parameters.
+"""Compares the robust MRAC with L1-AC. Both have the same number of tunings, drawn evenly over their own parameters.
 
-No setting is chosen by hand. A tuning is beaten if a tuning of the other side is not worse in any objective and better in
-one; the unbeaten tunings of a side reach results that the other side does not. The objectives are those of the paper that
-every tuning has: the transient, the tracking error, unmodelled dynamics (an input delay); and a bounded disturbance, which
-Section IV names.
+No setting is chosen by hand. A tuning is beaten if a tuning of the other side is worse in no objective and better in at least
+one. The unbeaten tunings of a side reach results that the other side does not reach. The objectives are those of the paper that
+apply to every tuning (the transient, the tracking error, and unmodelled dynamics in the form of an input delay), and a bounded
+disturbance, which Section IV names.
 """
 
 from __future__ import annotations
@@ -34,26 +34,25 @@ from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 BUDGET, MORE = 64, 256
-"""Number of tunings of each side in the plain command and in ``--full``: powers of two, with which Sobol's sequence is
-balanced."""
+"""Number of tunings of each side in the plain command and with ``--full``. Sobol's sequence is balanced for powers of two."""
 TIMES = (2e-3, 0.5)
 """Range [s] of kappa and of tau, the same for both sides."""
 L1_KNOBS = {"kappa": TIMES, "Gamma": (0.3, 300.0)}
-"""Parameters of L1-AC, each spaced evenly in its logarithm: the filter's time constant [s], and the gain, up to the largest
-that the step resolves. Half of the tunings use filter (6), the other half the second-order filter with two slopes of 1 - C."""
+"""Parameters of L1-AC, spaced evenly in their logarithms: the filter's time constant [s], and the gain, up to the largest that
+the step resolves. Half of the tunings have filter (6), the other half the second-order filter with two slopes of 1 - C."""
 ROBUST_KNOBS = {"tau": TIMES, "P(0)": (1.0, 1e3), "alpha_0": (1e-3, 1.0), "delta_0": (0.05, 1.0)}
-"""Parameters of the robust MRAC, likewise; 1/delta_0 is not below the largest tau."""
+"""Parameters of the robust MRAC, also spaced evenly in their logarithms. 1/delta_0 is at least the largest tau."""
 STEP = {"L1-AC": 1e-4, "robust MRAC": 5e-4}
-"""Steps [s]: h omega_a is at most 1.2 for L1-AC; h/tau is at most 0.25 and h P(0) at most 0.5 for the robust MRAC."""
+"""Steps [s]. h omega_a is at most 1.2 for L1-AC; h/tau is at most 0.25 and h P(0) at most 0.5 for the robust MRAC."""
 T_END, DELAYED_T_END = 60.0, 36.0
-"""Horizon [s] of runs with a delay: three periods of the command."""
+"""Horizon [s] of runs with a delay, three periods of the command."""
 DISTURBANCES: dict[str, Signal | None] = {"no disturbance": None, "d = 20": Constant(20.0), "d = 20 sin 2t": Sine(20.0, 2.0)}
 """Amplitude of the disturbance, about a hundredth of the largest control."""
 DELAYS = np.geomspace(2e-3, 1.0, 10)
-"""Delays [s], each twice the previous one; the search finds the first with a tail error above a fifth of the model's motion."""
+"""Delays [s], each twice the previous one. The search finds the first with a tail error above a fifth of the model's motion."""
 HALVINGS = 3
-"""Bisections between the last delay with which the model is followed and the first without: the tolerated delay is known to
-2^(1/8), nine per cent."""
+"""Number of bisections between the last delay with which the loop follows the model and the first with which it does not. They
+resolve the tolerated delay to a factor of 2^(1/8), nine per cent."""
 UNFOLLOWED_SHARE = 0.2
 OBJECTIVES = (*(f"largest |e|, {name}" for name in DISTURBANCES), "largest |e| in the tail", "largest delay [s]")
 UNDISTURBED = (0, 3, 4)
@@ -61,7 +60,8 @@ UNDISTURBED = (0, 3, 4)
 
 
 def l1_side(count: int) -> Side:
-    """Half of the tunings have each filter, those with (6) first: two ensembles, as their states differ in number."""
+    """Measure L1-AC's tunings, first the half with (6), then the half with the other filter. They are two ensembles, because
+    their numbers of states differ."""
     points = drawn(L1_KNOBS, count)
     parts, told = [], []
     for make, order, some in ((input_filter, 1, points[::2]), (two_slopes, 2, points[1::2])):
@@ -73,7 +73,7 @@ def l1_side(count: int) -> Side:
 
 
 def robust_side(count: int) -> Side:
-    """All tunings in one ensemble."""
+    """Measure the robust MRAC's tunings in one ensemble."""
     points = drawn(ROBUST_KNOBS, count)
     tunings = [
         RobustMrac(c_0=section_v.C_0, tau=float(tau), law=LeastSquares(covariance0=float(P_0)), normalization=Normalization(alpha_0=float(a), delta_0=float(d)))
@@ -84,7 +84,7 @@ def robust_side(count: int) -> Side:
 
 
 def _reached(tunings: Sequence[Controller], h: float) -> Array:
-    """(K, 5) the objectives of each tuning; infinite if a run diverged."""
+    """Return the objectives of each tuning (K, 5), infinite if a run diverged."""
     given = section_v.problem()
     plain, *disturbed = (
         figures([(_disturbed(given, signal), tuning) for tuning in tunings], T_END, h) for signal in DISTURBANCES.values()
@@ -96,8 +96,8 @@ def _reached(tunings: Sequence[Controller], h: float) -> Array:
 
 
 def _delays_tolerated(tunings: Sequence[Controller], h: float) -> Array:
-    """(K,) [s]: by ``DELAYS``, then by bisection between two of them; 0 if even the shortest is not followed, the longest if
-    all are followed."""
+    """Return the tolerated delays [s] (K,), found by a scan of ``DELAYS`` and then by bisection between two of them. The result
+    is 0 if even the shortest is not tolerated, and the longest if all are."""
 
     def followed(tuned: Sequence[Controller], delays: Array) -> Array:
         late = [(variant(input=PlantInput(delay=float(delay))), one) for one, delay in zip(tuned, delays, strict=True)]
@@ -120,12 +120,12 @@ def _disturbed(given: Problem, signal: Signal | None) -> Problem:
 
 
 def _motion() -> float:
-    """The largest |x_m|."""
+    """Return the largest |x_m|."""
     return ReferenceMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=1e-3)).largest
 
 
 def claims(*, full: bool = False) -> list[Claim]:
-    """Both rows, from the same tunings."""
+    """Measure both rows from the same tunings."""
     count = MORE if full else BUDGET
     own = _reached([section_v.l1("L1", section_v.FIGURE_4_GAIN)], OWN_STEP)[0]
     l1, robust = l1_side(count), robust_side(count)
@@ -133,19 +133,21 @@ def claims(*, full: bool = False) -> list[Claim]:
 
 
 OWN_STEP = 2e-5
-"""The step of Section V's L1-AC [s], at which h omega_a is at most 1.4; Figure 4's step, half of it, gives the same five
+"""The step of Section V's L1-AC [s], with which h omega_a is at most 1.4. Figure 4's step, half of it, gives the same five
 digits."""
 BETTER_FACTOR = 1.1
-"""The factor by which an objective must be better: the search determines a delay to nine per cent."""
+"""The factor by which an objective must be better, because the search resolves a delay to nine per cent."""
 
 
 def factors(side: Side, other: Array) -> Array:
-    """(K, 5) how many times better each tuning is than ``other``, (5,), in each objective; below 1 where it is worse."""
+    """Return the factors (K, 5) by which each tuning is better than ``other``, (5,), in each objective. A factor below 1 means
+    worse."""
     return np.column_stack([other[:-1] / side.reached[:, :-1], side.reached[:, -1] / other[-1]])
 
 
 def better(l1: Side, robust: Side, own: Array) -> Claim:
-    """The tuning of the robust MRAC that beats most of L1-AC's; and both sides against Section V's L1-AC, ``own``."""
+    """Find the tuning of the robust MRAC that beats most tunings of L1-AC, and compare both sides with Section V's L1-AC,
+    ``own``."""
     count, sentence, half = len(l1.tunings), SENTENCES["robust-mrac-better"], len(l1.tunings) // 2
     best, beats = _beats_most(robust, l1)
     _, beats_with_6 = _beats_most(robust, l1.first(half))
@@ -201,7 +203,7 @@ EVERY = range(len(OBJECTIVES))
 
 
 def _beats_most(side: Side, other: Side, objectives: Sequence[int] = EVERY) -> tuple[int, int]:
-    """The tuning that beats most tunings of the other side, and how many."""
+    """Return the tuning that beats most tunings of the other side, and how many it beats."""
     mine, theirs = side.reached[:, None, objectives], other.reached[None, :, objectives]
     beaten = ((mine <= theirs).all(axis=2) & (mine < theirs).any(axis=2)).sum(axis=1)
     return int(beaten.argmax()), int(beaten.max())
@@ -212,7 +214,7 @@ def _told_of(reached: Array) -> str:
 
 
 def no_advantage(l1: Side, robust: Side) -> Claim:
-    """Whether some tuning of the robust MRAC has every advantage of the filter, singly or combined, from the same tunings."""
+    """Decide whether every tuning of L1-AC is beaten by some tuning of the robust MRAC, from the same tunings."""
     sentence, count = SENTENCES["no-advantage"], len(l1.tunings)
     half = count // 2
     left, undisturbed = l1.unbeaten(robust, EVERY), l1.unbeaten(robust, UNDISTURBED)
@@ -250,7 +252,7 @@ def _told(ahead: Sequence[int], *sides: Side) -> str:
 
 
 def _of_each(objective: int, *sides: Side) -> str:
-    """The best value of an objective on each side."""
+    """Return a text with the best value of an objective on each side."""
     return " and ".join(f"{abs(side.reached[:, objective].min()):.2g}" for side in sides)
 
 
@@ -262,7 +264,7 @@ SHOWN_TUNINGS = 8
 
 
 def _listing(side: Side, unbeaten: Array) -> Listing:
-    """Some unbeaten tunings, spread over the delays that they tolerate."""
+    """Return a table of some unbeaten tunings, spread over the delays that they tolerate."""
     order = unbeaten[np.argsort(side.reached[unbeaten, -1])]
     shown = order[np.unique(np.linspace(0, len(order) - 1, SHOWN_TUNINGS).round().astype(int))] if len(order) else order
     return Listing(
@@ -273,7 +275,8 @@ def _listing(side: Side, unbeaten: Array) -> Listing:
 
 
 def _chart(*sides: Side) -> Chart:
-    """The least error, without a disturbance and with the worse of both, among the tunings that tolerate a delay."""
+    """Draw the smallest error among the tunings that tolerate at least a delay, without a disturbance and with the worse of the
+    two."""
     curves = []
     for side in sides:
         for words, errors in (("", side.reached[:, 0]), (", disturbed", side.reached[:, 1:3].max(axis=1))):

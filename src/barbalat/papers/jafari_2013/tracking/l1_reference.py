@@ -1,4 +1,5 @@
-"""L1-AC's own objective, which the paper does not state: to follow its filtered reference system, by its authors' own bound."""
+"""L1-AC's own objective, to follow its filtered reference system, measured by its authors' own bound. The paper does not state
+it."""
 
 from __future__ import annotations
 
@@ -28,17 +29,18 @@ MORE_STEPS = STEPS | {1e5: 2e-6, 1e6: 1e-6}
 T_END = 12.0
 """One period of the command [s]."""
 COMPARED_INSTANTS = 40_000
-"""Number of instants at which the two systems are compared: every 0.3 ms, at thousands of phases of the ringing."""
+"""Number of instants at which the two systems are compared, 0.3 ms apart, which covers thousands of phases of the ringing."""
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 RESTING_GAIN = 1e-9
-"""Gain of the run that serves as the reference system: with theta_hat = theta its x_tilde is zero, and the estimates do not
-move."""
+"""Gain of the run that serves as the reference system. It starts with theta_hat = theta, so that its x_tilde is zero and the
+estimates do not move."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceBounds:
-    """gamma_1 by the book, with its worst theta; for the case's initial error; for the case's theta, exactly; gamma_2."""
+    """gamma_1 as in the book, with its worst theta; gamma_1 for the case's initial error; gamma_1 for the case's theta, exactly;
+    and gamma_2."""
 
     condition: theorem_1.FilterCondition
     book: float
@@ -48,7 +50,7 @@ class ReferenceBounds:
 
 
 def bounds() -> ReferenceBounds:
-    """Return the bounds of Section V; each is to be divided by sqrt(Gamma)."""
+    """Return the bounds of Section V, each of which must be divided by sqrt(Gamma)."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA)
     known, theta, realised = given.known, given.plant.theta, C.realise()
     condition = theorem_1.filter_condition(known, realised, THETA_MAX)
@@ -65,7 +67,8 @@ def bounds() -> ReferenceBounds:
 
 
 def control_constant(C: TransferFunction, theta: Array, nu_0: float, of_state: float) -> float:
-    """gamma_2: with c_0'W_b minimum phase of relative degree one, u - u_ref = C (c_0'W_b)^-1 c_0'[x_tilde] - C theta'[x - x_ref]."""
+    """Return gamma_2. If c_0'W_b is minimum phase and of relative degree one,
+    u - u_ref = C (c_0'W_b)^-1 c_0'[x_tilde] - C theta'[x - x_ref]."""
     known, c_0 = section_v.problem().known, np.array(section_v.C_0)
     W_m = transfer_function(c_0, known.A_m, known.b)
     through = TransferFunction(np.polymul(C.num, W_m.den), np.polymul(C.den, W_m.num))
@@ -75,7 +78,7 @@ def control_constant(C: TransferFunction, theta: Array, nu_0: float, of_state: f
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Over the gains: the largest |x_i - x_ref,i| and |u - u_ref|; and that of x_ref from the model x_m."""
+    """The largest |x_i - x_ref,i| and |u - u_ref| over the gains, and the largest distance of x_ref from the model x_m."""
 
     gains: Array
     state: Array
@@ -84,7 +87,7 @@ class Distances:
 
 
 def run_pair(gamma: float, h: float, t_end: float = T_END) -> tuple[Result, Result]:
-    """L1-AC and its reference system, on one grid."""
+    """Run L1-AC and its reference system on one grid."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA)
     reference = L1Adaptive(gamma=RESTING_GAIN, filter=C, theta_hat0=given.plant.theta, name="reference")
     runs = simulate(given, [section_v.l1("L1", gamma), reference], Simulation(t_end=t_end, dt=h, record_points=COMPARED_INSTANTS))
@@ -92,7 +95,7 @@ def run_pair(gamma: float, h: float, t_end: float = T_END) -> tuple[Result, Resu
 
 
 def distances(steps: dict[float, float]) -> Distances:
-    """The runs at each gain with its step."""
+    """Measure the distances at each gain with its step."""
     pairs = [run_pair(gamma, h) for gamma, h in steps.items()]
     return Distances(
         gains=np.array(list(steps)),
@@ -103,7 +106,7 @@ def distances(steps: dict[float, float]) -> Distances:
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The bound's assumption on this case, the measured distance, the exponent, and the error of the reference system
+    """Check the bound's assumption for this case, and measure the distance, its exponent, and the error of the reference system
     itself."""
     steps, bound = MORE_STEPS if full else STEPS, bounds()
     found = distances(steps)

@@ -1,4 +1,4 @@
-"""Claims on tracking: Theorem 1's bounds, and the relation of the two schemes."""
+"""Claims on tracking: Theorem 1's bounds and the relation of the two schemes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from barbalat.validate import Array
 MEMBERS = 192
 """Number of random runs, a multiple of the kernel's lanes."""
 MORE_MEMBERS = 32 * MEMBERS
-"""Number of random runs of ``reproduce --full``, which searches for a run that violates a bound."""
+"""Number of random runs with ``reproduce --full``, which searches for a run that violates a bound."""
 FULL_COMMAND = f"{MORE_MEMBERS} random runs instead of {MEMBERS}"
-SEED = 20130819  # any fixed number: the draws are the same on every machine
+SEED = 20130819  # an arbitrary fixed number, so that the draws are the same on every machine
 
 
 def bound_9(size: int = MEMBERS) -> Claim:
-    """(9) over the known set and three decades of gain."""
+    """Test (9) over the known set and three decades of gain."""
     rng = np.random.default_rng(SEED)
     members, bounds = [], []
     for _ in range(size):
@@ -55,7 +55,8 @@ def bound_9(size: int = MEMBERS) -> Claim:
 
 
 def _by_decade(gammas: Sequence[float], ratio: Array) -> dict[str, Sequence[str] | Array]:
-    """Columns: the decades of gain from 0.1 to 100, their runs, the median and the largest ratio in each."""
+    """Return columns with the decades of gain from 0.1 to 100, the number of their runs, and the median and the largest ratio in
+    each."""
     decades = np.floor(np.log10(gammas))
     parts = [ratio[decades == k] for k in (-1, 0, 1)]
     return {
@@ -67,7 +68,7 @@ def _by_decade(gammas: Sequence[float], ratio: Array) -> dict[str, Sequence[str]
 
 
 def bound_10(size: int = MEMBERS) -> Claim:
-    """(10) for kappa up to kappa_max."""
+    """Test (10) for kappa up to kappa_max."""
     rng = np.random.default_rng(SEED + 1)
     members, bounds = [], []
     given = section_v.problem()
@@ -104,17 +105,17 @@ def bound_10(size: int = MEMBERS) -> Claim:
 
 
 def bound_9_further() -> Claim:
-    """The row on the bound (9), with more random problems."""
+    """Measure the row on the bound (9) with more random problems."""
     return bound_9(MORE_MEMBERS)
 
 
 def bound_10_further() -> Claim:
-    """The row on the bound (10), with more random problems."""
+    """Measure the row on the bound (10) with more random problems."""
     return bound_10(MORE_MEMBERS)
 
 
 def best_at_zero() -> Claim:
-    """The bound and the measured error against kappa, down to the unfiltered scheme."""
+    """Compare the bound and the measured error over kappa, down to the unfiltered scheme."""
     given = section_v.problem()
     known, model, gamma = given.known, model_bounds(given), 100.0
     nu = theorem_1.nu_0(5.0, known)
@@ -162,7 +163,7 @@ ANY_COMMAND = "for any reference signal r(t)"
 
 
 def part_iii() -> Claim:
-    """The statement of (10) on a constant command for Gamma -> infinity, compared with the error of a run."""
+    """Compare the bound (10) for a constant command and Gamma -> infinity with the error of a run."""
     given = variant(reference=Constant(50.0))
     found = theorem_1.filter_condition(given.known, input_filter(section_v.KAPPA).realise(), 10.0)
     bound = theorem_1.l1_bound(theorem_1.nu_0(5.0, given.known), np.inf, found, 10.0, given.known.k_0, model_bounds(given))
@@ -184,17 +185,19 @@ def part_iii() -> Claim:
 
 
 V_TOLERANCE = 1e-6
-"""The share of V(0) by which V may rise between recorded instants because of the step."""
+"""Largest rise of V between recorded instants that is attributed to the step, as a share of V(0)."""
 UNSTABLE_KAPPA, UNSTABLE_GAIN = 1.0, 0.1
-"""[s]: twenty times what Theorem 1's condition admits, where the limit of fast adaptation is unstable; the gain, small since |x| grows."""
+"""A kappa [s] of twenty times the largest that Theorem 1's condition admits, with which the limit of fast adaptation is unstable,
+and a gain, which is small because |x| grows."""
 FILTERS = {section_v.KAPPA: (1e4, 1e-6), UNSTABLE_KAPPA: (UNSTABLE_GAIN, 2e-5)}
-"""Gain and step by kappa: Section V's gain with a step that resolves it, h omega_a below 0.1; beyond the condition, one with h
-omega_a below 2.3, where RK4 is stable."""
+"""Gain and step by kappa. Section V's gain has a step that resolves it, with h omega_a below 0.1. Beyond the condition, h omega_a
+is below 2.3, where RK4 is stable."""
 V_T_END = 20.0
 
 
 def same_lyapunov() -> Claim:
-    """V of x_tilde and theta_tilde along L1-AC: with Section V's gain and filter, and with a filter with which the plant is unstable."""
+    """Evaluate V of x_tilde and theta_tilde along L1-AC, with Section V's gain and filter and with a filter with which the loop
+    is unstable."""
     given, sentence = section_v.problem(), SENTENCES["same-lyapunov"]
     rises, reached, errors = np.array([_along(gamma, kappa, h) for kappa, (gamma, h) in FILTERS.items()]).T
     found = theorem_1.filter_condition(given.known, input_filter(section_v.KAPPA).realise(), 10.0)
@@ -226,7 +229,7 @@ def same_lyapunov() -> Claim:
 
 
 def _along(gamma: float, kappa: float, h: float) -> tuple[float, float, float]:
-    """L1-AC's run: the largest rise of V relative to V(0), the largest |x_i| and |e_i|."""
+    """Run L1-AC. Return the largest rise of V relative to V(0) and the largest |x_i| and |e_i|."""
     given, simulation = section_v.problem(), Simulation(t_end=V_T_END, dt=h, record_points=10_000)
     (run,) = simulate(given, [section_v.l1("L1", gamma, kappa)], simulation).values()
     x_tilde = run.x - np.array([run.loop.unpack(flat).controller.x_hat for flat in run.states])
@@ -236,7 +239,7 @@ def _along(gamma: float, kappa: float, h: float) -> tuple[float, float, float]:
 
 
 def constant_command() -> Claim:
-    """Both schemes, with unit DC gain of the model from r to x_1 and with another."""
+    """Test both schemes with a DC gain of 1 of the model from r to x_1, and with another one."""
     tails = []
     for k_0 in (0.3, 4.0):
         given = variant(reference=Constant(50.0), k_0=k_0)
@@ -264,13 +267,13 @@ def constant_command() -> Claim:
 
 FILTERED_GAINS = (0.1, section_v.MODERATE_GAIN, 100.0)
 FILTERED_KAPPAS = {section_v.KAPPA: 1e-4, section_v.KAPPA / 10: 1e-4, section_v.KAPPA / 100: 2e-5}
-"""[s]: Section V's and faster filters, each with its step."""
+"""Time constants of Section V's filter and of faster ones, each with its step [s]."""
 SAME_SHARE = 0.01
 
 
 def is_mrac() -> Claim:
-    """A filter after the unchanged standard MRAC, whose law is driven by e, over gains and filters; and C = 1 in the predictor's
-    form."""
+    """Test a filter after the unchanged standard MRAC, whose law is driven by e, over gains and filters, and C = 1 in the form
+    with a predictor."""
     given, gamma, sentence = section_v.problem(), section_v.MODERATE_GAIN, SENTENCES["filtered-mrac"]
     one, other = (figures([(given, law)], 60.0, 1e-4) for law in (L1Adaptive(gamma=gamma, filter=None), Mrac(gamma=gamma)))
     difference = float(np.abs(one.max_abs_e / other.max_abs_e - 1).max())
@@ -316,7 +319,7 @@ def is_mrac() -> Claim:
 
 
 def _filtered_pair(kappa: float, gamma: float, h: float) -> tuple[Metrics, Metrics]:
-    """The same filter before (3)-(4), at the plant's input, and in (5)-(8)."""
+    """Run (3)-(4) with the filter at the plant's input, and (5)-(8) with the same filter."""
     filtered = variant(input=PlantInput(actuator=input_filter(kappa)))  # C(s) between (3) and the plant
     return figures([(filtered, Mrac(gamma=gamma))], 60.0, h), figures(
         [(section_v.problem(), section_v.l1("L1", gamma, kappa))], 60.0, h
