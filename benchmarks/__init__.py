@@ -1,1 +1,1 @@
-"""Side by side with its peers, in one run: ``python -m benchmarks`` from the repository root."""
+"""Benchmarks of Barbalat and its peers in one run: ``python -m benchmarks`` from the repository root."""

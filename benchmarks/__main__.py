@@ -43,7 +43,7 @@ def main() -> int:
 
 
 def compare(extent: speed.Extent) -> None:
-    """Every section, printed as soon as it is measured."""
+    """Measure every section and print it as soon as it is measured."""
     quick = extent.quick
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
@@ -63,7 +63,8 @@ def compare(extent: speed.Extent) -> None:
 
 
 def compare_studies(extent: speed.Extent) -> None:
-    """Sweeps, then the peers with the same number of members in one process: their idle threads would count as a sweep's work."""
+    """Measure the sweeps, then the peers with the same number of members, in one process. In the opposite order the peers' idle
+    threads would count as work of a sweep."""
     for title, (rows, notes) in studies.sections(quick=extent.quick):
         show(title, rows, notes)
     if extent.peers and not extent.quick:

@@ -1,8 +1,8 @@
-"""Work and precision: the cost of a run of two seconds against its measured error, on one core.
+"""Work and precision: the cost of a run of two seconds on one core against its measured error.
 
-Section V under its command. The error is the largest in theta_hat at four instants, relative to the largest estimate, against
-our kernel at a tolerance of 1e-12. Times are processor time of a run, best of several, without compilation and without figures;
-fixed steps include their table of the command.
+The runs are those of Section V under its command. The error is the largest difference of theta_hat from our kernel's at a
+tolerance of 1e-12, at four instants, relative to the largest estimate. Times are the processor time of a run, the best of
+several, without compilation and without figures. With fixed steps they include the table of the command.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from benchmarks.table import Row
 
 T_END, INSTANTS = 2.0, 4
 REFERENCE = 1e-12
-"""Tolerance of the run that errors are measured against."""
+"""Tolerance of the run from which the errors are measured."""
 ASKED = (1e-3, 1e-5, 1e-7, 1e-9)
-"""Errors at which the table has costs, interpolated between two runs."""
+"""Errors for which the table lists the cost, interpolated between two runs."""
 OURS, DENSE = "tolerance", "with dense output, as for figures"
 FEWEST = {"l1": 1250, "mrac": 50, "robust_mrac": 50}
-"""Steps of a quarter in the coarsest RK4 run that follows the motion, by the scheme's file."""
+"""Steps in a quarter of the coarsest RK4 run that follows the motion, by the scheme's file."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A run: its error, relative, and its processor time [s]."""
+    """The relative error of a run and its processor time [s]."""
 
     error: float
     seconds: float
 
 
 Run = Callable[[], np.ndarray]
-"""Makes a run; the states (INSTANTS, S) at the ends of its quarters."""
+"""A function that makes a run and returns the states (INSTANTS, S) at the ends of its quarters."""
 
 
 def controllers() -> list[Controller]:
@@ -57,7 +57,7 @@ def controllers() -> list[Controller]:
 
 
 def fixed(loop: ClosedLoop, solver: Tableau, steps: int) -> Run:
-    """Fixed steps of our kernel, optimised."""
+    """A run of our optimised kernel with fixed steps."""
     simulation = Simulation(T_END, T_END / steps, solver=solver)
     program = step_program(loop, solver, simulation.dt, figures=False)
     kernel = program.compile(1)
@@ -79,7 +79,7 @@ def fixed(loop: ClosedLoop, solver: Tableau, steps: int) -> Run:
 
 
 def by_tolerance(loop: ClosedLoop, tolerance: float, *, dense: bool = False) -> Run:
-    """Our kernel's own steps; with ``dense`` as a run with figures makes them."""
+    """A run with steps that our kernel chooses. With ``dense`` it has dense output, as a run with figures has."""
     simulation = Simulation(T_END, tolerance=tolerance)
     made = Motion.of(loop, PROBLEM.signals, simulation, tolerance)
     if not dense:
@@ -103,7 +103,7 @@ def by_tolerance(loop: ClosedLoop, tolerance: float, *, dense: bool = False) -> 
 def points(
     run_of: Callable[[float], Run], settings: tuple[float, ...], exact: np.ndarray, rows: slice, repeats: int
 ) -> list[Point]:
-    """A point for each setting, a tolerance or a number of steps; runs that diverge are left out."""
+    """A point for each setting, which is a tolerance or a number of steps. Runs that diverge are left out."""
     found = []
     scale = np.abs(exact[:, rows]).max()
     for setting in settings:
@@ -121,7 +121,7 @@ def _seconds(run: Run) -> float:
 
 
 def cost_at(found: list[Point], error: float) -> float | None:
-    """Seconds at an error, between the two nearest runs on a logarithmic scale; None if no run is as accurate."""
+    """Seconds at an error, interpolated on a logarithmic scale between the two nearest runs. None if no run is so accurate."""
     better = [point for point in found if point.error <= error]
     if not better:
         return None
@@ -135,7 +135,7 @@ def cost_at(found: list[Point], error: float) -> float | None:
 
 
 def contestants(loop: ClosedLoop, *, quick: bool, peers: bool) -> Iterator[tuple[str, Callable[[float], Run], tuple[float, ...]]]:
-    """Name, a run for a setting, and the settings."""
+    """The name of each contestant, its function for a run with one setting, and the settings."""
     fewest = FEWEST[loop.equations.__class__.__module__.rsplit(".", 1)[-1]]
     counts = tuple(4.0 * round(fewest * 2 ** (i / (1 if quick else 2))) for i in range(7 if quick else 13))
     tolerances = tuple(10.0 ** -(i / (1 if quick else 2)) for i in range(3 if quick else 6, 12 if quick else 23))
@@ -150,7 +150,7 @@ def contestants(loop: ClosedLoop, *, quick: bool, peers: bool) -> Iterator[tuple
 
 
 def section(controller: Controller, *, quick: bool, peers: bool) -> tuple[str, list[Row], list[str]]:
-    """A scheme's table: milliseconds at each error; "ours" are runs by tolerance."""
+    """The table of a scheme with the milliseconds at each error. "Ours" are runs with a tolerance."""
     loop = ClosedLoop.of(PROBLEM, controller)
     exact = by_tolerance(loop, REFERENCE)()
     found = {
@@ -163,7 +163,7 @@ def section(controller: Controller, *, quick: bool, peers: bool) -> tuple[str, l
 
 
 def _row(name: str, error: float, ours: list[Point], theirs: list[Point]) -> Row | None:
-    """None if one of them never reaches the accuracy."""
+    """A row of the table, or None if one of the two never reaches the accuracy."""
     mine, other = cost_at(ours, error), cost_at(theirs, error)
     if mine is None or other is None:
         return None

@@ -1,4 +1,4 @@
-"""The same operation lists in C, by gcc: both orders of operations, several widths, several sets of flags."""
+"""The same operation lists in C, compiled by gcc with both orders of operations, several widths and several sets of flags."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from benchmarks.loops import Case
 from benchmarks.race import Contestant
 
 FAST_MATH = ("-ffast-math", "-ffast-math -mprefer-vector-width=512")
-"""-ffast-math assumes that nothing is infinite or NaN. The loops hold an infinite constant in the projection, which gcc 12
-happens to treat well, as the check shows; the figures start at infinity, so that there it must stay off."""
+"""-ffast-math assumes that nothing is infinite or NaN. The loops have an infinite constant in the projection, which gcc 12
+happens to treat correctly, as the check shows. The figures start at infinity, so that the flag must stay off there."""
 
 NO_TRAPS = ("-fno-trapping-math", "-fno-trapping-math -mprefer-vector-width=512")
-"""What LLVM assumes by default: nobody looks at the floating-point flags. NaN and infinity keep their meaning."""
+"""LLVM's default assumptions: nobody reads the floating-point flags, and NaN and infinity keep their meaning."""
 
 PLAIN = ("", "-ffp-contract=off")
 
@@ -32,7 +32,7 @@ WIDTHS = (8, 16, 32)
 
 
 class Family(NamedTuple):
-    """Variants of one kind; the fastest counts."""
+    """Variants of one kind, of which the fastest counts."""
 
     name: str
     flag_sets: tuple[str, ...]
@@ -40,7 +40,8 @@ class Family(NamedTuple):
 
 
 def families(case: Case, *, quick: bool) -> list[Family]:
-    """In an ensemble only variants that gcc vectorises; ``quick`` keeps the best flags so far."""
+    """The families of variants. In an ensemble they have only variants that gcc vectorises. With ``quick`` they have only the
+    best flags found so far."""
     both = 1 if quick else 2
     plain = () if case.members > 1 else PLAIN
     return [
@@ -51,7 +52,7 @@ def families(case: Case, *, quick: bool) -> list[Family]:
 
 
 def contestants(case: Case, steps: int, folder: Path, family: Family, *, quick: bool) -> list[Contestant]:
-    """Every variant; ``quick`` keeps the best order and width so far."""
+    """Every variant. With ``quick``, only the best order and width found so far."""
     ours = case.optimised(figures=family.figures)
     lists: dict[str, Program] = {"our order": ours.program}
     if not quick:
@@ -65,12 +66,12 @@ def contestants(case: Case, steps: int, folder: Path, family: Family, *, quick: 
         parts = [f"{order}{WITH_FIGURES * family.figures}", f"{lanes} wide" * (lanes > 1), flags]
         return Contestant(", ".join(filter(None, parts)), steps, advance(_loop(library), ours.shape, case, lanes))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each waits for a gcc
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each thread waits for a gcc process
         return list(pool.map(build, itertools.product(lists, widths, family.flag_sets)))
 
 
 def _loop(library: Path) -> Loop:
-    """Arrays in, as the kernel takes them."""
+    """The compiled function as a loop that accepts the kernel's arrays."""
     function = ctypes.CDLL(str(library))[ENTRY]
     function.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 4
     function.restype = None

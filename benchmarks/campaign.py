@@ -1,6 +1,7 @@
-"""How sampled controllers tolerate lost measurements: their compiled C through faults, a row for each scheme.
+"""How sampled controllers tolerate lost measurements: the compiled C of each scheme runs through faults.
 
-``python -m benchmarks.campaign`` writes docs/guides/campaign.txt, on the cases whose cost the guide to flight computers counts.
+``python -m benchmarks.campaign`` writes docs/guides/campaign.txt. The cases are those whose cost is listed in the guide to flight
+computers.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ HEADINGS = ("controller", "largest error", "1 % lost", "10 % lost", "50 % lost",
 
 
 def row(name: str, found: Campaign) -> str:
-    """One row of the page's table: factors of the worst component, and the longest outage that was tolerated."""
+    """A row of the page's table: the factors of the worst component and the longest tolerated outage."""
     factors = ["diverges" if one.worst is None else f"{found.factor(one):.2f}" for one in found.rows]
     outage = f"{found.longest * found.sample_time:.2g} s"
     cells = [name, f"{max(found.nominal):.2g}", *factors, f"{outage} or more" if found.longest == found.most else outage]

@@ -1,8 +1,8 @@
 """The cost of a sample of an exported controller on a Cortex-M4F: instructions, bytes, and an estimate of the rate.
 
-``python -m benchmarks.flight`` writes docs/guides/flight-cost.txt. Instructions are those that an emulated Cortex-M4F executes,
-one by one, from the call of the step to its return: `-singlestep -d exec,nochain`, as Debian's QEMU has no plugins that count.
-Cycles follow from Arm's table for the Cortex-M4, without flash wait states: an estimate.
+``python -m benchmarks.flight`` writes docs/guides/flight-cost.txt. The instructions counted are those that an emulated Cortex-M4F
+executes from the call of the step to its return. They are logged one by one with `-singlestep -d exec,nochain`, as Debian's QEMU
+has no counting plugins. The cycles are an estimate from Arm's table for the Cortex-M4, without flash wait states.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ BOARD_EMULATOR = (
     "qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting-config", "enable=on,target=native", "-kernel", "program",
 )  # fmt: skip
 SAMPLES = 20
-"""That are counted, from the first one on; the longest one is shown."""
+"""Number of samples that are counted from the first one on. The table shows the longest."""
 CLOCK = 168e6
-"""[Hz], of the STM32F4 that small flight controllers have."""
+"""Clock rate [Hz] of the STM32F4 in small flight controllers."""
 REFILL = 3
-"""Cycles that a taken branch costs beside its own: 1 to 3 in the table, the most taken here."""
+"""Further cycles of a branch that is taken. The table states 1 to 3; the largest number is used here."""
 CYCLES = {
     **dict.fromkeys(("vdiv", "vsqrt"), 14),
     **dict.fromkeys(("sdiv", "udiv"), 12),
     **dict.fromkeys(("vmla", "vmls", "vfma", "vfms"), 3),
     **dict.fromkeys(("vldr", "vstr", "ldr", "str"), 2),
 }
-"""Of the instructions that take more than one: Cortex-M4 Technical Reference Manual r0p1 (DDI 0439), tables 3-1 and 7-1; Texas
-Instruments prints them too, SimpleLink CC13x2x7 Technical Reference Manual (SWCU192), tables 3-25 and 3-27."""
+"""Cycles of the instructions that take more than one. Source: Cortex-M4 Technical Reference Manual r0p1 (DDI 0439), tables 3-1
+and 7-1. Texas Instruments has the same tables in the SimpleLink CC13x2x7 Technical Reference Manual (SWCU192), tables 3-25 and
+3-27."""
 SEVERAL = ("push", "pop", "ldm", "stm", "vpush", "vpop", "vldm", "vstm", "ldrd", "strd")
-"""That take 1 + N cycles for N registers."""
+"""Instructions that take 1 + N cycles for N registers."""
 
 _MAIN = """\
 #include "controller.h"
@@ -85,12 +86,12 @@ class Cost:
 
     @property
     def rate(self) -> float:
-        """[Hz], an estimate: nothing else is computed, and the flash never waits."""
+        """Estimated rate [Hz] if nothing else is computed and the flash has no wait states."""
         return CLOCK / self.cycles
 
 
 def cost(problem: TrackingProblem, controller: Controller) -> Cost:
-    """Compile, run on the emulated machine, count."""
+    """Compile a controller, run it on the emulated machine, and count."""
     printed = Printed(Contents.of(problem, controller, SIMULATION, c99.FLOAT), prefix="flown")
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
@@ -103,7 +104,7 @@ def cost(problem: TrackingProblem, controller: Controller) -> Cost:
 
 
 def build(folder: Path, printed: Printed, main: str) -> None:
-    """The controller and a program that calls it, for the board."""
+    """Build the controller and a program that calls it, for the board."""
     for name, text in {"controller.h": header(printed), "controller.c": source(printed), "main.c": main}.items():
         (folder / name).write_text(text)
     _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "-fcallgraph-info=su", "-c", "controller.c")
@@ -113,7 +114,7 @@ def build(folder: Path, printed: Printed, main: str) -> None:
 
 
 def main_program(printed: Printed) -> str:
-    """C of a program that takes the first samples."""
+    """The C source of a program that runs the first samples."""
     vectors = printed.contents.vectors
     rows = {
         name: ", ".join("{" + ", ".join(c99.constant(v, c99.FLOAT) for v in row) + "}" for row in values[:SAMPLES])
@@ -127,7 +128,7 @@ def _run(folder: Path, *command: str) -> str:
 
 
 def counted(folder: Path, step: str) -> list[tuple[int, int]]:
-    """Cycles and instructions of each sample."""
+    """The cycles and instructions of each sample."""
     listing = _run(folder, "arm-none-eabi-objdump", "-d", "program")
     (entry,) = (int(at, 16) for at in re.findall(rf"^(\w+) <{step}>:$", listing, re.MULTILINE))
     code: dict[int, tuple[int, str, str]] = {}
@@ -139,7 +140,7 @@ def counted(folder: Path, step: str) -> list[tuple[int, int]]:
     if len(calls) != SAMPLES:
         raise RuntimeError(f"{step} was called {len(calls)} times on the emulated machine, not {SAMPLES}")
     for first in calls:
-        back = trace[first - 1] + code[trace[first - 1]][0]  # behind the call
+        back = trace[first - 1] + code[trace[first - 1]][0]  # the instruction after the call
         last = trace.index(back, first)
         run = trace[first : last + 1]
         found.append(
@@ -174,7 +175,8 @@ def _registers(operands: str) -> int:
 
 
 def _stack(graph: str, step: str) -> int:
-    """The longest path's bytes from the step on, by the compiler's call graph; library functions, of memory alone, have none."""
+    """Bytes of the longest path from the step on, by the compiler's call graph. The library functions, which only copy or set
+    memory, use none."""
     own = {name: int(size) for name, size in re.findall(r'title: "([^"]+)" label: "[^"]*\\n(\d+) bytes \(static\)', graph)}
     below: dict[str, set[str]] = {}
     for caller, callee in re.findall(r'sourcename: "([^"]+)" targetname: "([^"]+)"', graph):
@@ -188,14 +190,14 @@ def _stack(graph: str, step: str) -> int:
 
 
 def tools() -> str:
-    """The tools and settings on which the numbers depend, besides the controllers."""
+    """The tools and settings on which the numbers depend in addition to the controllers."""
     compiler = _run(Path.cwd(), "arm-none-eabi-gcc", "--version").splitlines()[0]
     emulator = _run(Path.cwd(), "qemu-system-arm", "--version").splitlines()[0]
     return f"Compiled with `{' '.join([*MACHINE, *OPTIONS])}` by {compiler}; executed by {emulator}."
 
 
 def page() -> str:
-    """The table, with the tools that made it."""
+    """The table and the tools with which it was made."""
     lines = [
         "<!-- Written by python -m benchmarks.flight: do not edit. -->",
         "| controller | operations | instructions | cycles (estimate) | rate at 168 MHz (estimate) | code | state | stack |",

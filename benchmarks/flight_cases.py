@@ -1,4 +1,4 @@
-"""Controllers of every scheme whose cost on a flight computer is counted: two states, or one output."""
+"""Controllers of every scheme, with two states or one output, whose cost on a flight computer is counted."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ CASES = [
         _sampled(LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), feedforward=TransferFunction([1.0], [0.1, 1.0]))),
     ),
 ]
-"""By midpoint steps where nothing else is said."""
+"""The cases. They use midpoint steps unless they say otherwise."""
 
 SHELL = Shell(
     range={"x_1": [-50.0, 50.0], "x_2": [-50.0, 50.0]},
@@ -149,4 +149,4 @@ SHELL = Shell(
     fallback="fade",
 )
 SHELLED = [("MRAC, with a shell", replace(STATE, shell=SHELL), _sampled(Mrac(gamma=20.0)))]
-"""What a shell adds to a sample that has every part but *stuck*, which is off unless asked for."""
+"""The cost that a shell adds to a sample. The shell has every part except *stuck*, which is off by default."""

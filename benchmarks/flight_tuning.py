@@ -1,13 +1,14 @@
-"""Find the numbers of ``vehicles/f16/schemes.py`` and ``vehicles/quadrotor/schemes.py``: every scheme under the contest's rule.
+"""Find the numbers of ``vehicles/f16/schemes.py`` and ``vehicles/quadrotor/schemes.py``: tune every scheme by the contest's rule.
 
     python -m benchmarks.flight_tuning [f16-pitch|f16-roll|quadrotor] [SCHEME ...]
 
 Without SCHEME it tunes all of them and writes docs/guides/tuned-NAME.txt. The quadrotor's part is in
 ``quadrotor_tuning``.
 
-The F-16 is the linear model of one axis at 10,013 ft and Mach 0.525 behind its actuator and a delay of its transport and its
-sensors, following the flights' command; from ``OFF_AT`` on the trim of its surface is wrong by ``TRIM_OFF``, as after a failure.
-The rule: least RMS error with the delay margin and the gain margin at least as below, equal trials for all.
+The F-16's plant is the linear model of one axis at 10,013 ft and Mach 0.525, behind the actuator and the delay of transport and
+sensors. It follows the flights' command. From ``OFF_AT`` on the trim of its surface is wrong by ``TRIM_OFF``, as after a failure.
+The rule is the least RMS error with at least the delay margin and the gain margin below, and the same number of trials for all
+schemes.
 """
 
 from __future__ import annotations
@@ -39,16 +40,18 @@ from barbalat.vehicles.vehicle import vehicle_of
 from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0
-"""[s], 45 deg of phase at a crossover of 8 rad/s; 6 dB: what MIL-F-9490D asks of flight control systems."""
+"""Delay margin [s], which is 45 deg of phase at a crossover of 8 rad/s, and a gain margin of 6 dB. MIL-F-9490D requires both of
+flight control systems."""
 TRIM_OFF, OFF_AT = 1.0, 6.0
-"""[deg] of the surface, between what half an elevator and what a centre of gravity by 5 % of the chord aft ask for; [s]."""
+"""Trim error [deg] of the surface, between the trims for half an elevator and for a centre of gravity that is 5 % of the chord
+further aft; its instant [s]."""
 SIMULATION = Simulation(t_end=10.0, dt=0.0025)
 RULE = Rule(delay_margin=DELAY_MARGIN, gain_margin=GAIN_MARGIN, until=Criterion.LOSS, plants=1, trials=288)
 KNOB_VALUES = 24
 
 
 def as_linearised(axis: Axis, problem: Problem) -> Problem:
-    """A problem of the axis with its equipment, its command and a wrong trim."""
+    """The problem of an axis with its equipment, its command and a wrong trim."""
     equipment = axis.equipment
     path = PlantInput(
         saturation=axis.travel,
@@ -79,7 +82,8 @@ HEADS = ("scheme", "numbers", "RMS e", "tolerated delay [ms]", "over required", 
 
 
 def row(scheme: str, found: Qualified, rule: Rule) -> list[str]:
-    """Of the table: numbers to three digits, an asterisk at the end of a range; margins, and the delay over that asked for."""
+    """A row of the table: numbers to three digits, with an asterisk at the end of a range; the margins; and the ratio of the
+    delay margin to the required one."""
     margins = found.margins[rule.until]
     numbers = [f"{knob} {value:.3g}{'*' * (knob in found.at_edge)}" for knob, value in found.tuning.items()]
     kept = "" if found.meets else ", breaks the rule"
@@ -88,19 +92,19 @@ def row(scheme: str, found: Qualified, rule: Rule) -> list[str]:
 
 
 def table(rows: Iterable[Sequence[str]], heads: Sequence[str] = HEADS) -> str:
-    """In Markdown."""
+    """The table in Markdown."""
     return "".join(f"| {' | '.join(cells)} |\n" for cells in (heads, ["---"] * len(heads), *rows))
 
 
 def of_aircraft(name: str, chosen: Sequence[str]) -> Iterator[list[str]]:
-    """Rows of one axis of the F-16."""
+    """The rows of one axis of the F-16."""
     nominal = vehicle_of(name).nominal()
     for scheme in chosen or SCHEMES:
         yield row(scheme, tuned(nominal, scheme), RULE)
 
 
 def of_quadrotor(chosen: Sequence[str]) -> Iterator[list[str]]:
-    """Rows of the axes that differ, with the axis in front."""
+    """The rows of the quadrotor's axes that differ, each with the axis in the first column."""
     axes = vehicle_of("quadrotor").nominal()
     for axis in (axes.attitude[0], axes.attitude[2], axes.position[0]):
         rule = quadrotor_tuning.rule_of(axes, axis, RULE.trials)

@@ -1,7 +1,7 @@
-"""The cost of flights: a minute of the F-16, by the list and by the exported C, and 200 draws on two cores.
+"""The cost of flights: a minute of the F-16 by the operation list and by the exported C, and 200 draws on two cores.
 
-``./dev flight --benchmark`` runs it where JSBSim is installed. Costs are processor time of all processes that take part, so that
-other programs affect them little; the numbers on the draws include starting, trimming and compiling.
+``./dev flight --benchmark`` runs it where JSBSim is installed. Costs are the processor time of all processes that take part, so
+that other programs hardly affect them. The costs of the draws include the start, the trim and the compilation.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from benchmarks.processor import description
 from benchmarks.table import Row, console, show
 
 MINUTE = Timing(duration=60.0, fails_at=60.0)
-"""Nothing fails in it."""
+"""The flight without a failure."""
 SHARE = 20.0
-"""Of real time: a minute's flight is to take three seconds."""
+"""Target as a fraction of real time: a flight of one minute in three seconds."""
 DRAWS, MINUTES, CORES = 200, 3.0, 2
-"""Of one controller and one failure, and in how long they are to be flown on so many cores."""
+"""Number of draws with one controller and one failure, the target time for them, and the number of cores."""
 SCHEMES = ("l1-piecewise", "l1", "robust-mrac")
-"""From a small list to the largest."""
+"""The schemes, from the smallest operation list to the largest."""
 
 
 def one_flight(*, quick: bool) -> Section:
@@ -50,7 +50,7 @@ def one_flight(*, quick: bool) -> Section:
 
 
 def _busy(axis: Axis, step: Step, repeats: int) -> float:
-    """Of the best flight, from the aircraft's file to the end."""
+    """Processor time of the best flight, from reading the aircraft's file to the end."""
     found = []
     for _ in range(repeats):
         begun = time.process_time()
@@ -73,7 +73,7 @@ def draws(*, quick: bool) -> Section:
 
 
 def _processors() -> float:
-    """Of this process and of those that it started and that have ended [s]."""
+    """Processor time [s] of this process and of the ended processes that it started."""
     used = [resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(one.ru_utime + one.ru_stime for one in used)
 

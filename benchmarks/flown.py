@@ -1,6 +1,6 @@
-"""Keep a campaign for the ledger: ``barbalat fly NAME --dispersions N --store DIR --json | python -m benchmarks.flown``.
+"""Store a campaign for the ledger: ``barbalat fly NAME --dispersions N --store DIR --json | python -m benchmarks.flown``.
 
-It writes src/barbalat/papers/jafari_2013/flight/flown-NAME.json, which the row ``adaptive-in-flight`` reads from then on.
+It writes src/barbalat/papers/jafari_2013/flight/flown-NAME.json, which the row ``adaptive-in-flight`` then reads.
 """
 
 from __future__ import annotations

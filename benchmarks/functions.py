@@ -1,6 +1,7 @@
-"""The elementary functions: our lists against the C library, as ratios of times, and their largest errors found by the tests.
+"""The elementary functions: the times of our lists relative to those of the C library, and the largest errors found by the tests.
 
-``python -m benchmarks.functions`` prints a table: one number that waits for the one before, one number, and vectors.
+``python -m benchmarks.functions`` prints a table for one number that waits for the previous one, for one number of many, and for
+vectors.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ void chain(const double *x, double *y, long n) {{ double z = 0; for (long i = 0;
 
 
 def library(name: str, x: np.ndarray, folder: Path) -> tuple[float, float]:
-    """ns of the C library for one number that waits, and for one of many."""
+    """Times of the C library [ns] for one number that waits for the previous one, and for one of many."""
     (folder / name).mkdir()
     further = f", {POWER}" if function(name).arguments == 2 else ""
     source = _C.format(call=f"{name}(x[i]{further})", waiting=f"{name}(x[i] + z * 1e-300{further})")
@@ -46,7 +47,7 @@ def library(name: str, x: np.ndarray, folder: Path) -> tuple[float, float]:
 
 
 def chained(name: str, x: np.ndarray) -> float:
-    """ns of our list where every argument needs the value before."""
+    """Time of our list [ns] where every argument needs the previous value."""
     ops = [Operation("input", source=(0, 0)), Operation("input", source=(3, 0)), Operation("constant", (), 1e-300)]
     ops += [Operation("mul", (0, 2)), Operation("add", (1, 3)), Operation("constant", (), POWER)]
     ops += [Operation(name, (4, 5)[: function(name).arguments])]
@@ -55,7 +56,7 @@ def chained(name: str, x: np.ndarray) -> float:
 
 
 def spread(name: str, x: np.ndarray, lanes: int) -> float:
-    """ns of our list for one of many numbers, so many at once."""
+    """Time of our list [ns] for one of many numbers that are computed several at once."""
     arguments = function(name).arguments
     ops = [Operation("input", source=(5, 0)), Operation("constant", (), POWER), Operation(name, (0, 1)[:arguments])]
     kernel = Kernel(Program(tuple(ops), ((), (2,), ())), LoopShape(0, 1, 0, 0, noise=1), (0.0,), lanes)

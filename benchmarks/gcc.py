@@ -1,4 +1,4 @@
-"""C source -> shared library, by gcc, for the processor at hand."""
+"""Compile C to a shared library with gcc for this processor."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ def missing() -> str | None:
 
 
 def shared_library(source: str, flags: str, folder: Path) -> Path:
-    """Compiled in ``folder``; the name tells source and flags apart.
+    """The library compiled in ``folder``. Its name depends on the source and the flags.
 
-    Linked without the flags: with -ffast-math, gcc before 13 links code that turns denormal numbers off in the whole process.
+    It is linked without the flags, because with -ffast-math gcc before 13 links code that turns denormal numbers off in the whole
+    process.
     """
     stem = hashlib.sha256(f"{flags}\n{source}".encode()).hexdigest()[:16]
     text, part, library = (folder / f"{stem}.{ending}" for ending in ("c", "o", "so"))

@@ -1,4 +1,4 @@
-"""The waiting times besides the steps: compiling, the second core, memory, the command line."""
+"""Costs other than the steps: compilation, the second core, memory, the command line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from benchmarks.table import Row
 
 Section = tuple[list[Row], list[str]]
 
-# Not ru_maxrss: Linux keeps the parent's over fork and exec.
+# VmHWM and not ru_maxrss, because Linux keeps the parent's ru_maxrss over fork and exec.
 MEMORY_PROBE = """
 import sys
 import tempfile
@@ -42,7 +42,7 @@ print(next(line.split()[1] for line in Path("/proc/self/status").read_text().spl
 
 
 def compiling(case: Case, *, quick: bool) -> list[Row]:
-    """Equations to a running kernel with all figures, imports done, nothing cached."""
+    """Time from the equations to a running kernel with all figures, after the imports and with an empty cache."""
 
     def build(lanes: int) -> None:
         program = step_program(ClosedLoop.of(PROBLEM, case.controller), RK4, STEP)
@@ -58,7 +58,7 @@ def compiling(case: Case, *, quick: bool) -> list[Row]:
 
 
 def two_cores(members: int, *, quick: bool) -> Section:
-    """The engine with all figures: one thread against two."""
+    """Compare the engine with one thread and with two, with all figures."""
     if (os.cpu_count() or 1) < 2:
         return [], ["skipped: this computer has one core"]
     case = l1(members)
@@ -83,24 +83,24 @@ def two_cores(members: int, *, quick: bool) -> Section:
 
 
 def memory(*, quick: bool) -> Section:
-    """Peak memory of an ensemble that records nothing, for t_end and for ten times that."""
+    """Peak memory of an ensemble without recording, for t_end and for ten times t_end."""
     if not Path("/proc/self/status").exists():
         return [], ["skipped: peak memory is read from Linux's /proc"]
     t_end = 2.0 if quick else 20.0
     short, long = (_peak_memory(t) for t in (t_end, 10 * t_end))
     what = f"peak, 64 members, {10 * t_end:g} s against {t_end:g} s"
-    # 5 %: the difference between two runs of one length
+    # 5 % is the difference between two runs of the same length
     return [Row(what, f"{long / 1024:.1f} MiB", f"{short / 1024:.1f} MiB", long / short, at_most=1.05)], []
 
 
 def _peak_memory(t_end: float) -> float:
-    """KiB."""
+    """Peak memory [KiB] of a run."""
     probe = subprocess.run([sys.executable, "-c", MEMORY_PROBE, str(t_end)], check=True, capture_output=True, text=True)
     return float(probe.stdout)
 
 
 def command_line(*, quick: bool) -> Section:
-    """Wall time of the command."""
+    """Elapsed time of the command."""
     if importlib.util.find_spec("barbalat.cli") is None:
         return [], ["skipped: barbalat.cli does not exist"]
     command = Path(sys.executable).with_name("barbalat")

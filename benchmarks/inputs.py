@@ -1,4 +1,4 @@
-"""The cost of a delay and an actuator per state, compared with the plain loop in one run."""
+"""The cost per state of a delay and an actuator, compared with the plain loop in one run."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CONTROLLERS = {
 
 
 def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
-    """One row for each controller and path: nanoseconds per step and state, as a ratio to the plain loop's."""
+    """One row for each controller and input path, with the nanoseconds per step and state relative to those of the plain loop."""
     given = load_case("paper").problem
     if not isinstance(given, Problem):
         raise TypeError("the paper's case measures the state")

@@ -14,11 +14,11 @@ from benchmarks.race import Contestant
 WITH_FIGURES = ", all figures"
 
 Loop = Callable[[int, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
-"""``loop(blocks, steps, state, parameters, signals, out)``, as of ``llvm.ir.loop``."""
+"""The type of ``loop(blocks, steps, state, parameters, signals, out)``, which ``llvm.ir.loop`` compiles."""
 
 
 def advance(loop: Loop, shape: LoopShape, case: Case, lanes: int) -> Callable[[int], np.ndarray]:
-    """Run all members, ``lanes`` in a call, one call after another, in one thread; idle lanes repeat the last member."""
+    """Run all members in one thread, ``lanes`` members in each call. Idle lanes repeat the last member."""
     groups = [np.minimum(np.arange(first, first + lanes), case.members - 1) for first in range(0, case.members, lanes)]
     parameters = [np.ascontiguousarray(case.parameters[:, group]) for group in groups]
     out = np.empty((shape.states + shape.accumulators, lanes))

@@ -1,4 +1,4 @@
-"""The two loops of Section V of the paper that the benchmarks run, alone and as an ensemble."""
+"""The two loops of Section V of the paper that the benchmarks run singly and as an ensemble."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from barbalat.signals import Sine
 from barbalat.solvers import RK4
 
 STEP = 1e-4
-"""Section V, Figs. 2 and 3 [s]."""
+"""Step in Section V, Figs. 2 and 3 [s]."""
 
 PROBLEM = Problem(
     plant=Plant(A_m=[[0, 1], [-0.3, -1]], b=[0, 1], theta=[4, -3], x0=[1, 1]),
@@ -35,18 +35,19 @@ PROBLEM = Problem(
 
 
 LONGEST = 50_000
-"""Steps of the longest timed call: 5 s of the loop, of which no state comes near a diverging one."""
+"""Steps of the longest timed call. They are 5 s of the loop, in which no state comes near divergence."""
 
 
 @cache
 def command_table() -> np.ndarray:
-    """The command at the nodes 0, 1/2, 1 of every step, (LONGEST, 3): the same for every contestant."""
+    """The command at the nodes 0, 1/2 and 1 of every step, with the shape (LONGEST, 3). It is the same for every contestant."""
     return signal_table(PROBLEM.signals, Simulation(t_end=LONGEST * STEP, dt=STEP), 0, LONGEST)
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A loop and its members: initial states (size, M), parameters (p, M); ``loop_of`` puts parameters, or symbols, in."""
+    """A loop and its members, with their initial states (size, M) and parameters (p, M). ``loop_of`` builds the loop with
+    parameters or with symbols."""
 
     name: str
     controller: Controller
@@ -60,7 +61,7 @@ class Case:
 
     @property
     def loop(self) -> ClosedLoop:
-        """The first member's."""
+        """The loop of the first member."""
         return self.loop_of(self.parameters[:, 0])
 
     def optimised(self, *, figures: bool = False) -> StepProgram:
@@ -74,7 +75,7 @@ class Case:
 
 
 def l1(members: int = 1) -> Case:
-    """9 states; an ensemble varies the adaptive gain, a parameter, between 5e3 and 2e4."""
+    """The L1 loop with 9 states. An ensemble varies the adaptive gain, which is a parameter, between 5e3 and 2e4."""
     controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
     loop = ClosedLoop.of(PROBLEM, controller)
     equations = loop.equations
@@ -91,7 +92,7 @@ def l1(members: int = 1) -> Case:
 
 
 def robust_mrac(members: int = 1) -> Case:
-    """21 states; an ensemble varies the initial plant state."""
+    """The robust MRAC loop with 21 states. An ensemble varies the initial plant state."""
     controller = RobustMrac(c_0=[1, 1], tau=0.5, law=LeastSquares(covariance0=500))
     loop = ClosedLoop.of(PROBLEM, controller)
     states = np.repeat(loop.initial()[:, None], members, axis=1)

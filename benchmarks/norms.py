@@ -21,13 +21,13 @@ from benchmarks.race import WrongNumbersError
 from benchmarks.table import Row
 
 WIDTH = 1e-9
-"""Relative width that is asked of the enclosure, and the error that a quadrature must reach."""
+"""Relative width required of the enclosure, and the error that a quadrature must reach."""
 DECAYED = 30.0
-"""Slowest time constants after which a quadrature stops: e^-30 is 1e-13."""
+"""Number of the slowest time constants after which a quadrature stops: e^-30 is 1e-13."""
 MOST_POINTS, MOST_QUICKLY = 2**24, 2**20
-"""Of a trapezoidal rule, 128 MB for each array; and in a quick run."""
+"""Largest number of points of a trapezoidal rule, with 128 MB for each array, and the number in a quick run."""
 ROUGHLY = 1e-4
-"""Relative: what a quadrature must reach in any case, or it is not the same integral."""
+"""Relative error that a quadrature must reach in any case. With a larger error it would not be the same integral."""
 
 
 class System(NamedTuple):
@@ -41,7 +41,7 @@ class System(NamedTuple):
         return float(DECAYED / -np.linalg.eigvals(self.A).real.max())
 
     def impulse(self) -> Callable[[np.ndarray], np.ndarray]:
-        """C e^(At) B at many instants, by the eigenvectors: the fastest way for a quadrature."""
+        """C e^(At) B at many instants, computed by the eigenvectors, which is the fastest way for a quadrature."""
         values, vectors = np.linalg.eig(self.A)
         residues = (self.C @ vectors)[0] * np.linalg.solve(vectors, self.B.astype(complex))[:, 0]
 
@@ -88,7 +88,7 @@ def section(*, quick: bool) -> tuple[list[Row], list[str]]:
 
 
 def _afresh(system: System) -> float:
-    """Enclosures are normally cached; the cache is off here."""
+    """Compute an enclosure without the cache that is normally used."""
     enclosed.cache_clear()
     return l1_norm(system.A, system.B, system.C, np.zeros((1, 1)), relative_width=WIDTH).midpoint
 
@@ -123,7 +123,7 @@ def _compare(system: System, repeats: int, most: int) -> list[Row]:
 
 
 def _error(value: float, found: Enclosure) -> float:
-    """Relative, from the nearer end; inside the enclosure it is at most its width."""
+    """Relative error from the nearer end. Inside the enclosure it is at most the enclosure's width."""
     return max(value - found.upper, found.lower - value, 0.0) / found.lower or found.relative_width
 
 
@@ -140,8 +140,8 @@ def trapezoids(system: System, points: int) -> float:
 
 
 def adaptive(system: System) -> float:
-    """In pieces of one slowest time constant, as quad's subdivisions are for one piece."""
+    """Integrate in pieces of one slowest time constant, because quad limits its subdivisions for each piece."""
     h, ends = system.impulse(), np.linspace(0, system.end, int(DECAYED) + 1)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IntegrationWarning)  # its error shows if it is insufficient
+        warnings.simplefilter("ignore", IntegrationWarning)  # if this is not enough, the error shows it
         return sum(quad(lambda t: abs(float(h(t))), a, b, limit=2000, epsabs=1e-12, epsrel=WIDTH)[0] for a, b in pairwise(ends))

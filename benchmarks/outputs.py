@@ -1,4 +1,4 @@
-"""The cost of a step of an output-feedback loop per state, compared with a similar state-feedback loop in one run."""
+"""The cost per state of a step of an output-feedback loop, compared with a similar state-feedback loop in one run."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PAIRS = {
 
 
 def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
-    """One row for each scheme: nanoseconds per step and state, as a ratio to the state-feedback loop's."""
+    """One row for each scheme, with the nanoseconds per step and state relative to those of the state-feedback loop."""
     rows = []
     for name, pair in PAIRS.items():
         (ours, n_ours), (theirs, n_theirs) = (advance(problem, controller, members) for problem, controller in pair)

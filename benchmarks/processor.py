@@ -1,4 +1,4 @@
-"""The processor that the numbers belong to, and the same one as it would be without AVX-512."""
+"""The processor on which the numbers are measured, also as if it had no AVX-512."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import llvmlite.binding as llvm
 from barbalat.lowering.llvm import machine
 
 GCC_TARGET = ["-march=native"]
-"""What gcc compiles for; ``without_avx512`` appends to it."""
+"""gcc's flags for the processor. ``without_avx512`` appends to them."""
 
 _INFO = Path("/proc/cpuinfo")
 
 
 def description() -> str:
-    """Its own name, LLVM's name for it, and what the kernels use of it."""
+    """The processor's name, LLVM's name for it, and the registers that the kernels use."""
     with_name = f"{_name()} ({llvm.get_host_cpu_name()}), {os.cpu_count()} cores"
     return f"{with_name}, vector registers: {32 if machine.many_registers() else 16} of {machine.vector_width()} doubles"
 
@@ -29,9 +29,9 @@ def _name() -> str:
 
 
 def without_avx512() -> None:
-    """Make every contestant compile for 16 registers of 256 bits. To be called before any of them compiles or is imported.
+    """Make every contestant compile for 16 registers of 256 bits. Call this before any of them compiles or is imported.
 
-    The kernel asks llvmlite what the host has, so the answer is what changes.
+    The kernel reads the host's features from llvmlite, so this function replaces what llvmlite returns.
     """
     features = llvm.get_host_cpu_features()
     for feature in features:

@@ -1,7 +1,7 @@
-"""The schemes through the failures of the quadrotor: this module writes docs/laboratory/quadrotor-flights.txt.
+"""Fly the schemes through the failures of the quadrotor and write docs/laboratory/quadrotor-flights.txt.
 
-Nothing is timed here: the numbers are the simulator's, and the same on every machine of its kind. It takes some minutes.
-``python -m benchmarks.quadrotor FLY.json`` takes those of ``barbalat fly quadrotor --delays --json``.
+Nothing is timed here. The numbers are those of the simulator and the same on every machine of the same kind. This takes some
+minutes. ``python -m benchmarks.quadrotor FLY.json`` uses the numbers that ``barbalat fly quadrotor --delays --json`` has printed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ PAGE = Path(__file__).parents[1] / "docs" / "laboratory" / "quadrotor-flights.tx
 
 
 def table(document: dict[str, Any]) -> str:
-    """In Markdown: a row for each scheme, with its rotors' activity without a failure and the delay that it tolerates."""
+    """The table in Markdown, with a row for each scheme, the activity of its rotors without a failure, and the delay that it
+    tolerates."""
     names = list(document["failures"])
     heads = ["scheme", *(f"`{name}`" for name in names), "rotors, `none` [N/s]", "tolerated delay [ms]"]
     rows = [heads, ["---"] * len(heads)]
@@ -26,7 +27,7 @@ def table(document: dict[str, Any]) -> str:
 
 
 def cell(figures: dict[str, Any]) -> str:
-    """The error, or when it was lost."""
+    """The error, or the instant at which the quadrotor was lost."""
     return f"{figures['rms_e']:.3f}" if figures["lost_at"] is None else f"lost, {figures['lost_at']:.1f} s"
 
 

@@ -1,10 +1,10 @@
-"""The quadrotor's axes as the rule of ``flight_tuning`` reads them: the whole loop, of which a scheme is only a part.
+"""The quadrotor's axes for the rule of ``flight_tuning``: the whole loop, of which a scheme is only a part.
 
 The plant is an axis at hover behind its lags: for the attitude the motors and the command delay, for the position also the
-attitude loop. It follows a model of its command as in flight: the input is the sum of the model's own acceleration, the feedback
-of the error and the scheme's part, the last two each within its limit, and margins are those of the whole loop. The
-command is as large as the errors that flights meet; from ``OFF_AT`` on a constant disturbance uses a share of the scheme's limit,
-and all measurements have the flights' noise.
+attitude loop. It follows a model of its command as in flight. The input is the sum of the model's acceleration, the feedback of
+the error and the scheme's part, and the last two each have a limit. The margins are those of the whole loop. The command is as
+large as the errors in flights. From ``OFF_AT`` on a constant disturbance uses a share of the scheme's limit. All measurements
+have the flights' noise.
 """
 
 from __future__ import annotations
@@ -37,18 +37,21 @@ from barbalat.vehicles.quadrotor.schemes import SCHEMES
 from barbalat.vehicles.schemes import OnLoop
 
 DELAY_SHARE, GAIN_MARGIN = 0.5, 1.5
-"""Of the delay that the feedback bears alone, what it bears with a scheme; and a factor, 3.5 dB, the contest's own: that of the
-position has 1.9 by itself."""
+"""Required delay margin with a scheme, as a fraction of that of the feedback alone; and the required gain margin of 3.5 dB as a
+factor, which is the contest's own choice because the position's loop alone has only a factor of 1.9."""
 T_END, OFF_AT, STEPS_AT = 40.0, 16.0, (4.0, 10.0, 28.0, 34.0)
-"""Over the axis' natural frequency: the command steps there and back, before the disturbance and where runs are judged."""
+"""Times relative to the axis' natural frequency: the command steps there and back before the disturbance and where runs are
+judged."""
 DISTURBANCE = 0.25
-"""Of what a scheme may add, and the feedback: with half of the input's effectiveness the feedback alone still holds it."""
+"""Disturbance as a share of the limits of the scheme and the feedback. With half of the input's effectiveness the feedback alone
+still compensates it."""
 KNOB_VALUES = 24
 
 
 @dataclass(frozen=True, eq=False)
 class Both:
-    """The inputs of an axis: the model's acceleration, the feedback and the scheme's part; the last two read errors."""
+    """The inputs of an axis: the model's acceleration, the feedback and the scheme's part. The last two are computed from
+    errors."""
 
     added: SampledEquations
     gain: Array
@@ -78,7 +81,7 @@ class Both:
 
 @dataclass(frozen=True, eq=False)
 class WithFeedback:
-    """A scheme on an axis, as a controller of the whole loop."""
+    """A scheme on an axis as a controller of the whole loop."""
 
     axis: Axis
     scheme: OnLoop
@@ -94,7 +97,7 @@ class WithFeedback:
 
 
 def lagging(axes: Axes, axis: Axis) -> PlantInput:
-    """The dynamics before an axis."""
+    """The dynamics ahead of an axis."""
     motors, way = axes.hover.vehicle.motor_lag, axes.electronics.delay
     if axis in axes.attitude:
         actuator, delay = TransferFunction([1.0], [motors, 1.0]), way
@@ -137,12 +140,12 @@ def as_linearised(axes: Axes, axis: Axis) -> Problem:
 
 
 def _samples(axis: Axis, of_frequency: float) -> float:
-    """[s], a whole number of samples."""
+    """A time [s] rounded to a whole number of samples."""
     return axis.sample_time * round(of_frequency / (axis.frequency * axis.sample_time))
 
 
 def rule_of(axes: Axes, axis: Axis, trials: int) -> Rule:
-    """Of one axis."""
+    """The rule of one axis."""
     delay = float(f"{DELAY_SHARE * borne_alone(axes, axis):.2g}")
     return Rule(delay_margin=delay, gain_margin=GAIN_MARGIN, until=Criterion.LOSS, plants=1, trials=trials)
 

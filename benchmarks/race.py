@@ -1,4 +1,4 @@
-"""Contestants, the proof that they do the same work, and interleaved timing."""
+"""Contestants, the check that they do the same work, and interleaved timing."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ import numpy as np
 
 CHECK_STEPS = 2000
 TOLERANCE = 1e-9
-"""Relative to the largest entry of the state. Orders of summation differ by some 1e-16 a step and grow to about 1e-12 over 2000
-steps of these loops; a wrong coefficient shows at 1e-3."""
+"""Tolerance relative to the largest entry of the state. Different orders of summation cause differences of some 1e-16 in each
+step, which grow to about 1e-12 over 2000 steps of these loops. A wrong coefficient causes a difference of 1e-3."""
 
 ENOUGH = 1.5
-"""Seconds after which a contestant is timed no more, if it had two turns."""
+"""Seconds after which a contestant is no longer timed if it has had two turns."""
 
 
 class Contestant(NamedTuple):
     """``run(steps)`` advances every member from its initial state and returns the final states, (size, M) or the first rows."""
 
     name: str
-    steps: int  # that one timed call makes
+    steps: int  # number of steps in one timed call
     run: Callable[[int], np.ndarray]
-    threads: bool = False  # also works in threads other than the calling one
+    threads: bool = False  # whether it also works in other threads
 
     def seconds(self) -> float:
-        """The time of one call: the thread's own, unaffected by other programs; with several threads, elapsed time."""
+        """The time of one call. It is the thread's processor time, which other programs do not affect. With several threads it is
+        elapsed time."""
         clock = time.perf_counter if self.threads else time.thread_time
         start = clock()
         self.run(self.steps)
@@ -34,7 +35,7 @@ class Contestant(NamedTuple):
 
 
 def best_seconds(call: Callable[[], None], repeats: int) -> float:
-    """Of the thread's own time, the best of several calls."""
+    """The best of several calls in the thread's processor time."""
     best = np.inf
     for _ in range(repeats):
         started = time.thread_time()
@@ -44,7 +45,7 @@ def best_seconds(call: Callable[[], None], repeats: int) -> float:
 
 
 class Time(NamedTuple):
-    """Nanoseconds for one step of one member: the best of the repeats, and by which fraction the median is slower."""
+    """Nanoseconds for one step of one member: the best of the repeats and the fraction by which the median is slower."""
 
     name: str
     best: float
@@ -55,11 +56,11 @@ class Time(NamedTuple):
 
 
 class WrongNumbersError(Exception):
-    """A contestant does not compute what the kernel computes: its time would mean nothing."""
+    """Raised if a contestant does not compute the same as the kernel, so that its time would be meaningless."""
 
 
 def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
-    """After ``CHECK_STEPS`` steps all must have the kernel's state; raises WrongNumbersError."""
+    """Raise WrongNumbersError unless all contestants have the kernel's state after ``CHECK_STEPS`` steps."""
     scale = np.abs(expected).max()
     for contestant in contestants:
         found = contestant.run(CHECK_STEPS)
@@ -72,7 +73,7 @@ def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
 
 
 def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[str, Time]:
-    """Time all in turn, again and again, so that a busy moment of the machine hits everyone."""
+    """Time all in turn several times, so that a busy moment of the machine affects all of them."""
     samples: dict[str, list[float]] = {contestant.name: [] for contestant in contestants}
     assert len(samples) == len(contestants), "two contestants of one name would share their times"
     for turn in range(repeats):
@@ -84,6 +85,6 @@ def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[
 
 
 def fastest(contestants: Sequence[Contestant], members: int, count: int) -> list[Contestant]:
-    """A short race first, so that only the best variants of a peer stay for the long one."""
+    """Run a short race first, so that only the best variants of a peer take part in the long one."""
     times = race(contestants, members, 3)
     return sorted(contestants, key=lambda contestant: times[contestant.name].best)[:count]

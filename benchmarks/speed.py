@@ -13,24 +13,24 @@ from benchmarks.race import CHECK_STEPS, Contestant, Time, check, fastest, race
 from benchmarks.table import Row
 
 SLOW_STEPS = CHECK_STEPS
-"""Steps of a timed call of a peer that needs microseconds a step; also spares JAX a second compilation."""
+"""Steps in a timed call of a peer that needs microseconds for each step. They also avoid a second compilation by JAX."""
 
 MEMBERS = 1024
-"""Of the ensembles for which there are targets."""
+"""Sizes of the ensembles that have targets."""
 
 Families = dict[str, list[Contestant]]
-"""Peers by kind; of each kind the fastest counts."""
+"""Peers by kind. The fastest of each kind counts."""
 
 
 class Extent(NamedTuple):
-    """The extent of a run: ``quick`` for a first look, ``peers`` with optional packages."""
+    """The extent of a run: ``quick`` for a first impression, ``peers`` with optional packages."""
 
     quick: bool
     peers: bool
 
 
 def trajectory(case: Case, folder: Path, extent: Extent) -> tuple[str, list[Row], list[str]]:
-    """One member: against C, NumPy and, where asked for, Numba, JAX, diffrax."""
+    """Compare one member with C, NumPy and, on request, Numba, JAX and diffrax."""
     steps, repeats = (20_000, 5) if extent.quick else (50_000, 15)
     peers, notes = _compiled(case, steps, folder, extent)
     peers |= {"NumPy": numpy_loop.contestants(case, SLOW_STEPS)} | _installed(case, steps, extent)
@@ -39,8 +39,8 @@ def trajectory(case: Case, folder: Path, extent: Extent) -> tuple[str, list[Row]
 
 
 def ensemble(case: Case, folder: Path, extent: Extent) -> tuple[str, list[Row], list[str]]:
-    """Many members on one core: against vectorised C, and Numba's ``prange``, the ``vmap`` of JAX and diffrax, which may use all
-    cores.
+    """Compare many members on one core with vectorised C, Numba's ``prange`` and the ``vmap`` of JAX and diffrax, which may use
+    all cores.
     """
     steps, repeats = 4_000, (5 if extent.quick else 15)
     peers, notes = _compiled(case, steps, folder, extent)
@@ -61,7 +61,8 @@ def _compiled(case: Case, steps: int, folder: Path, extent: Extent) -> tuple[Fam
 
 
 def _installed(case: Case, steps: int, extent: Extent) -> Families:
-    """Nothing without ``peers``; in a quick run only Section V's L1 loop, as each compiles for seconds."""
+    """The installed peers. There are none without ``peers``. In a quick run they have only Section V's L1 loop, as each compiles
+    for seconds."""
     if not extent.peers or (extent.quick and not case.name.startswith("L1")):
         return {}
     from benchmarks.peers import diffrax_solve, jax_scan, numba_loop
@@ -74,7 +75,7 @@ def _installed(case: Case, steps: int, extent: Extent) -> Families:
 
 
 def _rows(case: Case, steps: int, peers: Families, repeats: int, targets: dict[str, float]) -> list[Row]:
-    """Check all, let the two fastest of every family race; one row for each family."""
+    """Check all, race the two fastest of every family, and return one row for each family."""
     ours, full = (kernel.contestant(case, steps, figures=figures) for figures in (False, True))
     peers = {name: family for name, family in peers.items() if family}
     check([full, *(contestant for family in peers.values() for contestant in family)], ours.run(CHECK_STEPS))

@@ -1,7 +1,7 @@
 """Sweeps of Section V's L1 loop: threads, Dask's workers, stores, from a thousand members to a million, from 10 s to 1,000 s.
 
-Costs are processor time of all processes that take part, in ns for one solver step of one member, with all figures: other
-programs affect it little. Rates use elapsed time and are lower on a busy machine.
+Costs are the processor time of all processes that take part, in ns for one solver step of one member with all figures. Other
+programs hardly affect it. Rates use elapsed time and are lower on a busy machine.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ filter = { kappa = 0.02 }
 SAMPLED = [("plant.theta", "known-set"), ("controller[0].gamma", "loguniform:100:1000")]
 MILLION, HORIZON = 1_000_000, 60.0
 MINUTES = 10.0
-"""In which a million members of a minute are to run."""
+"""Target time for a million members of one minute."""
 TIMED_STEPS = 1e9
-"""Member's steps after which nothing is timed again: some seconds; of less a single look says little."""
+"""Number of member steps after which nothing is timed again. They take some seconds; shorter runs have to be repeated."""
 CHUNK = 5_000
-"""Members of a minute each that take about a second."""
+"""Number of members of one minute that together take about a second."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Processor time and time by the clock [s], of so many steps of members."""
+    """Processor time and elapsed time [s] of a number of member steps."""
 
     busy: float
     wall: float
@@ -55,11 +55,11 @@ class Cost:
 
     @property
     def each(self) -> float:
-        """ns."""
+        """The cost of one step of one member [ns]."""
         return self.busy / self.member_steps * 1e9
 
     def without(self, once: float) -> Cost:
-        """The time without one-time costs, in this number of seconds."""
+        """The cost without this number of seconds of one-time costs."""
         return replace(self, busy=self.busy - once)
 
     def __str__(self) -> str:
@@ -82,7 +82,7 @@ def prepared(members: int, t_end: float) -> Study:
 
 
 def measured(given: Study, call: Callable[[], object], repeats: int) -> Cost:
-    """The best of some calls that run all members, each with its own clock; of more where they are short."""
+    """The best of several calls that run all members, each timed separately. Short calls are repeated more often."""
     costs, steps = [], float(len(given)) * given.steps
     for _ in range(max(repeats, min(int(TIMED_STEPS / steps), 20))):
         busy, wall = time.process_time(), time.perf_counter()
@@ -100,7 +100,7 @@ def in_threads(given: Study, threads: int | None, repeats: int = 1) -> Cost:
 
 
 def scaling(*, quick: bool) -> Section:
-    """The cost of a member's step for any number of members and length of runs; one-time costs are shown separately."""
+    """The cost of a member's step for several numbers of members and lengths of runs. One-time costs are listed separately."""
     begun = time.process_time()
     first = study(1, 10.0)
     asked, begun = time.process_time() - begun, time.process_time()
@@ -131,7 +131,8 @@ def _against_the_first(costs: Mapping[int, Cost] | Mapping[float, Cost], what: s
 
 
 def spread(*, quick: bool) -> Section:
-    """One thread, two, a store, two of Dask's workers: the same members in chunks of a second, with --quick of less."""
+    """Compare one thread, two threads, a store and two Dask workers on the same members, in chunks of one second or less with
+    --quick."""
     if find_spec("distributed") is None or find_spec("pyarrow") is None:
         return [], ["skipped: the extra study is not installed"]
     t_end, repeats = (HORIZON / 4, 1) if quick else (HORIZON, 3)
@@ -149,7 +150,7 @@ def spread(*, quick: bool) -> Section:
 
 
 def million(*, quick: bool) -> Section:
-    """A million members of a minute, all of them."""
+    """Run all of a million members of one minute."""
     if quick:
         return [], ["skipped: a million members, which --quick leaves out"]
     cost, limit = in_threads(prepared(MILLION, HORIZON), None), 60 * MINUTES
@@ -158,7 +159,7 @@ def million(*, quick: bool) -> Section:
 
 
 def _stored(given: Study) -> tuple[float, str]:
-    """Processor time of writing whole chunks, in ns for a step of a member, and how long a store takes to open."""
+    """Processor time for writing whole chunks, in ns for a step of a member, and the time in which a store opens."""
     chunks = list(chunks_of(len(given), CHUNK))
     columns = given.run(*chunks[0])
     with tempfile.TemporaryDirectory() as folder:
@@ -174,7 +175,7 @@ def _stored(given: Study) -> tuple[float, str]:
 
 
 def _on_workers(given: Study, repeats: int) -> tuple[Cost, str]:
-    """Chunks on a cluster whose workers have each run one before, and how long that takes."""
+    """The cost of chunks on a cluster whose workers have each run one chunk before, and the time of these first chunks."""
     chunks, begun = list(chunks_of(len(given), CHUNK)), time.perf_counter()
     settling = Settling(given)
 

@@ -1,4 +1,4 @@
-"""Rows of ratios, and how they are printed."""
+"""Rows of ratios and how they are printed."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""WebAssembly beside the kernel: bytes of the module and ns for a step with all figures, in wasmtime.
+"""WebAssembly and the kernel compared: bytes of the module and ns for a step with all figures in wasmtime.
 
-``python -m benchmarks.wasm [CASE ...]`` prints a line for each controller of the bundled cases; browsers have other engines.
+``python -m benchmarks.wasm [CASE ...]`` prints a line for each controller of the bundled cases. Browsers have other engines, with
+other times.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def kernel_call(batch: Batch, table: np.ndarray) -> None:
 
 
 def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None]:
-    """A run from the initial state; its output is overwritten, and its stored past continues."""
+    """A run from the initial state. It overwrites its output and continues its stored past."""
     engine = wasmtime.Engine()
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)

@@ -4,10 +4,11 @@
 # ///
 """``barbalat-check FILE``: verifies that every guaranteed number of a proof follows from the case's numbers in the same file.
 
-A separate program, which imports nothing of Barbalat. The numbers of the file are binary64 numbers or dyadic ones ("5p-3" is 5 *
-2**-3), read exactly. Rational quantities are computed exactly; roots and integrals are enclosed in ball arithmetic (python-flint,
-Arb). Each line of a proof is a number with a witness; its rule, a theorem of docs/proofs.md with the same name, states what must
-hold for it. The first line that fails is named, and the exit code is 1; 0 means that all lines hold.
+This is a separate program that imports nothing from Barbalat. The numbers in the file are binary64 numbers or dyadic ones ("5p-3"
+is 5 * 2**-3), and both are read exactly. Rational quantities are computed exactly; roots and integrals are enclosed in ball
+arithmetic (python-flint, Arb). Each line of a proof is a number with a witness. Its rule is the theorem of the same name in
+docs/proofs.md, which states the conditions that must hold. If a line fails, the program names the first such line and exits with
+code 1. Exit code 0 means that all lines hold.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ RULES: dict[str, Rule] = {}
 
 
 class Refused(Exception):
-    """A line does not hold, or the file is not a proof."""
+    """Raised if a line does not hold or the file is not a proof."""
 
 
 def require(holds: Any, why: str) -> None:
@@ -41,7 +42,7 @@ def require(holds: Any, why: str) -> None:
 
 
 def number(value: Any) -> fmpq:
-    """A binary64 number, a whole one, or a dyadic one written as "mantissa p exponent"."""
+    """The exact value of a binary64 number, an integer, or a dyadic number written as "mantissa p exponent"."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Refused(f"a number is needed, got {value!r}")
     if isinstance(value, float):
@@ -60,7 +61,7 @@ def vector(value: Any, size: int | None = None) -> list[fmpq]:
 
 
 def matrix(value: Any, rows: int | None = None, columns: int | None = None) -> fmpq_mat:
-    """An exact matrix from its rows."""
+    """The exact matrix with these rows."""
     require(isinstance(value, list) and len(value) > 0, "a matrix is a list of rows")
     found = [vector(row, columns) for row in value]
     require(len({len(row) for row in found}) == 1 and rows in (None, len(found)), "the matrix has the wrong shape")
@@ -80,7 +81,7 @@ def zeros(rows: int, columns: int) -> fmpq_mat:
 
 
 def blocks(parts: list[list[fmpq_mat]]) -> fmpq_mat:
-    """A block matrix; callers leave out blocks without columns or rows."""
+    """A block matrix. Callers leave out empty blocks."""
     rows: list[list[Any]] = []
     for line in parts:
         tables = [part.tolist() for part in line]
@@ -93,7 +94,7 @@ def quadratic(x: fmpq_mat, M: fmpq_mat) -> fmpq:
 
 
 def positive_definite(M: fmpq_mat) -> bool:
-    """Symmetric, with positive pivots in exact elimination."""
+    """Whether the matrix is symmetric and has positive pivots in exact elimination."""
     rows, n = M.tolist(), M.nrows()
     if any(rows[i][j] != rows[j][i] for i in range(n) for j in range(i)):
         return False
@@ -112,7 +113,7 @@ def root(value: fmpq | arb) -> arb:
 
 
 def at_least(claimed: Any, needed: fmpq | arb, what: str) -> None:
-    """Require that the claimed number is provably not below the needed one."""
+    """Require that the claimed number is provably at least the needed one."""
     value = number(claimed)
     holds = value >= needed if isinstance(needed, fmpq) else bool(arb(value) >= needed)
     require(holds, f"{what} must be at least {text(needed)}, and {text(value)} is claimed")
@@ -164,7 +165,7 @@ class Norms:
         return self._transitions[step]
 
     def _channel(self, B: fmpq_mat, j: int, steps: list[fmpq]) -> list[tuple[arb, arb]]:
-        """Integrate from the state b_j, step by step; the state is an exact x and an error e with |e|_P <= error."""
+        """Integrate step by step from the state b_j. The state is an exact x plus an error e with |e|_P <= error."""
         exact = arb_mat([[arb(B[i, j])] for i in range(B.nrows())])
         x, C, p = exact.mid(), arb_mat(self.C), self.C.nrows()
         error = self._size(exact - x)
@@ -176,7 +177,7 @@ class Norms:
             terms = [x]
             for k in range(1, DEGREE + 2):
                 terms.append(self.A * terms[-1] * (d / k))
-            # integral of |c e| over the step, and of the Taylor polynomial's remainder
+            # the integrals of |c e| and of the Taylor polynomial's remainder over the step
             beyond = self._size(terms.pop())  # |A^25 x|_P d^25/25!
             spread = d.sqrt() * (error + beyond * (DEGREE + 1) / ((2 * arb(DEGREE) + 1).sqrt() * (DEGREE + arb(3) / 2)))
             outputs = [C * term for term in terms]
@@ -192,7 +193,7 @@ class Norms:
 
     @property
     def norm(self) -> tuple[arb, arb]:
-        """The largest row sum, from below and from above."""
+        """A lower and an upper bound of the largest row sum."""
         below, above = arb(0), arb(0)
         for low, high in zip(self.lower, self.upper, strict=True):
             below, above = below.max(sum(low, arb(0))), above.max(sum(high, arb(0)))
@@ -200,7 +201,7 @@ class Norms:
 
 
 def bernstein(taylor: list[arb]) -> list[arb]:
-    """Coefficients in Bernstein's basis of a polynomial on [0, 1]: b_i = sum_k binomial(i, k)/binomial(d, k) a_k."""
+    """The Bernstein coefficients of a polynomial on [0, 1]: b_i = sum_k binomial(i, k)/binomial(d, k) a_k."""
     return (bernstein_matrix() * arb_mat([[one] for one in taylor])).entries()
 
 
@@ -216,12 +217,12 @@ def bernstein_matrix() -> arb_mat:
     return _TABLES[ctx.prec]
 
 
-# --- The given data: the case's numbers, and the assumptions that follow from them
+# --- The given data: the case's numbers and the assumptions that follow from them
 # -----------------------------------------------
 
 
 class Case:
-    """The plant x' = A_m x + b (diag(gain) u + d + Phi(x)'theta) as its designer knows it, and what acts on it."""
+    """The plant x' = A_m x + b (diag(gain) u + d + Phi(x)'theta) as its designer knows it, with the signals that act on it."""
 
     def __init__(self, facts: dict[str, Any]) -> None:
         self.facts, self.assumed = facts, dict[str, None]()
@@ -247,7 +248,7 @@ class Case:
         return self.theta if self.interval is None else self.theta + self.gain
 
     def command_bounds(self) -> list[arb]:
-        """sup |r_q| of each command, from the numbers of its kind."""
+        """sup |r_q| of each command, computed from the command's parameters."""
         commands = self.facts["reference"]
         require(len(commands) == self.k_0.ncols(), "k_0 needs a column for each command")
         return [arb(self.bound_of_signal(one)) for one in commands]
@@ -272,7 +273,7 @@ class Case:
         return self.facts["disturbance"] is not None or bool(self.facts["unmatched"])
 
     def push(self, P: fmpq_mat) -> arb:
-        """An upper bound of |P w|, where w = b d + sum of E_j d_j is the disturbances' part of x'."""
+        """An upper bound of |P w|, where w = b d + sum of E_j d_j is the contribution of the disturbances to x'."""
         acting = [(list(map(number, one["direction"])), one["signal"]) for one in self.facts["unmatched"]]
         if self.facts["disturbance"] is not None:
             require(self.m == 1, "a matched disturbance needs one input")
@@ -285,10 +286,10 @@ class Case:
         return total
 
     def require_nominal(self, *, any_gain: bool = False, disturbed: bool = False) -> None:
-        """Require that the plant is (1): nothing else acts on it, nothing precedes or surrounds it, its state is measured, the
-        command is bounded.
+        """Require that the plant is (1): nothing else acts on it, there is nothing before or around it, its state is measured,
+        and the command is bounded.
 
-        If it may be ``disturbed``, disturbances are checked elsewhere.
+        With ``disturbed``, disturbances are allowed here and checked elsewhere.
         """
         self.require_no("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
         require(len(self.facts["inputs"]) == self.m, "there must be a path for each input")
@@ -300,7 +301,7 @@ class Case:
         self.command_bounds()
 
     def require_no(self, *names: str) -> None:
-        """Require that none of these, and no delay, precedes an input."""
+        """Require that no input has a delay or one of these before it."""
         for path in self.facts["inputs"]:
             for name in names:
                 require(path[name] is None, f"the plant must be (1), but its input has {name}")
@@ -312,7 +313,7 @@ class Case:
         return arb(0) if signal is None else arb(self.bound_of_signal(signal))
 
     def require_regular(self) -> None:
-        """Require that phi(x) is finite for every finite x; for a formula with a quotient or a root this is assumed and
+        """Require that phi(x) is finite for every finite x. For a formula with a quotient or a root this is assumed and
         reported."""
         regressor = self.facts["regressor"]
         kind = regressor["kind"]
@@ -324,7 +325,7 @@ class Case:
 
 
 def total(node: ast.expr) -> bool:
-    """Whether a formula is defined for all x: sums, products, whole powers and entire functions."""
+    """Whether a formula is defined for all x because it contains only sums, products, integer powers and entire functions."""
     if isinstance(node, ast.BinOp):
         if isinstance(node.op, ast.Pow):
             exponent = node.right
@@ -363,7 +364,7 @@ class Box:
 
     @property
     def faces(self) -> int:
-        """The components with an end within 1e150: no run reaches the others."""
+        """The components that have an end within 1e150. No run reaches the other ends."""
         ends = zip(self.lower, self.upper, strict=True)
         return sum(min(abs(a), abs(b)) < fmpq(10) ** 150 for a, b in ends)
 
@@ -396,7 +397,7 @@ def known_set(facts: dict[str, Any] | None) -> Box | Ball | None:
 
 
 class Controller:
-    """A controller's numbers, and the lines about it and its loop that are proven so far."""
+    """A controller's numbers, and the lines about it and its loop that have been proven so far."""
 
     def __init__(self, case: Case, facts: dict[str, Any]) -> None:
         self.case, self.facts, self.proven = case, facts, dict[str, Any]()
@@ -411,7 +412,7 @@ class Controller:
         return self.facts[name]
 
     def earlier(self, name: str) -> Any:
-        """The number that an earlier line has proven."""
+        """The number proven by an earlier line."""
         require(name in self.proven, f"it needs an earlier line on {name}")
         return self.proven[name]
 
@@ -449,7 +450,7 @@ class Controller:
         return found
 
     def require_inside(self) -> None:
-        """Require, with projection, that theta and theta_hat(0) are in the set."""
+        """If the law projects, require that theta and theta_hat(0) are in the set."""
         theta, p = self.of_theta, len(self.case.theta)
         for values in (self.theta_hat0, self.case.parameters) if self.fact("projection") is True else ():
             require(theta is None or theta.holds(values[:p]), "theta and theta_hat(0) must lie in the set that is projected onto")
@@ -457,7 +458,8 @@ class Controller:
             require(gains is None or gains.holds(values[p:]), "the input's gains must lie in their intervals")
 
     def require_no_corners(self) -> None:
-        """Require that projection with a gain matrix keeps V' <= 0: in a ball, and in a box with at most four reachable faces."""
+        """Require that projection with a gain matrix keeps V' <= 0, as it does in a ball and in a box with at most four reachable
+        faces."""
         theta, gains = self.of_theta, self.case.interval
         faces = sum(one.faces for one in (theta, gains) if one is not None)
         cut = faces > 4 or (isinstance(theta, Ball) and gains is not None)
@@ -465,7 +467,8 @@ class Controller:
         require(keeps, "with a gain matrix the projection may make V grow in corners")
 
     def require_plain_law(self) -> None:
-        """Require V' <= -|e|^2 with the law's modifications: none, composite learning, or a switching sigma that bounds theta."""
+        """Require that V' <= -|e|^2 with the law's modifications, which may be none, composite learning, or a switching sigma
+        whose M_0 bounds theta."""
         require(self.fact("dead_zone") is None, "the law must not have a dead zone")
         leakage = self.fact("leakage")
         if leakage is None:
@@ -497,7 +500,7 @@ class Controller:
         return weighted(self.error(), self.fact("gamma"))
 
     def level(self) -> arb:
-        """nu_0/sqrt(Gamma); with disturbances see docs/proofs.md, "Beside bounded disturbances"."""
+        """nu_0/sqrt(Gamma). For disturbances see docs/proofs.md, "Beside bounded disturbances"."""
         if not self.case.is_disturbed:
             return root(self.weighted_square() / self.earlier("lambda_min"))
         theta, gains = self.require_theta_known(), self.case.interval
@@ -514,7 +517,7 @@ class Controller:
         return gain
 
     def pushed_V(self) -> arb:
-        """The contribution of disturbances to V: docs/proofs.md, "Beside bounded disturbances"."""
+        """The contribution of disturbances to V; see docs/proofs.md, "Beside bounded disturbances"."""
         facts = self.fact("carried")
         q, largest = number(facts["decay"]), number(facts["largest"])
         product, one = self.P * self.A, identity(self.case.n)
@@ -524,7 +527,7 @@ class Controller:
 
 
 def couples(gamma: Any) -> bool:
-    """Whether Gamma is a matrix with entries off its diagonal."""
+    """Whether Gamma is a matrix with nonzero entries off its diagonal."""
     if not (isinstance(gamma, list) and isinstance(gamma[0], list)):
         return False
     return any(number(entry) != 0 for i, row in enumerate(gamma) for j, entry in enumerate(row) if i != j)
@@ -544,7 +547,7 @@ def weighted(off: list[fmpq], gamma: Any) -> fmpq:
 
 
 def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
-    """A lower bound of Gamma's smallest eigenvalue; for a matrix the line's witness."""
+    """A lower bound of Gamma's smallest eigenvalue. For a matrix this is the line's witness."""
     gamma = controller.fact("gamma")
     if not isinstance(gamma, list):
         return number(gamma)
@@ -555,7 +558,7 @@ def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
     return least
 
 
-# --- Systems by their names, exact ----------------------------------------------------------------------------------------------
+# --- Exact systems by name ----------------------------------------------------------------------------------------------
 
 
 def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
@@ -590,7 +593,8 @@ def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fm
 
 
 def around_y(c: Controller, name: str) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
-    """The loop from r, d + f and d_y to y_G, e and sigma, its channel from d + f to y_G, or H (1 - C) of condition (20)."""
+    """One of three systems: the loop from r, d + f and d_y to y_G, e and sigma; its channel from d + f to y_G; or H (1 - C) of
+    condition (20)."""
     if name == "H(1-C)":
         return state_space(c.fact("H(1-C)"))
     A, B, C, D = (matrix(c.fact("loop")[key]) for key in "ABCD")
@@ -606,7 +610,7 @@ def state_space(facts: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fm
 
 
 def disturbed(c: Controller) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
-    """From a matched disturbance to x, in the loop with theta_0 of a linear controller or an ADRC."""
+    """The system from a matched disturbance to x in the loop of a linear controller or an ADRC, with theta_0."""
     n, b, theta_0 = c.case.n, c.case.b, matrix([c.fact("theta_0")], 1, c.case.n)
     require(c.case.m == 1 and c.case.linear, "this loop is known for one input and phi(x) = x")
     plant = c.case.A_m + b * theta_0
@@ -705,7 +709,7 @@ def _nu_0_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 
 def gain_and_size(c: Controller) -> tuple[arb, arb]:
-    """N and its factor in the small-gain condition."""
+    """N and the factor by which the small-gain condition multiplies it."""
     if c.scheme == "l1":
         return c.norm("W_b(1-C)").norm[1], c.earlier("theta_max")
     name = "W_b S" if c.scheme == "linear" else "T"
@@ -783,7 +787,8 @@ def require_projected(c: Controller) -> None:
 
 
 def require_known_gain(c: Controller) -> None:
-    """With an unknown gain the filter acts inside a loop with that gain: W_b(1 - C) is then not the loop's G."""
+    """Require a known gain. With an unknown gain the filter acts inside a loop with that gain, so that W_b(1 - C) is not the
+    loop's G."""
     require(c.case.interval is None, "the input's gain must be known")
 
 
@@ -819,7 +824,7 @@ def of_fixed_loop(c: Controller) -> arb:
 
 
 def ideal_V(c: Controller, omega: list[fmpq], of_x: fmpq | arb) -> arb:
-    """V(0) of the direct MRAC: the contribution of k_x, plus omega_i (k_r - k_0/omega)^2/gamma_r."""
+    """V(0) of the direct MRAC, which is the contribution of k_x plus omega_i (k_r - k_0/omega)^2/gamma_r."""
     k_r, k_0 = vector(c.fact("k_r0")), [one for row in c.case.k_0.tolist() for one in row]
     each = [omega[j // (len(k_0) // len(omega))] for j in range(len(k_0))]
     of_r = sum((w * (a - b / w) ** 2 for w, a, b in zip(each, k_r, k_0, strict=True)), fmpq(0)) / number(c.fact("gamma_r"))
@@ -848,7 +853,7 @@ def require_direct(c: Controller, *, disturbed: bool = False) -> None:
 
 
 def of_direct(c: Controller) -> arb:
-    """V = e'Pe plus, for each input i, omega_i times the terms of its adapted gains."""
+    """The bound from V = e'Pe plus omega_i times the terms of the adapted gains of each input i."""
     require_direct(c, disturbed=True)
     omega = [c.case.gain[k % c.case.m] for k in range(len(c.theta_hat0))]
     if c.case.is_disturbed:
@@ -864,7 +869,7 @@ def of_direct(c: Controller) -> arb:
 
 
 def of_projected_gains(c: Controller, omega: list[fmpq]) -> arb:
-    """The largest contribution of the gains to V, with k_x and k_r anywhere in the sets theta/omega and k_0/omega onto which
+    """The largest contribution of the gains to V if k_x and k_r are anywhere in the sets theta/omega and k_0/omega onto which
     they are projected."""
     theta, intervals, gamma = c.require_theta_known(), c.case.interval, c.fact("gamma")
     if intervals is None or c.fact("projection") is not True:
@@ -891,7 +896,7 @@ def of_projected_gains(c: Controller, omega: list[fmpq]) -> arb:
 
 
 def quotients(lower: list[fmpq], upper: list[fmpq], omega: Box, each: list[int]) -> Box:
-    """The box of value/omega_i, with value between its ends and omega_i > 0 in its interval."""
+    """The box of value/omega_i for every value between its ends and every omega_i > 0 in its interval."""
     ends = [
         [value / w for value in (a, b) for w in (omega.lower[i], omega.upper[i])]
         for a, b, i in zip(lower, upper, each, strict=True)
@@ -908,13 +913,14 @@ ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
 
 
 def widest(P: fmpq_mat) -> fmpq:
-    """The largest (P^-1)_ii: e_i^2 is at most that times e'Pe."""
+    """The largest (P^-1)_ii. e_i^2 is at most this number times e'Pe."""
     inverse = P.inv()
     return max(inverse[i, i] for i in range(P.nrows()))
 
 
 def worst_V(c: Controller, line: dict[str, Any]) -> arb:
-    """The largest theta_tilde'Gamma^-1 theta_tilde at t = 0: at a vertex of the known set, or at the farthest point of a ball."""
+    """The largest theta_tilde'Gamma^-1 theta_tilde at t = 0, attained at a vertex of the known set or at the farthest point of a
+    ball."""
     theta, gains, start, gamma = c.require_theta_known(), c.case.interval, c.theta_hat0, c.fact("gamma")
     diagonal, p = isinstance(gamma, list) and not isinstance(gamma[0], list), len(c.case.theta)
     gammas = vector(gamma, len(start)) if diagonal else [least_gain(c, line)] * len(start)
@@ -926,9 +932,10 @@ def worst_V(c: Controller, line: dict[str, Any]) -> arb:
 
 @rule("error_bound_worst", "error_bound_command")
 def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """|e|^2 <= V/lambda_min, and e_i^2 <= V (P^-1)_ii, which the bound under the command uses.
+    """|e|^2 <= V/lambda_min and e_i^2 <= V (P^-1)_ii. The bound under the command uses the second one.
 
-    Over intervals of omega V(0) of the direct MRAC is largest at their ends. What holds for every command holds for the case's.
+    V(0) of the direct MRAC is largest at the ends of the intervals of omega. A bound for every command is also one for the case's
+    command.
     """
     of_command = line["key"] == "error_bound_command"
     if of_command and line.get("witness", {}).get("follows_from") == "error_bound_worst":
@@ -960,7 +967,7 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 
 def slope_of_f(c: Controller) -> arb:
-    """L, which is assumed; 0 without f."""
+    """L, which is assumed. It is 0 without f."""
     f = c.fact("f")
     if f is None:
         return arb(0)
@@ -971,7 +978,7 @@ def slope_of_f(c: Controller) -> arb:
 
 
 def lipschitz(c: Controller) -> arb:
-    """L of condition (20): the given value, which is assumed, or the slope of f."""
+    """L of condition (20), which is the given value, which is assumed, or else the slope of f."""
     given = c.fact("lipschitz")
     if given is None:
         return slope_of_f(c)
@@ -986,7 +993,7 @@ def _slope(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 
 def small_gain(c: Controller) -> tuple[arb, list[arb]]:
-    """The bounds of |y_G|, and then of e and sigma, by the small-gain theorem."""
+    """The bounds of |y_G|, then those of e and sigma, by the small-gain theorem."""
     case, f = c.case, c.fact("f")
     case.require_no("quantization", "saturation", "rate_limit")
     require(case.facts["noise"] is None and "sample_time" not in c.facts, "a continuous loop without noise is needed")
@@ -1009,7 +1016,8 @@ def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("W_hat_bound", "V_hat_bound", "control_bound")
 def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """The e-modification's bound, whatever else acts; for a sampled loop it is proven with its response."""
+    """The bound by the e-modification, which holds whatever else acts. For a sampled loop it is proven together with the
+    response."""
     if c.scheme == "sampled":
         at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
         return
@@ -1038,7 +1046,7 @@ def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 
 def over_cells(box: Box, tree: dict[str, Any], bound: Callable[[Box, dict[str, Any]], arb]) -> arb:
-    """The largest bound of the cells into which a tree of cuts divides a box."""
+    """The largest bound over the cells into which a tree of cuts divides a box."""
     if "side" not in tree:
         return bound(box, tree).upper()
     side, at, found = tree["side"], number(tree["at"]), list[arb]()
@@ -1065,7 +1073,7 @@ def varied(A: fmpq_mat, B: fmpq_mat, case: Case, off: list[fmpq], passes: fmpq) 
             outputs[j * n + i][at + i] = fmpq(1)
         for i in range(m):
             rows[at + i][at : at + m] = A.tolist()[i]
-            for k in range(n):  # of e_c or s_j itself, of x_m, and of x_c,j = x_m,j + e_c,j
+            for k in range(n):  # the contributions of e_c or s_j itself, of x_m, and of x_c,j = x_m,j + e_c,j
                 rows[at + i][at + k] += B[i, 0] * off[k]
                 rows[at + i][k] += B[i, 0] * (off[k] if j == 0 else fmpq(int(k == j - 1)))
             if j:
@@ -1075,7 +1083,7 @@ def varied(A: fmpq_mat, B: fmpq_mat, case: Case, off: list[fmpq], passes: fmpq) 
 
 
 def generator(signal: dict[str, Any], t_end: fmpq, count: int) -> tuple[fmpq_mat, list[fmpq], list[tuple[arb, list[arb]]]]:
-    """S, c and (duration, w) of each piece: w' = S w and r = c w on it."""
+    """S, c and the (duration, w) of each piece, on which w' = S w and r = c w."""
     kind, constant = signal["kind"], number(signal.get("constant", 0))
     amplitudes = vector(signal.get("amplitudes", []))
     if kind in ("sine", "sines"):
@@ -1135,7 +1143,7 @@ class LinearPart:
         self.theta = theta
 
     def largest(self, bound: Callable[[list[fmpq], list[fmpq], dict[str, Any]], arb]) -> arb:
-        """The largest bound(c - origin, rho, leaf) of the cells."""
+        """The largest bound(c - origin, rho, leaf) over the cells."""
 
         def of_cell(cell: Box, leaf: dict[str, Any]) -> arb:
             ends = list(zip(cell.lower, cell.upper, strict=True))
@@ -1154,7 +1162,7 @@ def size_1(values: list[fmpq]) -> arb:
 
 
 def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
-    """|e_i| up to t_end for the case's command and every theta of the known set."""
+    """The bound of |e_i| up to t_end for the case's command and every theta in the known set."""
     part, (N, _), t_end = LinearPart(c, line), gain_and_size(c), number(line["witness"]["t_end"])
 
     def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
@@ -1168,7 +1176,8 @@ def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
 
 
 def for_all_commands(c: Controller, line: dict[str, Any]) -> arb:
-    """|e_i| for every command of the case's size and every theta of the known set, by norms of each cell's loop."""
+    """The bound of |e_i| for every command of the case's size and every theta in the known set, by the norms of each cell's
+    loop."""
     part, [r], n, x0 = LinearPart(c, line), c.case.command_bounds(), c.case.n, c.case.x0.entries()
 
     def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
@@ -1194,7 +1203,7 @@ def for_all_commands(c: Controller, line: dict[str, Any]) -> arb:
 def followed(
     loop: tuple[fmpq_mat, fmpq_mat, fmpq_mat], case: Case, rho: list[fmpq], t_end: fmpq, leaf: dict[str, Any]
 ) -> tuple[arb, arb]:
-    """The largest |e_c,i| + sum_j rho_j |s_j,i| along the command, and the largest such sum alone."""
+    """The largest |e_c,i| + sum_j rho_j |s_j,i| along the command, and the largest sum without |e_c,i|."""
     bits, A, n = leaf["bits"], loop[0], case.n
     require(isinstance(bits, int) and LEAST_BITS <= bits <= MOST_BITS, "bits must be a whole number of a working precision")
     with ctx.workprec(bits):
@@ -1239,12 +1248,12 @@ def followed(
 
 SAMPLES_BETWEEN_ROUNDINGS = 8
 PARTS = 16
-"""Parts of a sample, between whose ends the motion is a straight line except for its curvature."""
+"""Number of parts of a sample. Within a part the motion is a straight line up to its curvature."""
 
 
 class SampledLoop:
-    """X' = A X + E v between samples, X becomes J X at a sample, u = C X acts whole + part samples later. z contains X and the
-    delayed u."""
+    """A loop with X' = A X + E v between samples. X becomes J X at a sample, and u = C X acts whole + part samples later. z
+    contains X and the delayed u."""
 
     reached: arb_mat
 
@@ -1272,7 +1281,7 @@ class SampledLoop:
         self.M = arb_mat([*top.tolist(), *(row for one in u[: self.depth] for row in one.tolist())])
 
     def over(self, t: fmpq, model: bool = False) -> tuple[arb_mat, arb_mat]:
-        """e^(A t) and its integral times E; with ``model`` those of A_m and b_r."""
+        """e^(A t) and its integral times E. With ``model``, those of A_m and b_r."""
         A, E = (self.A_m, self.b_r) if model else (self.A, self.E)
         rows = [[*a, *e] for a, e in zip(A.tolist(), E.tolist(), strict=True)]
         whole = (arb_mat([*rows, *([arb(0)] * len(rows[0]) for _ in range(E.ncols()))]) * arb(t)).exp().tolist()
@@ -1280,7 +1289,7 @@ class SampledLoop:
         return arb_mat([row[:k] for row in whole[:k]]), arb_mat([row[k:] for row in whole[:k]])
 
     def unit(self, rows: Any) -> arb_mat:
-        """The rows of z with these numbers."""
+        """The rows of z with these indices."""
         return arb_mat([[arb(int(i == j)) for j in range(self.size)] for i in rows])
 
     def wide(self, part: arb_mat) -> arb_mat:
@@ -1330,7 +1339,7 @@ class SampledLoop:
         return largest_of(held), largest_of(x), u
 
     def weights(self, d: list[arb]) -> list[arb]:
-        """Weights of the columns of ``reached``, for disturbances of these sizes: docs/proofs.md, G W."""
+        """Weights of the columns of ``reached`` for disturbances of these sizes; see G W in docs/proofs.md."""
         assert self.B is not None
         off = grown(self.A, self.T) * (grown(self.A, self.T / PARTS) - identity_of(self.s)) * absolute(self.B) * arb(self.T)
         each = [one * arb(self.T) / PARTS for _ in range(PARTS) for one in d]
@@ -1370,7 +1379,7 @@ class SampledLoop:
     def followed(
         self, rows: arb_mat, s: arb_mat, form: arb_mat, samples: int, joined: Callable[[arb, arb], arb]
     ) -> tuple[list[list[arb]], list[arb]]:
-        """|row M^k s|, k < samples, joined column by column; and the remainder of each column, including the errors, in |.|_P."""
+        """|row M^k s| for k < samples, joined column by column, and the remainder of each column with its errors in |.|_P."""
         found = [[arb(0)] * s.ncols() for _ in range(rows.nrows())]
         error = [arb(0)] * s.ncols()
         for k in range(samples):
@@ -1389,7 +1398,7 @@ def beside(parts: list[arb_mat]) -> arb_mat:
 
 
 def sizes_of(columns: arb_mat, P: arb_mat) -> list[arb]:
-    """Upper bounds of sqrt(s'Ps), column by column."""
+    """An upper bound of sqrt(s'Ps) for each column."""
     moved = (P * columns).tolist()
     squares = [sum((a[j] * b[j] for a, b in zip(columns.tolist(), moved, strict=True)), arb(0)) for j in range(columns.ncols())]
     return [arb(max(one.upper(), arb(0))).sqrt().upper() for one in squares]
@@ -1490,7 +1499,7 @@ ERROR_BOUNDS["sampled"] = of_sampled_loop
 
 
 def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]]) -> list[str]:
-    """The claimed keys, if all lines hold."""
+    """The keys that are claimed, if all lines hold."""
     for i, line in enumerate(lines, start=1):
         key = str(line.get("key"))
         try:
@@ -1504,7 +1513,8 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
 
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """The accepted claims for each controller, as sentences, and the assumptions; Refused names the first line that fails."""
+    """Sentences on the accepted claims of each controller, and the assumptions. Refused is raised with the name of the first line
+    that fails."""
     require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
     said, assumed = [], dict[str, None]()
     with ctx.workprec(256):
@@ -1520,7 +1530,7 @@ def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit codes: 0 all lines hold, 1 one does not, 2 the file can't be read."""
+    """Check a file. The exit code is 0 if all lines hold, 1 if a line does not, and 2 if the file can't be read."""
     given = sys.argv[1:] if arguments is None else arguments
     if len(given) != 1 or given[0].startswith("-"):
         print("usage: barbalat-check FILE\n\n" + (__doc__ or "").strip())

@@ -29,45 +29,45 @@ from chromium import look, overheard
 from turns import drawn
 
 WIDTHS = {"desk": 1280, "phone": 390}
-"""In CSS pixels."""
+"""The widths and heights of the windows in CSS pixels."""
 LARGEST_PAGE, LARGEST_EXPLORER = 500_000, 1_000_000
-"""Bytes of a page, and of one that simulates."""
+"""Largest number of bytes of a page, and of a page that simulates."""
 COMMANDS = {
     "reproduce": ["reproduce", "--quick"],
     "run": ["run", "first-order"],
     "output": ["run", "l1-output"],
 }
-"""What makes pages, by the folder that they go to."""
+"""The commands that make pages, by the folder to which they write."""
 EXPLORER = "explore.html"
 UNSCROLLABLE = """
 () => [...document.querySelectorAll('body *')]
     .filter(one => one.getBoundingClientRect().right > innerWidth + 1 && !one.closest('.wide, svg, math'))
     .slice(0, 3).map(one => `${one.tagName.toLowerCase()} ${one.className} ${one.textContent.slice(0, 40)}`)
 """
-"""What sticks out of the window and lies in nothing that scrolls."""
+"""Elements that exceed the window and are not within a scrollable element."""
 SCROLLING = """
 () => [...document.querySelectorAll('.wide:not(.diagram)')]
     .filter(one => one.scrollWidth > one.clientWidth + 1).slice(0, 3).map(one => one.textContent.trim().slice(0, 60))
 """
-"""Tables of which one must scroll to see all columns; block diagrams may."""
+"""Tables whose columns are only visible after scrolling. Block diagrams may scroll."""
 OWN_ADDRESSES = ("file:", "data:", "blob:", "http://127.0.0.1:")
-"""What a page may ask for: what lies in it or beside it."""
+"""The addresses that a page may request: those within it or in its folder."""
 OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open = true })"
-"""What is folded away is looked at too."""
+"""Opens everything that is folded, so that it is checked too."""
 
 
 Tabs = dict[str, tuple[Page, list[str]]]
-"""A tab of each width by its name, with what it has said since its page was asked for."""
+"""A tab of each width by its name, with its messages since its page was requested."""
 
 
 def main(pages: list[Path]) -> int:
-    """Returns the exit code."""
+    """Check the pages and return the exit code."""
     with tempfile.TemporaryDirectory() as made:
         return look(lambda browser: _of_all(tabs(browser), pages or _made_in(Path(made))))
 
 
 def tabs(browser: Browser) -> Tabs:
-    """Two tabs for any number of pages: a new tab for each page would reload the site's styles, scripts and fonts."""
+    """Two tabs for all pages. A new tab for each page would reload the site's styles, scripts and fonts."""
     found = {}
     for name, width in WIDTHS.items():
         tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
@@ -107,7 +107,8 @@ def _of_site(opened: Tabs, folder: Path) -> Iterator[str]:
 
 @contextmanager
 def _served(folder: Path) -> Iterator[str]:
-    """The address at which this machine serves a folder to itself; axe reads style sheets again, which files don't allow."""
+    """The address at which this machine serves a folder to itself. axe reads style sheets again, which is not possible from
+    files."""
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder))) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}"
@@ -118,7 +119,7 @@ class Quiet(SimpleHTTPRequestHandler):
     """Serves files without logging requests."""
 
     def log_message(self, *_: object) -> None:
-        """Nothing."""
+        """Log nothing."""
 
 
 def _findings(opened: Tabs, page: Path, address: str) -> Iterator[str]:
@@ -130,7 +131,7 @@ def _findings(opened: Tabs, page: Path, address: str) -> Iterator[str]:
 
 
 def at_both_widths(opened: Tabs, page: str, address: str, examined: Container[str] = tuple(WIDTHS)) -> Iterator[str]:
-    """The faults of a page at the widths in ``WIDTHS``; axe also examines those named in ``examined``."""
+    """The faults of a page at the widths in ``WIDTHS``. axe also examines the widths named in ``examined``."""
     for name, (tab, said) in opened.items():
         tab.goto("about:blank")  # otherwise an address that differs only in its fragment would not be reloaded
         said.clear()

@@ -1,4 +1,5 @@
-"""Explorers in a real browser: every slider moved, and every figure equal in every bit to a run of the copied case file.
+"""Explorers in a real browser: every slider is moved, and every figure must equal that of a run of the copied case file in every
+bit.
 
     python tests/browser_explorer.py [CASE ...]
 
@@ -26,10 +27,10 @@ from chromium import look, overheard
 
 Figures = dict[str, float | list[float] | None]
 ROUNDS = 3
-"""Settings of every case in which all sliders stand elsewhere, each with a solver of its own."""
+"""Number of settings of every case in which all sliders are moved, each with a different solver."""
 SOLVERS = ("rk4", "heun", "euler")
 MOST_TRIES = 20
-"""Of a slider alone: at its end it moves one way only."""
+"""The moves of a single slider. At its end it can move in one direction only."""
 MOVE = """([i, share]) => {
     const slider = document.querySelectorAll('#controls input[type=range]')[i];
     const before = slider.value;
@@ -43,13 +44,13 @@ ROWS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
 NUMERICS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
     .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.numerics)]))"""
 EIGENVALUES_WITHIN = 1e-6
-"""Relative, of h|lambda|: page and run look at the same states, each by a routine of its own. Of a double eigenvalue half
-the digits are left, some 1e-8."""
+"""Relative tolerance of h|lambda|. The page and the run evaluate the same states with different routines. A double eigenvalue has
+only half of the digits, about 1e-8."""
 READY = "() => document.body.dataset.state === 'ready' && document.querySelector('#figures tr')"
 
 
 def main(cases: list[str]) -> int:
-    """Returns the exit code."""
+    """Check the cases and return the exit code."""
     with tempfile.TemporaryDirectory() as made:
         return look(lambda browser: [one for case in cases or bundled() for one in of_case(browser, case, Path(made))])
 
@@ -66,7 +67,7 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
     draw, seen = random.Random(case), [set[str]() for _ in range(sliders)]
     for k in range(ROUNDS):
         tab.click("#reset")
-        for i in draw.sample(range(sliders), sliders):  # if two exclude each other, the first one moves
+        for i in draw.sample(range(sliders), sliders):  # if two exclude each other, the first one is moved
             _move(tab, i, seen, draw)
         tab.select_option("#solver", SOLVERS[k])
         if k % 2:

@@ -1,5 +1,5 @@
-"""The lessons of Section V in a real browser: no goal is met at the start, each is met by its example, and all figures equal the
-simulator's bit for bit.
+"""The lessons of Section V in a real browser: no goal is reached at the start, each is reached by its example, and all figures
+equal the simulator's bit for bit.
 
     python tests/browser_lessons.py
 
@@ -24,11 +24,12 @@ from chromium import look, overheard
 
 CONDITIONS = "() => [...document.querySelectorAll('#conditions [data-condition]')].map(one => one.dataset.condition)"
 ESTIMATE_ERROR = 1e-3
-"""Of a trapezoidal sum with steps of 0.02 over the matrix's norm; it errs where a component changes its sign."""
+"""Tolerance of a trapezoidal sum with steps of 0.02 divided by the matrix's norm. The sum is inaccurate where a component changes
+its sign."""
 
 
 def main() -> int:
-    """Returns the exit code."""
+    """Check the lessons and return the exit code."""
     with tempfile.TemporaryDirectory() as made:
         return look(lambda browser: [one for file in PAGES for one in of_page(browser, explorer(file).save(Path(made) / file))])
 
@@ -51,7 +52,7 @@ def of_page(browser: Browser, file: Path) -> Iterator[str]:
 
 
 def taught(tab: Page) -> Iterator[str]:
-    """The chosen lesson, from its beginning to its example."""
+    """The faults of the chosen lesson, from its beginning to its example."""
     settled(tab)
     if goal(tab) != "open":
         yield f"its goal is {goal(tab)} from the beginning"
@@ -65,7 +66,7 @@ def taught(tab: Page) -> Iterator[str]:
 
 
 def estimated(tab: Page) -> Iterator[str]:
-    """The condition on the filter, as estimated by the page and as certified for the copied case."""
+    """Compare the page's estimate of the condition on the filter with the certificate of the copied case."""
     case = parse_case(copied(tab))
     found = [float(value) for value in tab.evaluate(CONDITIONS)]
     certified = certify(case.problem, [one for one in case.controllers if one.name == "L1"], case.simulation)
@@ -75,7 +76,7 @@ def estimated(tab: Page) -> Iterator[str]:
 
 
 def by_address(tab: Page, file: Path) -> Iterator[str]:
-    """A lesson whose example is in the address opens with its goal reached; shares refer to its initial state."""
+    """A lesson whose example is in the address opens with its goal reached. Shares refer to its initial state."""
     lesson = PAGES[file.name][0]
     numbers = "".join(f"&{path}={value}" for path, value in lesson.example.items())
     tab.goto("about:blank")
@@ -86,7 +87,7 @@ def by_address(tab: Page, file: Path) -> Iterator[str]:
 
 
 def goal(tab: Page) -> str | None:
-    """Whether the page reports that the goal is met."""
+    """Whether the page reports that the goal is reached."""
     return tab.get_attribute("#lessons", "data-goal")
 
 

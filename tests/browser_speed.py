@@ -1,4 +1,4 @@
-"""How fast Section V's page follows a slider in Chromium, beside the native kernel, and whether its memory grows.
+"""How fast Section V's page follows a slider in Chromium compared with the native kernel, and whether its memory grows.
 
     python tests/browser_speed.py
 
@@ -26,11 +26,12 @@ from browser_explorer import settled
 from chromium import launched
 
 MRAC = 2
-"""Its place among the case's controllers."""
+"""The controller's index in the case."""
 MOVES, RUNS, PARTS = 21, 500, 5
-"""Of a slider for a median, and for the memory, which is looked at PARTS times."""
+"""Moves of a slider for a median, and for the memory, which is measured PARTS times."""
 MOST_GROWTH = 400_000
-"""Bytes of the heap over RUNS runs, after garbage was collected: less than what one run records, so that none of them is kept."""
+"""Largest growth of the heap in bytes over RUNS runs, after garbage collection. One run records more, so that no run can be
+kept."""
 MOVE = """([id, by]) => {
     const slider = document.getElementById(id);
     slider.value = Number(slider.value) + by;
@@ -44,22 +45,22 @@ FOLLOWED = """async ([id, runs]) => {
         do await new Promise(requestAnimationFrame); while (document.body.dataset.state !== 'ready');
     }
 }"""
-"""So many runs without a word between them: what the driver keeps of each word would be counted."""
+"""Make this many runs without messages in between, because the memory that the driver keeps for each message would be counted."""
 SLIDERS = """() => Object.fromEntries([...document.querySelectorAll('#controls .number')].map(one => [
     `${one.parentElement.querySelector('summary').textContent}, ${one.querySelector('label').textContent}`,
     one.querySelector('input[type=range]').id]))"""
 ALONE = """(i) => document.querySelectorAll('input[id^=shown-]').forEach((box, k) => {
     if (box.checked !== (k === i)) box.click();
 })"""
-"""Only this controller is simulated."""
+"""Simulate only this controller."""
 TOLD = "() => ({...document.body.dataset})"
 PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
 MOVED = {"L1": "L1, Γ", "MRAC": "MRAC, Γ", "all three": "Plant, θ [1]"}
-"""What is moved for how many controllers to follow."""
+"""The sliders that are moved, and the number of controllers that follow."""
 
 
 def main() -> int:
-    """Returns the exit code."""
+    """Measure and return the exit code."""
     made_from = explorer("explorer.html")
     began = time.perf_counter()
     text = made_from.html
@@ -90,7 +91,7 @@ def _follows(tab: Page) -> None:
 
 
 def _beside_native(tab: Page, source: Source) -> None:
-    """Nanoseconds a step, the best of several runs each, one controller after the other: pages and kernels take turns."""
+    """Nanoseconds for each step, the best of several runs, one controller after the other. The page and the kernel alternate."""
     case = source.at({})
     sliders, steps = tab.evaluate(SLIDERS), case.simulation.steps
     for i, controller in enumerate(case.controllers):
@@ -107,7 +108,7 @@ def _beside_native(tab: Page, source: Source) -> None:
 
 
 def _native(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> float:
-    """Seconds in the kernel for the same run, cut into the same calls."""
+    """Seconds in the kernel for the same run, divided into the same calls."""
     batch = Batch.of([(problem, controller)], simulation, record=True)
     (group,), spent = batch.groups, 0.0
     for segment in segments_of(simulation, recorded=True):

@@ -1,4 +1,4 @@
-"""C written by hand, ``section_v.c``, with the usual sets of flags: Section V's L1 loop, one trajectory."""
+"""Section V's L1 loop in C written by hand, ``section_v.c``, with the usual sets of flags; one trajectory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FLAGS = ("-O2", "-O3", "-O3 -ffast-math")
 
 
 def contestants(case: Case, steps: int, folder: Path) -> list[Contestant]:
-    """One for each set of flags; none for another loop than L1's."""
+    """One contestant for each set of flags, and none for loops other than L1's."""
     if case.members > 1 or not case.name.startswith("L1"):
         return []
     return [_contestant(case, steps, folder, flags) for flags in FLAGS]

@@ -1,8 +1,8 @@
 """diffrax: ``diffeqsolve`` with constant steps, and its ``vmap``.
 
 diffrax has no classical Runge-Kutta method; its documentation says how to add one from its tableau. A solver's stages can't be
-limited from outside, so the vector field limits the given estimate: this is equivalent while no bound is reached, and the check
-ends before that.
+limited from outside, so the vector field limits the estimate that it is given. This is equivalent until a bound is reached, and
+the check ends before that.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ jax.config.update("jax_enable_x64", True)
 
 
 class ClassicalRungeKutta(diffrax.AbstractERK):
-    """Four stages, order four."""
+    """The classical Runge-Kutta method with four stages and order four."""
 
     tableau: ClassVar[diffrax.ButcherTableau] = diffrax.ButcherTableau(
         a_lower=(np.array([1 / 2]), np.array([0.0, 1 / 2]), np.array([0.0, 0.0, 1.0])),
@@ -39,7 +39,7 @@ class ClassicalRungeKutta(diffrax.AbstractERK):
 
 
 def contestants(case: Case, steps: int, *, quick: bool) -> list[Contestant]:
-    """All members at once; XLA may use every core. Each form compiles for seconds: ``quick`` has one."""
+    """All members at once. XLA may use every core. Each form compiles for seconds, so that ``quick`` has only one."""
     forms = list(WRITTEN[case.name].forms)
     return [_contestant(case, steps, form) for form in (forms[-1:] if quick else forms)]
 

@@ -1,7 +1,7 @@
-"""Section V's loops on arrays, for NumPy and JAX alike: ``xp`` is the one or the other.
+"""Section V's loops on arrays of NumPy or JAX: ``xp`` is the one or the other.
 
-A state is one vector in the order x, x_m, theta_hat, then the scheme's own. The last entries are those of a filter in other
-coordinates than in the kernel; all others are compared.
+A state is one vector with x, x_m, theta_hat and then the scheme's own states. The last entries are those of a filter, in
+coordinates that differ from the kernel's. All others are compared.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ Derivative = Callable[[Any, Any, Any, Any], Any]
 
 @dataclass(frozen=True)
 class Written:
-    """A loop in the forms in which one would write it, the quickest to compile last; the first ``compared`` entries of its state
-    are the kernel's.
+    """A loop in the forms in which one would write it. The last form compiles fastest. The first ``compared`` entries of its
+    state are the kernel's.
     """
 
     forms: dict[str, Derivative]
@@ -47,7 +47,7 @@ class Written:
 
 
 def l1(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
-    """Eqs (5)-(8); the parameter of an ensemble is the adaptive gain."""
+    """Eqs (5)-(8). The parameter of an ensemble is the adaptive gain."""
     x, x_m, theta_hat, x_hat, u = y[0:2], y[2:4], y[4:6], y[6:8], y[8]
     gamma = parameters[0] if len(parameters) else GAMMA
     rate = gamma * ((x - x_hat) @ P_B) * x
@@ -64,7 +64,7 @@ def l1(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
 
 
 def l1_by_components(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
-    """The same, written in scalars, without calls for products of small matrices."""
+    """The same loop written in scalars, without calls for products of small matrices."""
 
     def projected(rate: Any, estimate: Any) -> Any:
         outward = ((estimate >= BOUND) & (rate > 0)) | ((estimate <= -BOUND) & (rate < 0))
@@ -91,7 +91,7 @@ def l1_by_components(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
 
 
 def robust_mrac(xp: Any, y: Any, r: Any, _: Any) -> Any:
-    """Eqs (13)-(16) with least squares; an ensemble varies only the initial state."""
+    """Eqs (13)-(16) with least squares. An ensemble varies only the initial state."""
     x, x_m, theta_hat, P = y[0:2], y[2:4], y[4:6], y[6:10].reshape(2, 2)
     xi, Xi, n_d, swapping, q = y[10:12], y[12:16].reshape(2, 2), y[16], y[17:19], y[19:21]
     phi = C_0 @ Xi
@@ -120,12 +120,12 @@ def robust_mrac(xp: Any, y: Any, r: Any, _: Any) -> Any:
 
 
 def clip(xp: Any, y: Any) -> Any:
-    """The estimate limited to the known box, as at every stage."""
+    """The estimate limited to the known box, as it is at every stage."""
     return xp.concatenate([y[:4], xp.clip(y[4:6], -BOUND, BOUND), y[6:]])
 
 
 def rk4(xp: Any, derivative: Derivative, y: Any, r: Any, parameters: Any) -> Any:
-    """One step; ``r`` holds the command at its start, middle and end."""
+    """One RK4 step. ``r`` is the command at the start, the middle and the end of the step."""
     k_1 = derivative(xp, y, r[0], parameters)
     k_2 = derivative(xp, clip(xp, y + STEP / 2 * k_1), r[1], parameters)
     k_3 = derivative(xp, clip(xp, y + STEP / 2 * k_2), r[1], parameters)
@@ -137,4 +137,4 @@ WRITTEN = {
     "L1, 9 states": Written({"arrays": l1, "numbers": l1_by_components}, 8),
     "robust MRAC, 21 states": Written({"arrays": robust_mrac}, 19),
 }
-"""By the name of the benchmark's case."""
+"""The written loops by the name of the benchmark's case."""

@@ -1,6 +1,6 @@
-"""heyoka: Taylor series of adaptive order and step, of the loop's equations as CasADi writes them.
+"""heyoka: Taylor series of adaptive order and step for the loop's equations in CasADi's form.
 
-Choices, such as those of a projection, are fixed as at t = 0: no estimate meets its bound in the measured time.
+Conditions, such as those of a projection, keep their value at t = 0, as no estimate reaches its bound in the measured time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ T_END, INSTANTS = 2.0, 4
 
 
 def run_of(loop: ClosedLoop, tolerance: float) -> Callable[[], np.ndarray]:
-    """A run whose steps follow from a tolerance; the states at the ends of its quarters."""
+    """A run with steps by a tolerance. It returns the states at the ends of its quarters."""
     variables = hy.make_vars(*(f"x{i}" for i in range(loop.size)))
     system = list(zip(variables, _rates(loop, variables), strict=True))
     integrator = hy.taylor_adaptive(system, loop.initial(), tol=tolerance)
@@ -82,4 +82,4 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "sin": hy.sin,
     "cos": hy.cos,
 }
-"""CasADi's operations in heyoka, as far as the three loops need them."""
+"""heyoka's functions for CasADi's operations, as far as the three loops need them."""

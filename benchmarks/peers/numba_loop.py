@@ -1,4 +1,4 @@
-"""Numba: loops over preallocated arrays, compiled by ``njit``; Section V's L1 loop, alone or one member after another."""
+"""Numba: loops over preallocated arrays, compiled by ``njit``, for Section V's L1 loop, alone or one member after another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ SIZE = 9
 
 
 def contestants(case: Case, steps: int) -> list[Contestant]:
-    """With and without ``fastmath``, an ensemble also with a thread for each core; none for another loop than L1's."""
+    """The contestants with and without ``fastmath``, for an ensemble also with a thread for each core. There is none for loops
+    other than L1's."""
     if not case.name.startswith("L1"):
         return []
     in_threads = (False, True) if case.members > 1 else (False,)

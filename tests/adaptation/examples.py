@@ -1,4 +1,4 @@
-"""Every law of the registry with every modification that it takes, and random situations to put them in."""
+"""Every law of the registry with every modification that it accepts, and random situations for them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import Gain
 
 BOUND = 40.0
-"""Of the covariance, in the Frobenius norm."""
+"""Bound of the covariance, in the Frobenius norm."""
 RHO_0, RHO_1 = 20.0, 0.5
-"""Between these the eigenvalues of the covariance that is reset."""
+"""The eigenvalues of the covariance with resets are between these."""
 M_0 = 6.0
-"""Above |theta| in every situation."""
+"""M_0, which exceeds |theta| in every situation."""
 G_0 = 0.05
 
 MATRIX = np.array([[3.0, 1.0, 0.5], [1.0, 2.0, -0.4], [0.5, -0.4, 1.0]])
@@ -34,9 +34,9 @@ class Modification:
     settings: dict[str, object]
     """The law's keywords."""
     leaks: Callable[[float], float] | None = None
-    """Its leakage w from epsilon m_s, where w theta_tilde'theta_hat < 0 is possible: for theta within M_0 too."""
+    """Its leakage w as a function of epsilon m_s, if w theta_tilde'theta_hat < 0 is possible even for theta within M_0."""
     dead_zone: bool = False
-    """Whether V bears a modelling error of G_0 beside it."""
+    """Whether V does not grow with a modelling error of G_0."""
     implicit: bool = True
     """Whether an implicit step has the weight that the continuous law has at the step's end."""
 
@@ -78,12 +78,12 @@ def integrals_of_data(random: np.random.Generator, law, theta) -> integral_cost.
 
 
 def any_covariance(random: np.random.Generator, law, theta) -> least_squares.Memory:
-    """P, which is the gain of V."""
+    """A covariance P, which is the gain of V."""
     return law.limit(least_squares.Memory(random_gain(random, len(theta))))
 
 
 def covariance_within_its_bound(random: np.random.Generator, law, theta) -> least_squares.Memory:
-    """P, half of the time at its bound."""
+    """A covariance P that is at its bound half of the time."""
     P = random_gain(random, len(theta))
     if random.uniform() < 0.5:
         P = P * (BOUND / np.linalg.norm(P))
@@ -101,43 +101,44 @@ def keeps_its_eigenvalues(P: np.ndarray) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Example:
-    """What the family's tests need to know about a law; a new law is added only here.
+    """What the family's tests need to know about a law. A new law is added only here.
 
     ``fastest_rate``, ``takes`` and ``unexcited`` are derived by hand from the law's source; the tests compare the law with them.
     """
 
     numbers: dict[str, float]
-    """Its settings, a number each; the registry's own test reads them in a case file too."""
+    """Its settings, each one number. The registry's test also reads them in a case file."""
     fastest_rate: float | None
-    """With these numbers, [1/s]; None where nothing bounds it."""
+    """Its fastest rate with these settings [1/s]; None if nothing bounds it."""
     strong: dict[str, float]
-    """What of the settings is larger where the law is to learn within a minute."""
+    """The settings that are larger if the law is to learn within a minute."""
     memory: Callable[..., tuple]
-    """A random memory that the law can have."""
+    """A function that draws a random memory that the law can have."""
     gain: str = ""
-    """The setting that takes a diagonal or a matrix as well."""
+    """The setting that may also be a diagonal or a matrix."""
     has_covariance: bool = True
-    """Whether the gain of V is the memory's covariance; where not, it is the setting ``gain``."""
+    """Whether the gain of V is the memory's covariance. Otherwise it is the setting ``gain``."""
     kept: Callable[[np.ndarray], bool] | None = None
-    """What the covariance keeps at every step, the settings' gain with it; None where the gain may be any."""
+    """The condition that the covariance satisfies at every step, together with the gain from the settings. None if any gain is
+    possible."""
     shapes: tuple[str, ...] = ("number",)
-    """Those of the gain that the tests go through."""
+    """The shapes of the gain in the tests."""
     takes: tuple[str, ...] = tuple(MODIFICATIONS)
-    """The modifications that it bears: the table in docs/laws.md."""
+    """The modifications that it accepts, by the table in docs/laws.md."""
     unexcited: bool = True
-    """Whether its estimates stay bounded without excitation, set and modifications."""
+    """Whether its estimates stay bounded without excitation, a known set and modifications."""
 
     def gain_of_V(self, law, memory, n: int) -> np.ndarray:
-        """(n, n) Gamma of V = theta_tilde'Gamma^-1 theta_tilde."""
+        """The matrix Gamma (n, n) of V = theta_tilde'Gamma^-1 theta_tilde."""
         return memory.covariance if self.has_covariance else Gain(vars(law)[self.gain]).as_matrix(n)
 
     def scaled(self, law, factor: float):
-        """The law with ``factor`` times its gain, as far as its covariance has no bound to keep."""
+        """The law with ``factor`` times its gain, unless its covariance has a bound."""
         return law if self.kept is not None else replace(law, **{self.gain: factor * vars(law)[self.gain]})
 
 
 BOUNDED_COVARIANCE = {
-    "fastest_rate": 2 * BOUND + 0.3,  # 2 P <= 2 bound, and the forgetting
+    "fastest_rate": 2 * BOUND + 0.3,  # 2 P <= 2 bound, plus the forgetting
     "gain": "covariance0",
     "memory": covariance_within_its_bound,
     "kept": keeps_its_norm,
@@ -195,13 +196,13 @@ LAW_EXAMPLES = {
 
 
 def example_of(law) -> Example:
-    """That of its class."""
+    """The example of the law's class."""
     (kind,) = (kind for kind, made in LAWS.items() if made is type(law))
     return LAW_EXAMPLES[kind]
 
 
 def plain(kind: str, n: int) -> list[dict]:
-    """Settings without modifications for n <= 3 parameters, one for each shape of the gain."""
+    """Laws without modifications for n <= 3 parameters, one for each shape of the gain."""
     example, values = LAW_EXAMPLES[kind], {"diagonal": np.arange(1.0, n + 1), "matrix": MATRIX[:n, :n]}
     return [example.numbers | {example.gain: values[shape]} if shape in values else example.numbers for shape in example.shapes]
 
@@ -217,7 +218,7 @@ class ModifiedLaw:
 
 
 def laws(n: int) -> list[ModifiedLaw]:
-    """All accepted combinations; another test checks that the rest are refused."""
+    """All accepted combinations. Another test checks that the rest are refused."""
     return [
         ModifiedLaw(f"{kind} {i}, {name}", LAWS[kind](**settings, **modification.settings), example, modification)
         for kind, example in LAW_EXAMPLES.items()
@@ -228,14 +229,14 @@ def laws(n: int) -> list[ModifiedLaw]:
 
 
 def known_sets(random: np.random.Generator, n: int) -> list:
-    """No set, a box and a ball; each point of the latter has |theta| < M_0 for n <= 3."""
+    """No set, a box and a ball. Each point of the box and the ball has |theta| < M_0 for n <= 3."""
     lower = random.uniform(-2, 0, n)
     ball = ParameterBall(center=random.uniform(-1, 1, n), radius=random.uniform(0.5, 3.0))
     return [None, ParameterBox(lower=lower, upper=lower + random.uniform(0.5, 3.0, n)), ball]
 
 
 def inside(random: np.random.Generator, known_set, n: int, *, on_the_border: bool) -> np.ndarray:
-    """A point of the set: in its interior, or on faces, edges, corners, the sphere."""
+    """A point of the set, in its interior or on a face, an edge, a corner or the sphere."""
     if known_set is None:
         return random.uniform(-3, 3, n)
     if isinstance(known_set, ParameterBox):

@@ -17,7 +17,7 @@ from barbalat.validate import InputError
 
 
 def scaled(random, modified):
-    """The law with a gain from 1e2 to 1e8 times its own; a covariance with a bound keeps it."""
+    """The law with 1e2 to 1e8 times its gain. A covariance with a bound keeps that bound."""
     return modified.example.scaled(modified.law, 10 ** random.uniform(2, 8))
 
 
@@ -41,7 +41,8 @@ def memory_of(random, law, theta):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_step_solves_the_continuous_law_at_its_end(n):
-    """theta_next = theta_hat + T theta_hat'(theta_next): an independent evaluation. 1e-7: the gains go to 1e8."""
+    """theta_next = theta_hat + T theta_hat'(theta_next), evaluated independently. The tolerance is 1e-7 because the gains reach
+    1e8."""
     random = np.random.default_rng(n)
     tried = 0
     for modified in laws(n):
@@ -64,9 +65,11 @@ def test_the_step_solves_the_continuous_law_at_its_end(n):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_V_keeps_the_continuous_inequality(n, sample):
-    """V_next <= V + T n^2 without modification, <= V with a dead zone g_0 >= |n|, n = eta/m_s; + T w |theta|^2/2 by a leakage w.
+    """With n = eta/m_s, V_next <= V + T n^2 without modification and V_next <= V with a dead zone g_0 >= |n|. A leakage w adds T
+    w |theta|^2/2.
 
-    A switching leakage adds nothing. 1e-6: V is computed with inverses of gains and covariances of up to 1e8.
+    A switching leakage adds nothing. The tolerance is 1e-6 because V is computed with inverses of gains and covariances of up to
+    1e8.
     """
     random = np.random.default_rng(40 + n)
     for modified in laws(n):
@@ -82,7 +85,7 @@ def test_V_keeps_the_continuous_inequality(n, sample):
                     continue
                 matrix = law.metric.is_matrix
                 if matrix and n == 3 and known_set is not None:
-                    continue  # corners of three faces are cut
+                    continue  # corners of three faces are cut off
                 target = theta if known_set is None else inside(random, known_set, n, on_the_border=False)
                 memory = memory_of(random, law, target)
                 start = (
@@ -106,7 +109,8 @@ def V_of(gain, theta_tilde):
 
 
 def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
-    """P^-1 = e^(-beta T) P^-1 + (1 - e^(-beta T))/beta phi phi'/m_s^2 where no bound is near; bounds are kept at every step."""
+    """The next P^-1 is e^(-beta T) P^-1 + (1 - e^(-beta T))/beta phi phi'/m_s^2 if no bound is near. Bounds hold at every
+    step."""
     random = np.random.default_rng(3)
     for modified in laws(3):
         law, example = modified.law, modified.example
@@ -131,9 +135,10 @@ def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
 
 @pytest.mark.full
 def test_many_short_steps_tend_to_the_continuous_law():
-    """Over a second, with constant data, against 4000 explicit steps: 400 implicit ones halve the distance of 100 at least.
+    """Over one second with constant data, compared with 4000 explicit steps, 400 implicit steps at least halve the distance of
+    100 steps.
 
-    Up to 1 % of the way that the estimate goes, which is what the explicit steps and the time of a reset leave.
+    The tolerance is 1 % of the path of the estimate, due to the error of the explicit steps and the instant of a reset.
     """
     random = np.random.default_rng(9)
     for modified in laws(2):
@@ -155,7 +160,7 @@ def test_many_short_steps_tend_to_the_continuous_law():
 
 
 def test_the_step_within_a_set_against_a_quadratic_programme():
-    """It is the nearest point of the set in the metric Gamma^-1 + K phi phi' to the step without a set."""
+    """The step is the point of the set nearest to the step without a set, in the metric Gamma^-1 + K phi phi'."""
     random = np.random.default_rng(13)
     for _ in range(100):
         n = int(random.integers(1, 4))
@@ -184,7 +189,7 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
 
 
 def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme():
-    """The same as above, with a matrix K for the inputs. If no guess of the active faces is right, the result is the step without
+    """The same as above with a matrix K for the inputs. If no guess of the active faces is right, the result is the step without
     a set."""
     random, solved = np.random.default_rng(17), 0
     for _ in range(100):
@@ -200,7 +205,7 @@ def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme()
             continue
         solved += box.reached_by(found[None])
         metric = np.diag(1 / gamma) + phi @ coupling @ phi.T
-        gradient = metric @ (found - start) - phi @ error  # zero inside; on a face it only keeps the estimate there
+        gradient = metric @ (found - start) - phi @ error  # it is zero inside, and on a face it only keeps the estimate there
         scale = 1e-9 * np.abs(phi @ error).max()
         assert (gradient[found > box.lower] <= scale).all()
         assert (gradient[found < box.upper] >= -scale).all()

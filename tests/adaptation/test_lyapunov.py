@@ -54,15 +54,15 @@ def test_the_kernel_does_what_plain_stepping_does(problems, scheme, variant, bal
     dt, steps = 2.0**-6, 128
     samples = brute_force(ClosedLoop.of(problem, settings), problem.signals, "rk4", dt, steps)
     result = simulate(problem, [settings], Simulation(t_end=steps * dt, dt=dt, solver=RK4, record_points=steps))[settings.name]
-    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)  # 128 steps of roundings of 1e-16
+    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)  # 128 steps with roundings of 1e-16
     np.testing.assert_allclose(result.e, samples.e, rtol=0, atol=1e-9)
     assert all(problem.uncertainty.contains(theta_hat) for theta_hat in result.theta_hat)
 
 
 def written_out(problem, gamma, sigma, g_0, gamma_c, tau_f):
-    """x, x_m, theta_hat and the memory of MRAC, from the equations in docs/laws.md, with the memory's z as W-filtered data.
+    """x, x_m, theta_hat and the memory of MRAC by the equations in docs/laws.md, where the memory's z is W-filtered data.
 
-    z here by its definition: the filter 1/(tau_f s + 1) on b^+ (x' - A_m x) - u, whose x' is known in this test.
+    Here z is computed by its definition: b^+ (x' - A_m x) - u filtered by 1/(tau_f s + 1), with x' known in this test.
     """
     p, k_0 = problem.plant, problem.reference_model.k_0
     n, b_plus, P = p.n, p.b / (p.b @ p.b), problem.known.P
@@ -85,14 +85,15 @@ def written_out(problem, gamma, sigma, g_0, gamma_c, tau_f):
 
 @pytest.mark.parametrize("case", ["sigma", "dead zone", "learning"])
 def test_against_the_equations_written_out(problems, case):
-    """An eighth-order method with error control on a second copy of the equations, matrix gain, no projection."""
+    """The reference is an eighth-order method with error control on a second copy of the equations, with a matrix gain and
+    without projection."""
     problem = problems[2]
     sigma, g_0, gamma_c = {"sigma": (0.1, 0.0, 0.0), "dead zone": (0.0, 0.05, 0.0), "learning": (0.0, 0.0, 2.0)}[case]
     derivative, y0 = written_out(problem, MATRIX, sigma, g_0, gamma_c, 0.2)
     exact = integrate(derivative, y0, 4.0, [4.0], rtol=1e-11, atol=1e-11)[:, 0]
     settings = controller("mrac", case, gamma=MATRIX, projection=False)
     result = simulate(problem, [settings], Simulation(t_end=4.0, dt=2.0**-10))["MRAC"]
-    # 1e-8: h^4 = 1e-12 times derivatives of modes up to 20 rad/s; the kink of the dead zone costs some of the order
+    # 1e-8: h^4 = 1e-12 times derivatives of modes up to 20 rad/s, and the kink of the dead zone lowers the order
     atol = 1e-6 if case == "dead zone" else 1e-8
     np.testing.assert_allclose(result.x[-1], exact[:2], atol=atol)
     np.testing.assert_allclose(result.theta_hat[-1], exact[4:6], atol=atol)
@@ -100,9 +101,9 @@ def test_against_the_equations_written_out(problems, case):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_V_does_not_grow_pointwise(problems, seed):
-    """V = e'P e + theta_tilde'Gamma^-1 theta_tilde along (1)-(4) at random states, on the border of the set as well.
+    """V = e'P e + theta_tilde'Gamma^-1 theta_tilde along (1)-(4) does not grow at random states, also on the boundary of the set.
 
-    With the dead zone V = max(0, sqrt(e'P e) - g_0)^2 + ..., and for a disturbance within the bound that its docstring gives.
+    With the dead zone, V = max(0, sqrt(e'P e) - g_0)^2 + ... for a disturbance within the bound stated in its docstring.
     """
     problem = problems[3]
     plant, P, n = problem.plant, problem.known.P, 3
@@ -133,11 +134,11 @@ def test_V_does_not_grow_pointwise(problems, seed):
                 size = np.sqrt(e @ P @ e)
                 share = max(0.0, 1 - g_0 / size)
                 terms = share * 2 * e @ P @ e_dot, 2 * theta_tilde @ np.linalg.solve(Gain(gamma).as_matrix(n), rate)
-                assert sum(terms) <= 1e-10 * sum(map(abs, terms))  # what cancels, cancels to rounding
+                assert sum(terms) <= 1e-10 * sum(map(abs, terms))  # terms that cancel do so up to rounding
 
 
 def test_the_memory_holds_z_as_theta_times_R(problems):
-    """Q = R theta along a whole run, with and without forgetting: the filter differentiates nothing and loses nothing."""
+    """Q = R theta along a whole run, with and without forgetting, because the filter uses no derivatives and is exact."""
     problem = problems[3]
     for learning in (LEARNING, CompositeLearning(gamma_c=1.0, time_constant=0.5, forgetting=0.3, capacity=0.2)):
         settings = Mrac(gamma=5.0, learning=learning)
@@ -151,9 +152,9 @@ def test_the_memory_holds_z_as_theta_times_R(problems):
 
 
 def test_learning_needs_no_persistent_excitation(problems):
-    """A step command excites for a while only. The MRAC keeps its parameter error; with a memory it vanishes.
+    """A step command excites only for a while. The MRAC keeps its parameter error, which vanishes with a memory.
 
-    h Gamma gamma_c capacity = 2^-8 50 6 = 1.2 is below RK4's 2.78: the step resolves the memory's pull.
+    h Gamma gamma_c capacity = 2^-8 50 6 = 1.2 is below RK4's limit of 2.78, so that the step resolves the memory's term.
     """
     problem = replace(problems[3], reference=Step(amplitude=1.0, start=1.0))
     simulation = Simulation(t_end=30.0, dt=2.0**-8)
@@ -169,11 +170,11 @@ def test_a_scalar_a_diagonal_and_a_matrix_of_equal_entries_are_one_law(problems)
     simulation = Simulation(t_end=8.0, dt=2.0**-7)
     runs = [simulate(problems[2], [Mrac(gamma=g)], simulation)["MRAC"] for g in (3.0, [3.0, 3.0], 3 * np.eye(2))]
     for other in runs[1:]:
-        np.testing.assert_allclose(other.theta_hat, runs[0].theta_hat, atol=1e-12)  # sums in another order
+        np.testing.assert_allclose(other.theta_hat, runs[0].theta_hat, atol=1e-12)  # sums in a different order
 
 
 def test_members_of_an_ensemble_differ_in_matrix_gain_ball_and_modification(problems):
-    """Each member agrees with its single run, except for roundings of constants that became parameters."""
+    """Each member agrees with its single run, up to roundings of constants that have become parameters."""
     simulation = Simulation(t_end=4.0, dt=2.0**-7)
     members = [
         (

@@ -1,4 +1,4 @@
-"""Leakage and dead zone against exact solutions for one parameter, and the robustness that they provide."""
+"""Leakage and dead zone, compared with exact solutions for one parameter, and the robustness that they provide."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from independent import integrate, refusal
 
 
 def estimate(law, theta, t_end, phi=lambda t: 1.0, eta=lambda t: 0.0, theta_hat0=0.0):
-    """theta_hat(t_end) of one parameter, m_s^2 = 1 + phi^2."""
+    """theta_hat(t_end) of one parameter with m_s^2 = 1 + phi^2."""
 
     def derivative(t, y):
         m_squared = 1 + phi(t) ** 2
@@ -23,7 +23,8 @@ def estimate(law, theta, t_end, phi=lambda t: 1.0, eta=lambda t: 0.0, theta_hat0
 
 
 def test_fixed_sigma_is_a_linear_pull_to_zero():
-    """phi = 1: theta_hat' = gamma ((theta - theta_hat)/2 - sigma theta_hat), a rest at theta/(1 + 2 sigma)."""
+    """With phi = 1, theta_hat' = gamma ((theta - theta_hat)/2 - sigma theta_hat), which has its equilibrium at theta/(1 + 2
+    sigma)."""
     gamma, sigma, theta, t = 0.8, 0.2, 3.0, 2.0
     rest, rate = theta / (1 + 2 * sigma), gamma * (0.5 + sigma)
     law = Gradient(gamma=gamma, leakage=FixedSigma(sigma=sigma))
@@ -35,18 +36,21 @@ def test_switching_sigma_is_off_inside_and_full_beyond_twice():
     for size, expected in [(0.0, 0.0), (2.0, 0.0), (3.0, 0.15), (4.0, 0.3), (100.0, 0.3)]:
         assert law.coefficient(size * np.array([0.6, -0.8]), 1.0) == pytest.approx(expected, abs=1e-15)
     inside = Gradient(gamma=1.0, leakage=law)
-    assert estimate(inside, 1.5, 30.0) == pytest.approx(1.5, abs=1e-6)  # e^{-15} of the start: no bias, unlike fixed sigma
+    assert estimate(inside, 1.5, 30.0) == pytest.approx(
+        1.5, abs=1e-6
+    )  # e^{-15} of the initial value: no bias, unlike a fixed sigma
 
 
 def test_epsilon_modification_rests_where_the_error_does():
-    """phi = 1: a rest needs epsilon = 0 or epsilon = nu |epsilon m_s| theta_hat; the former is not disturbed."""
+    """With phi = 1, an equilibrium requires epsilon = 0 or epsilon = nu |epsilon m_s| theta_hat. The modification does not move
+    the first one."""
     law = Gradient(gamma=2.0, leakage=EpsilonModification(nu=0.1))
     assert estimate(law, 1.5, 60.0) == pytest.approx(1.5, abs=1e-5)
     assert EpsilonModification(nu=0.5).coefficient(np.ones(2), -3.0) == 1.5
 
 
 def test_the_dead_zone_stops_at_its_border():
-    """phi = 1: |epsilon m_s| falls exponentially to g_0 and not below: theta - theta_hat = g_0 sqrt(2)."""
+    """With phi = 1, |epsilon m_s| falls exponentially to g_0 and not below it, where theta - theta_hat = g_0 sqrt(2)."""
     g_0 = 0.1
     law = Gradient(gamma=1.0, dead_zone=DeadZone(g_0=g_0))
     assert 2.0 - estimate(law, 2.0, 60.0) == pytest.approx(g_0 * np.sqrt(2), rel=1e-6)
@@ -65,7 +69,7 @@ DRIFT = {
 
 @pytest.mark.full
 def test_a_bounded_error_lets_the_plain_law_drift_and_no_modified_one():
-    """The drift of Ioannou and Sun, section 8.3.1: phi fades like (1 + t)^{-1/2}, eta like (1 + t)^{-1/4}."""
+    """The drift in section 8.3.1 of Ioannou and Sun: phi decays like (1 + t)^{-1/2} and eta like (1 + t)^{-1/4}."""
 
     def phi(t):
         return (1 + t) ** -0.5
@@ -90,7 +94,7 @@ def test_the_dead_zone_stops_the_covariance_as_well():
 
 
 class Twice(FixedSigma):
-    """A leakage from outside the package: twice another leakage."""
+    """A leakage from outside the package that is twice another leakage."""
 
     def coefficient(self, theta_hat, error):
         return 2 * super().coefficient(theta_hat, error)

@@ -23,7 +23,7 @@ STATED = {
 
 @pytest.mark.parametrize("case", STATED)
 def test_the_modes_without_control(case):
-    """From unit impulses of the state, with u = 0; to the digits that are written down."""
+    """The modes from unit impulses of the state with u = 0 agree with the comments to all stated digits."""
     plant = load_case(case).problem.plant
     A = np.column_stack([plant.derivative(e, np.zeros(plant.inputs) if plant.inputs > 1 else 0.0) for e in np.eye(plant.n)])
     np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(A).round(6)), STATED[case], atol=5e-3)
@@ -36,7 +36,7 @@ def test_the_wing_that_is_left_alone_diverges():
 
 
 def test_the_payload_that_falls_off():
-    """Newton's law with the mass that is left and the thrust of hovering with the payload, g = 9.81 m/s^2: d as in the case."""
+    """Newton's law with the remaining mass, the thrust of hovering with the payload and g = 9.81 m/s^2 gives the case's d."""
     problem, with_payload, left = load_case("payload-drop").problem, 2.0, 1.5
     plant, thrust = problem.plant, with_payload * 9.81 + 0.7
     after = plant.derivative(np.array([0.3, -0.2]), plant.paths[0].gain * 0.7 + problem.disturbance(np.array(20.0)))
@@ -45,7 +45,7 @@ def test_the_payload_that_falls_off():
 
 
 def test_the_carts_follow_newton_s_law():
-    """Springs and dampers between the walls and the carts, by hand."""
+    """The matrices follow by hand from the springs and dampers between the walls and the carts."""
     plant = load_case("mass-spring-damper").problem.plant
     p_1, v_1, p_2, v_2, u_1, u_2 = 0.3, -0.2, 0.5, 0.7, 2.0, -1.0
     on_1 = -p_1 - v_1 + (p_2 - p_1) + (v_2 - v_1) + u_1

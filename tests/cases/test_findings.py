@@ -1,4 +1,4 @@
-"""Messages about a faulty case file: the first few faults together, with suggestions and the values as they were typed."""
+"""Messages about a faulty case file: the first few faults together, with suggestions and the values as typed."""
 
 import json
 import tomllib
@@ -80,7 +80,7 @@ def test_the_nearest_thing_that_is_meant(old, new, meant):
     ],
 )  # fmt: skip
 def test_what_an_object_refuses_is_told_as_it_was_typed(old, new, said):
-    """This also holds where the object contains the converted number, in lists and in nested tables."""
+    """This also holds if the object contains the converted number, and in lists and nested tables."""
     found = refusal(lambda: parse_case(edited((old, new))))
     assert found.endswith(said), found
 
@@ -100,7 +100,7 @@ RANGE = "is beyond the range of floating-point numbers, 1.8e+308"
         ("tau = 0.2", 'tau = 0.2\n"" = 1', 'unknown key controller 1.""; known here: '),
         ("tau = 0.2", 'tau = 0.2\n"a.b" = 1', 'unknown key controller 1."a.b"; known here: '),
         ("tau = 0.2", 'tau = 0.2\n"a\\u001b[31m" = 1', 'unknown key controller 1."a\\u001b[31m"; known here: '),
-        ("gamma = 3.0", "gamma = 3.0, knd = 1", "unknown key controller 1.law.knd; known here: "),  # kind is there
+        ("gamma = 3.0", "gamma = 3.0, knd = 1", "unknown key controller 1.law.knd; known here: "),  # kind is present
         ("dt = 0.1", "dt = 0.1, widht = 1", "unknown key simulation.widht; known here: "),
         ('"step", amplitude = 1.0', '"step", amp = 1.0', "unknown key reference.amp; did you mean 'amplitude'?"),
     ],
@@ -133,7 +133,7 @@ def test_three_findings_are_told_at_once_then_how_many_more():
     ("given", "told"),
     [
         ("saturation = 3.0", ("plant.input.saturation must be a list, such as [-3.0, 3.0], got 3.0",)),
-        ("delay = 0.1", ()),  # spelt most like theta, which is a list
+        ("delay = 0.1", ()),  # its spelling is most similar to theta, which is a list
         ('delay = "x"', ('plant.input.delay should be a valid number, got "x"',)),
     ],
 )
@@ -188,7 +188,7 @@ def test_editors_refuse_what_the_program_refuses(old, new):
     ],
 )
 def test_a_kind_may_be_called_as_one_of_its_keys(keys, said):
-    """pydantic's place of a finding has the kind behind the table, which here is the name of a key as well."""
+    """In pydantic's location of a finding the kind follows the table. Here the kind is also the name of a key."""
     assert said in refusal(
         lambda: parse_case(edited(("theta = [1.0]", f'theta = [1.0], regressor = {{ kind = "terms", {keys} }}')))
     )

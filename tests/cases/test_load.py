@@ -308,7 +308,7 @@ LINES = [line for line in PAPER.splitlines() if "=" in line and not line.startsw
 @example(line="A_m = [[0.0, 1.0], [-0.3, -1.0]]", value=[[-1.0], [-1.0, 2.0]])
 @example(line="theta = [4.0, -3.0]", value=[1e300, 1e300])
 def test_fuzz_values(line, value):
-    """Any value at any key gives a case or an InputError of one sentence; nothing else."""
+    """Any value of any key gives either a case or an InputError of one sentence."""
     try:
         parse_case(PAPER.replace(line, f"{line.split('=')[0]}= {as_toml(value)}", 1))
     except InputError as error:
@@ -444,7 +444,7 @@ def test_all_steps_of_a_short_run_may_be_recorded():
 
 
 def test_a_second_spelling_is_understood():
-    """``value`` for a constant's amplitude, ``path`` for a file."""
+    """``value`` is accepted for a constant's amplitude, and ``path`` for a file."""
     constant = edited('kind = "sine"\namplitude = 50.0\nfrequency = 0.5', 'kind = "constant"\nvalue = 3')
     assert parse_case(constant).problem.reference(np.zeros(1)) == [3.0]
 

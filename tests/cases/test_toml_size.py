@@ -21,7 +21,7 @@ TEXTS = {
     "a = '''x.y.z.u '' = 1\nb.c.d.e'''": (1, 1 + 1),
     'a = "x\\".b.c.d"': (1, 1 + 1 + 1),
     "a = { b.c = 1, d.e.f = 2 }": (3, 1 + 4 + 1 + 9 + 1 + 3 * 3),
-    "a\nb\nc": (1, 3),  # no TOML, but counted
+    "a\nb\nc": (1, 3),  # not TOML, but counted
 }
 
 
@@ -54,7 +54,7 @@ def test_what_is_no_toml_is_counted_too(text):
 
 
 def test_the_count_is_linear():
-    """Twice the text has twice the tokens: nothing is read twice, even with unclosed brackets."""
+    """A text of twice the length has twice the tokens, because nothing is read twice, even with unclosed brackets."""
     for unit in ("a.b = 1\n", '"', "'", '"""', "'''", "[", "\\", '"\\"', "x\n"):
         sizes = [sum(1 for _ in load_tokens(unit * count)) for count in (1000, 2000)]
         assert sizes[1] <= 2 * sizes[0] + 2
@@ -110,7 +110,7 @@ def test_brackets_beyond_pythons_calls_are_refused_in_a_sentence():
 
 
 def test_random_texts_are_counted_as_the_parser_reads_them():
-    """Where tomllib takes a text, its deepest table has no more levels than the longest key and header together."""
+    """If tomllib accepts a text, its deepest table has no more levels than the longest key and header together."""
     rng = np.random.default_rng(22)
     words = ["a", "b", ".", " = ", "1", "\n", "[", "]", '"', "'", "#", "{", "}", ",", "1.5", "\\"]
     taken = 0

@@ -17,7 +17,8 @@ from turns import once
 
 @pytest.fixture
 def no_searches(monkeypatch):
-    """Searches over the known set and for the largest gain take most of a certificate's time, and no bound depends on them."""
+    """Leave out the searches over the known set and for the largest gain. They need most of a certificate's time, and no bound
+    depends on them."""
     for name in ("add_at_rest", "add_filtered", "add_fixed"):
         monkeypatch.setattr(over_known_set, name, lambda *_: None)
     monkeypatch.setattr(any_regressor, "of_lyapunov_law", lambda *_, **__: {})
@@ -25,7 +26,7 @@ def no_searches(monkeypatch):
 
 @pytest.fixture
 def certified(shared: Path) -> Callable[[str], tuple[Case, Certificates]]:
-    """A bundled case by its name, with its certificates, which pytest's processes compute once."""
+    """A bundled case by its name, with its certificates, which are computed only once for all of pytest's processes."""
 
     def found(name: str) -> tuple[Case, Certificates]:
         case = load_case(name)

@@ -1,4 +1,4 @@
-"""What a certificate guarantees, compared with a run, and what it states although nothing applies."""
+"""Find guarantees of a certificate that a run violates, and statements that it makes although nothing applies."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from barbalat.roles import THETA
 from barbalat.run.results.result import Result
 
 OF_THE_LOOP = ("stability", "tracking", "transient")
-"""The rows of Table 1 of which nothing may stand beside a delay or a limit."""
+"""The rows of Table 1 that must not claim anything with a delay or a limit."""
 CLAIMS = re.compile(
     r"(?<!for )\|(e|y|y - y_m)\| <=|converges to zero for|for every bounded r|for every Gamma|to zero for a constant r"
 )
-"""How these rows claim something."""
+"""Phrases by which these rows claim something."""
 ROUNDING = 1 + 1e-6
-"""What RK4 leaves of a quantity that never grows, at these steps."""
+"""Growth of a nonincreasing quantity due to RK4's error at these steps."""
 RUNAWAY_FACTOR = 5.0
-"""By which the last quarter's error exceeds all before it in a loop that runs away: its rate is then above 0.3/s."""
+"""Factor by which the error in the last quarter exceeds all earlier errors if a loop diverges. The rate is then above 0.3/s."""
 
 
 SOLVED = 1e-6
-"""Of the model's motion: what a solver's error may leave where e is zero."""
+"""Solver's error, relative to the model's motion, that is allowed where e is zero."""
 
 
 def judged(problem, controller, simulation=SIMULATION) -> tuple[Certificate, Column]:
@@ -81,12 +81,12 @@ def exceeded(certificate: Certificate, column: Column, run: Result) -> list[str]
 
 
 def largest_error(run: Result) -> float:
-    """Of its largest |x_m|."""
+    """The largest error relative to the largest |x_m|."""
     return np.inf if run.diverged_at is not None else max(run.figures["max_abs_e"]) / max(np.abs(run.x_m).max(), 1e-9)
 
 
 def runs_away(run: Result) -> bool:
-    """Diverged, or the error of the last quarter far above all before it."""
+    """Whether the run diverged or the error in its last quarter is far above all earlier errors."""
     if run.diverged_at is not None:
         return True
     largest = np.maximum(np.abs(run.envelope.e_min), np.abs(run.envelope.e_max)).max(axis=1)
@@ -95,7 +95,8 @@ def runs_away(run: Result) -> bool:
 
 
 def estimates_grow(run: Result, text: str) -> bool:
-    """theta_tilde'Gamma^-1 theta_tilde, or with P for Gamma, above V(0), where the cell denies it of a continuous law."""
+    """Whether theta_tilde'Gamma^-1 theta_tilde, or the same with P for Gamma, exceeds V(0) although the cell excludes it for a
+    continuous law."""
     scheme, equations = run.controller, run.loop.continuous
     if run.loop.sample_time is not None or "pulled" in text or run.diverged_at is not None or run.problem.feedback == "output":
         return False
@@ -113,11 +114,11 @@ def estimates_grow(run: Result, text: str) -> bool:
 
 
 def gains_grow(run: Result) -> bool:
-    """The same of both gains: k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r, each input's times its omega."""
+    """The same for both gains: the sum of k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r of each input, times its omega."""
     plant, scheme = run.problem.plant, run.controller
     omega, k_0 = np.array([path.gain for path in plant.paths]), np.array(run.problem.reference_model.k_0, dtype=float).reshape(-1)
     if run.true_values is None:
-        return False  # no weights are known to be the true ones; their bounds are looked at above
+        return False  # the true weights are not known; their bounds are checked above
     of_x, of_r = np.tile(omega, len(plant.theta) // len(omega)), np.repeat(omega, len(k_0) // len(omega))
     k_x, k_r = run.theta_hat - plant.theta / of_x, run.reported["k_r_hat"] - k_0 / of_r
     inverse = np.linalg.inv(Gain(scheme.gamma).as_matrix(k_x.shape[1])) * of_x

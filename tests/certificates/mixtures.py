@@ -1,4 +1,4 @@
-"""Problems that combine disturbances of an adaptive loop at random, and the controllers that fit them."""
+"""Problems with random combinations of disturbances of an adaptive loop, and the controllers that fit them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from barbalat.protocols import Controller
 from barbalat.signals import Constant, Sine, Sines, Square, Step
 
 SIMULATION = Simulation(t_end=24.0, dt=2e-3)
-"""Some ten time constants of the models; the gains are drawn so that RK4 resolves the laws at this step."""
+"""About ten time constants of the models. The gains are drawn so that RK4 resolves the laws at this step."""
 
 TF = TransferFunction
 LAG = TF([900.0], [1.0, 42.0, 900.0])
@@ -80,7 +80,7 @@ def disturbed(problem: TrackingProblem, features: tuple[str, ...]) -> TrackingPr
 
 
 def some_features(random: np.random.Generator) -> tuple[str, ...]:
-    """Two problems in five have none, so that the guarantees apply; the others have one to three."""
+    """Some features at random. Two problems in five have none, so that the guarantees apply. The others have one to three."""
     count = random.choice([0, 0, 1, 2, 3])
     return tuple(random.choice(FEATURES, size=count, replace=False))
 
@@ -98,7 +98,7 @@ def command(random: np.random.Generator) -> object:
 
 
 def state_feedback(random: np.random.Generator) -> Problem:
-    """Of one to three states; theta often makes the plant unstable, and one in six lies outside the known set."""
+    """A problem with one to three states. Often theta makes the plant unstable, and one theta in six is outside the known set."""
     n = int(random.integers(1, 4))
     b = np.zeros(n)
     b[-1] = random.choice([1.0, 0.7, -1.0])
@@ -149,7 +149,7 @@ def leakage(random: np.random.Generator) -> object:
 
 
 def parametric_law(random: np.random.Generator) -> object:
-    """Any law of the family, sometimes with a far too large leakage or dead zone."""
+    """A random law of the family, sometimes with a far too large leakage or dead zone."""
     more = (({}, {}, {"leakage": leakage(random)}, {"dead_zone": DeadZone(g_0=5.0)}))[random.integers(4)]
     P = {"covariance0": random.uniform(1, 20)}
     kinds: list[Callable[[], object]] = [
@@ -203,7 +203,7 @@ def state_controllers(random: np.random.Generator, problem: Problem) -> list[Con
 
 
 def fitting(random: np.random.Generator, problem: TrackingProblem, made: list[Callable[[], Controller]]) -> list[Controller]:
-    """The controllers that this kind of problem admits; one in three is sampled."""
+    """The controllers that fit this kind of problem. One in three is sampled."""
     found: list[Controller] = []
     for make in made:
         sampled, form = random.random() < 1 / 3, str(random.choice(["midpoint", "euler"]))

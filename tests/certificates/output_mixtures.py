@@ -17,7 +17,7 @@ from barbalat.signals import Constant, Sine
 
 
 def output_feedback(random: np.random.Generator) -> OutputProblem:
-    """A plant of first or second order beside a model of first order, often unstable, now and then with f(t, y)."""
+    """A plant of first or second order, often unstable and sometimes with f(t, y), with a model of first order."""
     a = random.uniform(-1.0, 2.0)
     plants = (TF([random.uniform(0.5, 2)], [1.0, a]), TF([1.0, 2.0], [1.0, 3.0 + a, 2.0 * a]), TF([50.0], [1.0, 25.0, 50.0]))
     drawn = random.integers(6)

@@ -8,10 +8,11 @@ from typing import Any
 
 Document = dict[str, Any]
 TIGHTER = 1 - 1e-7
-"""Of a bound: certificates are outward by the widths of the norms in them, 1e-9 at most, and by roundings."""
+"""Relative change of a bound. Certified bounds exceed the exact ones by the widths of their norms, at most 1e-9, and by
+roundings."""
 LOOSE = frozenset({"lambda_min", "kappa_admissible", "condition", "norms"})
 SAMPLED = frozenset({"error_bound_held", "state_bound"})
-"""What certificates give with room, or with ends that a search found: it is attacked by another factor, or in another way."""
+"""Keys whose numbers have a reserve or come from a search. They are attacked with a different factor or in a different way."""
 
 
 def attacks(document: Document) -> Iterator[tuple[str, Document]]:
@@ -55,7 +56,9 @@ def _tightened(line: Document) -> Iterator[tuple[str, Document]]:
     elif key == "kappa_admissible":
         yield "raised", line | {"value": value * 1.01}
     elif value:
-        factor = 0.998 if key in SAMPLED else 1 - 1e-6 if key in LOOSE else TIGHTER  # a sum's tail is within a thousandth
+        factor = (
+            0.998 if key in SAMPLED else 1 - 1e-6 if key in LOOSE else TIGHTER
+        )  # the bound of a sum's tail is within a thousandth
         yield "lowered", line | {"value": value * factor}
 
 

@@ -1,7 +1,7 @@
-"""The values of a case's open numbers that the case accepts, as conditions that C can check.
+"""The admissible values of a case's parameters, as conditions that C can check.
 
 They are found by trying values: the ends of the interval that the case accepts for each number, at several points. All numbers
-differ at these, which distinguishes a constant bound from another number that has the same value in this case.
+differ between these points, which distinguishes a constant bound from another number that has the same value in this case.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Order:
         return np.asarray(low < high if self.strict else low <= high)
 
     def around(self, i: int, values: Array) -> tuple[float, float]:
-        """The interval that this condition leaves to the i-th number while the others stay."""
+        """The interval that this condition leaves for the i-th number if the others are constant."""
         return (-math.inf, of(self.high, values)) if is_number(i, self.low) else (of(self.low, values), math.inf)
 
     def as_c(self, text: Text, _real: Real) -> str:
@@ -68,7 +68,7 @@ class Order:
         return f"<{equal} {name(self.high)}" if is_number(i, self.low) else f">{equal} {name(self.low)}"
 
     def in_words(self, name: Text) -> str:
-        """What is required: "gain must be > 0"."""
+        """The requirement in words: "gain must be > 0"."""
         first = self.low if isinstance(self.low, int) else self.high
         assert isinstance(first, int)
         return f"{name(first)} must be {self.of_number(first, name)}"
@@ -113,7 +113,7 @@ class Apart:
         return f"!= {name(self.value)}" + (f" where {others}" if others else "")
 
     def in_words(self, name: Text) -> str:
-        """What is required."""
+        """The requirement in words."""
         if len(self.numbers) == 1:
             return f"{name(self.numbers[0])} must be != {name(self.value)}"
         return f"{', '.join(map(name, self.numbers))} must not all be {name(self.value)}"
@@ -143,7 +143,7 @@ class Norm:
         return np.asarray(np.sqrt(self.weight * squares) <= of(self.radius, values))
 
     def around(self, i: int, values: Array) -> tuple[float, float]:
-        """The interval that this condition leaves to the i-th number while the others stay."""
+        """The interval that this condition leaves for the i-th number if the others are constant."""
         if is_number(i, self.radius):
             return math.sqrt(self.weight) * math.hypot(*(of(a, values) - of(b, values) for a, b in self._pairs)), math.inf
         rest = [of(a, values) - of(b, values) for a, b in self._pairs if not (is_number(i, a) or is_number(i, b))]
@@ -164,7 +164,7 @@ class Norm:
         return f">= {self._norm(name)}" if is_number(i, self.radius) else f"{self._norm(name)} <= {name(self.radius)}"
 
     def in_words(self, name: Text) -> str:
-        """What is required."""
+        """The requirement in words."""
         return f"{self._norm(name)} must be <= {name(self.radius)}"
 
     def _norm(self, name: Text) -> str:
@@ -178,7 +178,7 @@ class Norm:
 
 
 ROUNDINGS = 64
-"""Roundings of its numbers for which the test of a norm allows."""
+"""Number of rounding errors of its numbers for which the test of a norm allows."""
 Condition = Order | Apart | Norm
 
 
@@ -200,14 +200,14 @@ def numbers(condition: Condition) -> set[int]:
 def placed(conditions: Sequence[Condition], at: Callable[[int], Entry]) -> tuple[Condition, ...]:
     """The conditions with other indices, or with constants, for their numbers.
 
-    Those without a number, and those that the constants satisfy by themselves, are left out.
+    Conditions without a number, and those that the constants always satisfy, are omitted.
     """
     found = (one.placed(lambda entry: at(entry) if isinstance(entry, int) else entry) for one in conditions)
     return tuple(one for one in found if numbers(one) and not (isinstance(one, Apart) and one.always))
 
 
 class NotFoundError(Exception):
-    """Numbers, by index, whose accepted values no condition describes."""
+    """No condition describes the admissible values of these numbers, given by index."""
 
     def __init__(self, numbers: set[int]) -> None:
         super().__init__(f"no condition describes the accepted values of the numbers {sorted(numbers)}")
@@ -217,15 +217,15 @@ class NotFoundError(Exception):
 CLOSE = 1e-9
 """Relative distance from a bound at which a value counts as just inside or just outside."""
 FAR = 1e3
-"""Least factor by which the value farthest from the case's own exceeds it."""
+"""Smallest factor by which the value farthest from the case's own exceeds it."""
 FARTHEST = 1e6
-"""Least size of the value farthest from the case's own."""
+"""Smallest size of the value farthest from the case's own."""
 MOVED = (0.3, -0.3, 0.05, -0.05, 1e-3, -1e-3)
 """Relative changes of a number that are tried for another point, the largest ones first."""
 POINTS = 2
 """Number of points at which bounds are compared, apart from the case itself."""
 ROUNDS = 2
-"""Number of times that each number is moved: an estimate between two equal bounds can move only after these have."""
+"""Number of times that each number is moved: an estimate between two equal bounds can move only after the bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +234,7 @@ class Acceptance:
 
     paths    of the numbers, with their values in the case, (p,)
     accepts  whether the case accepts other values of them
-    norms    balls that the case is known to contain, tried where no other condition fits
+    norms    balls that the case is known to contain, tried if no other condition fits
     """
 
     paths: tuple[FieldPath, ...]
@@ -243,7 +243,7 @@ class Acceptance:
     norms: tuple[Norm, ...] = ()
 
     def conditions(self) -> tuple[Condition, ...]:
-        """All of them; NotFoundError if a number has a bound that is none of the known kinds."""
+        """All conditions; NotFoundError if a number has a bound of an unknown kind."""
         found: dict[Condition, None] = {}
         lost: set[int] = set()
         for i in range(len(self.paths)):
@@ -288,7 +288,7 @@ class Acceptance:
         return not self._takes(point, i, self._far(i, side))
 
     def _end(self, i: int, side: int) -> Condition | None:
-        """What ends the interval that the case accepts for a number; None if nothing does, or nothing known."""
+        """The condition that ends the interval that the case accepts for a number; None if there is none or it is unknown."""
         first = self.points[0]
         if not self._is_bounded(first, i, side):
             return None
@@ -303,7 +303,7 @@ class Acceptance:
         return self._order(i, side, end) if norm is None else norm
 
     def _candidates(self, i: int) -> list[Entry]:
-        """Zero, the other numbers, the most similar ones first, and one."""
+        """Candidates for a bound: zero, the other numbers (the most similar ones first), and one."""
         keys = self.paths[i].keys
         others = [j for j in range(len(self.paths)) if j != i]
         others.sort(key=lambda j: (self.paths[j].keys[:1] == ("plant",), self.paths[j].keys[-1] != keys[-1], abs(j - i)))
@@ -355,13 +355,13 @@ class Acceptance:
                     yield Norm(tuple(group), (0.0,) * len(group), radius, float(round(square)))
 
     def _list(self, i: int) -> list[int]:
-        """The numbers of the list in which the i-th one stands, or that one alone."""
+        """The numbers of the list that contains the i-th one, or that one alone."""
         parent = self.paths[i].keys[:-1]
         whole = [j for j, path in enumerate(self.paths) if isinstance(path.keys[-1], int) and path.keys[:-1] == parent]
         return whole if i in whole else [i]
 
     def _above_zero(self, norm: Norm) -> Order | None:
-        """The sign of a radius, which a test of squares does not see; 0 is tried with the values at the centre."""
+        """The sign of a radius, which a test of squares does not determine; 0 is tried with the values at the centre."""
         there = self.values.copy()
         for value, centre in zip(norm.values, norm.centre, strict=True):
             if isinstance(value, int):
@@ -392,7 +392,7 @@ class Acceptance:
         return not self._takes(point, i, 0.0) and self._takes(point, i, near) and self._takes(point, i, -near)
 
     def _lists_apart(self, known: Sequence[Condition]) -> Iterator[Apart]:
-        """Lists that must not be all zero, such as a numerator, where no other condition says so."""
+        """Lists that must not be all zero, such as a numerator, if no other condition implies this."""
         for whole in dict.fromkeys(tuple(self._list(i)) for i in range(len(self.paths))):
             if len(whole) == 1:
                 continue

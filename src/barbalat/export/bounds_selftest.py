@@ -13,7 +13,7 @@ from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED
 
 COMPARED = "age", "command_outage"
-"""The counts that say whether a rate is compared with the last good measurement and command."""
+"""The counts that determine whether a rate is compared with the last good measurement and command."""
 
 
 def bounds_tests(printed: Printed) -> str:
@@ -67,7 +67,7 @@ def _counts(printed: Printed) -> Iterator[str]:
 
 
 def _forgotten(printed: Printed) -> list[str]:
-    """A reset forgets every count."""
+    """A reset clears every count."""
     around, name = printed.contents.around, printed.name
     after = {one: MOST_COUNTED if one in COMPARED else 0 for one in (*members(around), *counters(around))}
     lines = [*(f"c.{one} = 1L;" for one in after), f"{name}_reset(&c);"]
@@ -75,7 +75,7 @@ def _forgotten(printed: Printed) -> list[str]:
 
 
 def _beyond_limits(printed: Printed) -> Iterator[str]:
-    """After a result out of range beyond the longest outage, u is within the limits, however far beyond them the last u was."""
+    """After a result out of range beyond the longest outage, u is within the limits, however far the last u exceeded them."""
     poked = poked_parts(printed.contents, kept=True)
     if not printed.limits() or not leads_out_of_range(printed.contents, [part.rows for part in poked])[0]:
         return
@@ -93,7 +93,7 @@ def _beyond_limits(printed: Printed) -> Iterator[str]:
 
 
 def _undone(printed: Printed) -> Iterator[str]:
-    """A measurement at which the result of the baseline itself is out of range: only the counts change."""
+    """The test of a measurement for which the result of the baseline itself is out of range: only the counts change."""
     contents, around = printed.contents, printed.contents.around
     assert around is not None
     if around.baseline is None:

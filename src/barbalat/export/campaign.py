@@ -1,4 +1,4 @@
-"""Runs of the compiled C with random faults: how much the error grows, and how long an outage is tolerated."""
+"""Runs the compiled C with random faults, to find the growth of the error and the longest tolerated outage."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Degradation:
     """The effect of one kind of faults over all their draws.
 
     faults   in words
-    draws    runs, each with other draws
+    draws    number of runs, each with different draws
     missed   the mean share of samples that the C missed or refused
     beyond   the largest share of the time in which some |e| exceeded its largest value without faults
     worst    the largest |e| of each component over all runs; None if one diverged
     lost     runs that diverged
-    classes  how many runs the judge finds lost, a limit cycle, off, or following; empty classes are left out
+    classes  number of runs in each class of the judge: lost, limit cycle, off, follows; empty classes are omitted
     """
 
     faults: str
@@ -63,13 +63,13 @@ class Degradation:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """A controller's C through faults; errors are of x - x_m, or y - y_m, by components.
+    """The results of a controller's C with faults; errors are components of x - x_m or y - y_m.
 
     nominal  the largest |e| of each component without faults
     verdict  the judge's class of that run, and its ``sentence``
     longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, since it is found by bisection
              and a longer outage may be tolerated as well
-    most     samples beyond which no outage was tried
+    most     the longest outage that was tried, in samples
     """
 
     controller: str
@@ -106,10 +106,10 @@ def export_campaign(
     judge: Judge | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Fly the export of a sampled controller through faults: the case's own faults, drawn again for each flight, and lost
+    """Run the export of a sampled controller with faults: the case's own faults, drawn again for each run, and lost
     measurements.
 
-    Every flight has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each is judged
+    Every run has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each is judged
     as ``simulate`` judges a run, by ``judge``. InputError as for ``simulate_export``, and if the run without faults diverges.
     """
     judge = (Judge() if judge is None else judge).named(problem)

@@ -1,4 +1,4 @@
-"""Everything that makes up an exported controller, before it is printed."""
+"""The contents of an exported controller before printing."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PARAMETER_FACTOR = 1e3
 MOST_PARAMETER = 1e36
 """Largest size of a number of 32 bits."""
 RANGE_FACTOR = 10.0
-"""Ratio of the stated range to the simulation's largest number."""
+"""Ratio of the stated range to the largest number of the simulation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +56,10 @@ class Contents:
     """One sampled controller of one problem, prepared for export.
 
     program  the controller's whole list, as the simulation runs it
-    layout   the parts of its state that are kept
+    layout   the parts of its state that the export keeps
     vectors  samples of the simulation, which must be reproduced bit for bit
     largest  the largest number of the state, of the measurement and of the command in the whole run, also under the case's faults
-    opened   which numbers of the list are parameters; None if all are compiled in
+    opened   the numbers of the list that are parameters; None if all are compiled in
     around   the case's shell, which is not part of the list; None without one
     """
 
@@ -158,7 +158,7 @@ class Contents:
 
     @property
     def checked_limits(self) -> tuple[Array, Array] | None:
-        """The same without limits that are parameters: the law brings a state beyond them back, and it is not refused."""
+        """The same without limits that are parameters: the law brings a state beyond such limits back, so it is not refused."""
         if self.limits is None or self.opened is None:
             return self.limits
         (low, high), (low_is_open, high_is_open) = self.limits, self.opened.open_limits
@@ -187,21 +187,21 @@ class Contents:
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
-        """What the case requires of these parameters, by their indices."""
+        """The case's conditions on these parameters, by their indices."""
         if self.opened is None:
             return ()
         place, every = {one: i for i, one in enumerate(self.parameters)}, self.opened.parameters
         return placed(self.opened.conditions, lambda k: place.get(every[k], every[k].value))
 
     def takes(self, given: Array) -> Array:
-        """(K,) which columns of parameters, (P, K), satisfy all conditions."""
+        """(K,) whether columns of parameters, (P, K), satisfy all conditions."""
         good: Array = (np.abs(given) <= self.parameter_range).all(axis=0)
         for condition in self.conditions:
             good &= condition.holds(given)
         return good
 
     def bounds(self, i: int) -> tuple[float, float]:
-        """The smallest and the largest number that the i-th parameter may be, whatever the other ones are."""
+        """The smallest and the largest admissible value of the i-th parameter, over all values of the others."""
         low, high = -np.inf, np.inf
         for condition in self.conditions:
             if numbers(condition) != {i}:
@@ -220,7 +220,7 @@ class Contents:
         largest = max((abs(one.value) for one in self.parameters), default=0.0)
         found = 10.0 ** np.ceil(np.log10(max(LEAST_RANGE, PARAMETER_FACTOR * largest)))
         most = np.sqrt(MOST_PARAMETER) if any(isinstance(one, Norm) for one in self.conditions) else MOST_PARAMETER
-        return float(min(found, most))  # a norm's test squares it
+        return float(min(found, most))  # the test of a norm squares it
 
     @cached_property
     def starts(self) -> dict[int, Parameter]:
@@ -290,7 +290,8 @@ class Contents:
         return 1.0 if self.loop.observer is None else LOST
 
     def evaluated(self, state: Array, y: Array, r: Array, freeze: float = 0.0) -> Array:
-        """The flat state one sample later, (S,), by the list in the target's numbers; zero where it is not kept."""
+        """The flat state one sample later, (S,), computed by the list in the target's numbers; zero for entries that are not
+        kept."""
         after = np.zeros_like(self.initial)
         after[self.layout.rows] = evaluate(self.step, self.inputs(state, y, r, freeze), self.real)
         return after
@@ -314,7 +315,7 @@ class Contents:
         return given
 
     def replayed(self) -> Contents:
-        """A copy with vectors of its own, for other numbers or other operations: it runs on the simulation's measurements."""
+        """A copy with separate test vectors, for other numbers or operations, which receives the simulation's measurements."""
         states = self._compiled() if self.real is DOUBLE else self._evaluated()
         if not np.isfinite(states).all():
             raise InputError(f"{self.controller.name} exceeds the range of float32 on this case; export it in float64")

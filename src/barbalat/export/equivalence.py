@@ -2,9 +2,9 @@
 bit for bit.
 
 Both lists are evaluated for all numbers at once: each value is a term with the interval that contains it. Rounding is monotone,
-so an
-operation's ends are the rounded ends. If a comparison is undecided, both outcomes and the tie are followed, each with its
-implications for the two numbers. A mutant is proven equivalent if its outputs are the list's own terms in every case.
+so the ends of an operation's interval are the rounded ends. If a comparison is undecided, both outcomes and equality are
+followed, each with its implications for the two numbers. A mutant is proven equivalent if its outputs are the list's own terms in
+every case.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ ASSUMED = f", provided that all intermediate results are numbers of at most {MOS
 WORK = 1_000_000
 """Largest total number of operations in the cases of all proofs of one export, each of the two times."""
 SHARE = 40
-"""One mutant may use at most the inverse of this number as its share of that total."""
+"""The inverse of the largest share of that total for one mutant."""
 NARROWS = 8
-"""Number of operations through which the whole effect of a fault passes that are tried before the outputs, since their proofs
-have few cases."""
+"""Number of operations through which the whole effect of a fault passes and which are tried before the outputs, because their
+proofs have few cases."""
 NEAR = (0, 3, 6)
 """Number of operations after a comparison among which choices are sought; the cases are first divided by the conditions of
 these choices."""
@@ -60,7 +60,7 @@ Term = int
 Truth = bool | None
 FOUND, TRUTH, OPEN = range(3)
 Note = tuple[int, Term, Interval | Truth | tuple[Term, Term]]
-"""What the evaluation of an operation yields for a term: its interval, its truth, or the comparison on which it depends."""
+"""The result of evaluating an operation for a term: its interval, its truth, or the comparison on which it depends."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Prover:
         return _said(cases) + assumed
 
     def _touched(self, place: int) -> list[int]:
-        """This operation and all that depend on it, in the list's order."""
+        """This operation and all operations that depend on it, in the list's order."""
         found = {place}
         for i, op in enumerate(self.program.operations):
             if not found.isdisjoint(op.operands):
@@ -171,7 +171,7 @@ class Prover:
         return cases
 
     def _needed(self, mutant: Mutant, output: int) -> list[int]:
-        """The places of the operations that an output needs, its own last."""
+        """The places of the operations on which an output depends, with its own last."""
         alive, operations = {output}, self.program.operations
         for i in range(output, -1, -1):
             if i in alive:
@@ -181,7 +181,7 @@ class Prover:
         return sorted(alive)
 
     def _changed(self, pair: tuple[Term, Term]) -> set[Term]:
-        """The terms about which a case says more after a comparison, and the conditions, 1 or 0, of those that are choices."""
+        """The terms that a comparison narrows in a case, and the conditions, 1 or 0, of those that are choices."""
         found = {term for term in pair if term not in self.constants} or set(pair)
         return found | {self.names[term][1] for term in found if self.names[term][0] == "choice"}  # type: ignore[misc]
 
@@ -241,7 +241,7 @@ class _Walk:
     depends.
 
     plain, other  the terms of the list and, where the mutant's may differ, those of the mutant, by their places
-    whole         the walk of the case that contains this one; what does not depend on ``changed`` terms is taken from it
+    whole         the walk of the case that contains this one; values that do not depend on ``changed`` terms are taken from it
     """
 
     def __init__(
@@ -285,7 +285,7 @@ class _Walk:
         self._notes[i] = self._noted
 
     def _evaluate_part(self, needed: list[int], whole: _Walk) -> None:
-        """Only what depends on the changed terms is evaluated; the rest is the same as in the whole case."""
+        """Evaluate only the values that depend on the changed terms; the rest is the same as in the whole case."""
         operations, mutant = self.prover.program.operations, self.mutant
         anew = set[int]()
         for i in needed:
@@ -322,8 +322,8 @@ class _Walk:
         return known[term]
 
     def _of_a_zero(self, plain: dict[int, Term], other: dict[int, Term]) -> tuple[int, int] | None:
-        """The sign of the first sum that differs only by an added zero, if there is one: a zero has no effect if it is added to
-        a nonzero number."""
+        """The sign of the first sum that differs only by an added zero, if there is one: adding a zero to a nonzero number has no
+        effect."""
         differ = (term for i, found in other.items() if found != plain[i] for term in (plain[i], found))
         return next((self.of_open[one] for one in differ if one in self.of_open and self.names[one][0] in ("add", "sub")), None)
 
@@ -458,7 +458,7 @@ class _Walk:
         return self._both("or", self._less(x, self._constant(0.0)), self._less(self._constant(0.0), x))
 
     def _both(self, name: str, a: Term, b: Term) -> Term:
-        deciding = name == "or"  # the truth of an operand that decides alone
+        deciding = name == "or"  # the truth value of an operand that decides the result
         first, second = self.truths[a], self.truths[b]
         if deciding in (first, second):
             return self._truth(deciding)
@@ -490,7 +490,7 @@ class _Walk:
         if zero == 0 and name in ("add", "sub") and (math.copysign(1, zero) > 0) == (name == "sub"):
             return x[0]
         for at, other in ((0, 1), (1, 0)) if name == "add" else ((0, 1),) if name == "sub" else ():
-            if within[other][:2] == (0.0, 0.0) and not within[other].none:  # of either sign
+            if within[other][:2] == (0.0, 0.0) and not within[other].none:  # a zero of either sign
                 if within[at].low > 0 or within[at].high < 0:
                     return x[at]
                 made = self._is(name, *x, within=Interval(*within[at]))
@@ -502,7 +502,7 @@ class _Walk:
         return self._is(name, *x, within=self._range(name, x, within, sure))
 
     def _positive(self, term: Term) -> bool:
-        """Whether the sign is never negative, as for squares and magnitudes and their sums and products."""
+        """Whether the sign is never negative, as for squares, magnitudes, and their sums and products."""
         if (found := self._positives.get(term)) is None:
             name, x = self.names[term][0], self.prover.parts[term]
             if name in ("add", "mul"):
@@ -517,7 +517,7 @@ class _Walk:
         return a in self._scaled(b) or b in self._scaled(a)
 
     def _scaled(self, term: Term) -> Iterator[Term]:
-        """The term, and the terms from which it results by positive factors."""
+        """The term, and the terms of which it is a positive multiple."""
         yield term
         name = self.names[term][0]
         if name in ("mul", "div"):

@@ -23,7 +23,7 @@ MOST_SHOWN = 12
 
 
 def chosen_tests(printed: Printed) -> str:
-    """The text of ``test_chosen``; empty if the simulated run detects everything."""
+    """The text of ``test_chosen``; empty if the simulated run detects every mutant."""
     contents, vectors = printed.contents, chosen(printed.contents)
     layout, rows = contents.layout, contents.layout.rows
     if not vectors.states.shape[1]:
@@ -122,7 +122,7 @@ def readme_evidence(printed: Printed) -> str:
 
 
 def outcomes(found: tuple[int, int], program: Program) -> str:
-    """The covered outcomes of decisions, for a reviewer who requires MC/DC; an && or || has several conditions."""
+    """A sentence on the covered outcomes of decisions, for reviewers who require MC/DC; an && or || has several conditions."""
     taken, of = found
     if not of:
         return "`advance` decides nothing: it has no branch."

@@ -41,7 +41,7 @@ class InTheLoop:
     refused: int
 
     def differs_from(self, origin: Result) -> str:
-        """The first quantity that is not equal bit for bit to the origin's run, as a phrase; empty if all are equal."""
+        """The first quantity that differs in a bit from the simulated run, as a phrase; empty if all are equal."""
         a, b = self.result, origin
         count = min(len(a.states), len(b.states))
         apart = np.flatnonzero((_bits(a.states[:count]) != _bits(b.states[:count])).any(axis=1))
@@ -94,12 +94,12 @@ class Exported:
         """Raises InputError as ``simulate_export`` does."""
         require_compiler()
         contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
-        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # nobody reads its names
+        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # its names are not visible
 
     def fly(
         self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None
     ) -> tuple[Batch, int]:
-        """The batch of a recorded run, whether or not the judge watches it, and the number of samples that the export did not
+        """The batch of a recorded run, with or without a judge, and the number of samples that the export did not
         fully accept."""
         members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows, watched=watched)
         if self.library is None:

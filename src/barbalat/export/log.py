@@ -25,7 +25,7 @@ class Logged:
 
     name     of the member in C
     row      of the flat state
-    minus    factors and rows of what is subtracted
+    minus    factors and rows of the subtracted entries
     text     C text of the number, if it is not simply an entry of the state
     label    its name for people, with its unit
     meaning  one phrase
@@ -50,7 +50,7 @@ class Logged:
 
 
 def logged(printed: Printed) -> tuple[Logged, ...]:
-    """All of them, in the order of the struct."""
+    """All logged numbers, in the order of the struct."""
     found = [*_signals(printed), *_states(printed)]
     names = distinct(one.name for one in found)
     return tuple(Logged(name, *_rest(one)) for name, one in zip(names, found, strict=True))
@@ -127,7 +127,7 @@ def _states(printed: Printed) -> Iterator[Logged]:
 
 
 def of_the_channels(printed: Printed, part: StatePart) -> bool:
-    """Whether its entries are those of the measured channels, which have labels."""
+    """Whether its entries are the measured channels, which have labels."""
     problem = printed.contents.problem
     known = {*PREDICTED, "held.x_m", printed.contents.layout.measured.path}
     return problem.labels is not None and part.path in known and part.size == problem.measured and not _is_observed(printed)
@@ -193,12 +193,12 @@ def log_body(printed: Printed) -> str:
 
 
 def log_of_u(printed: Printed) -> str:
-    """C: whether ``log`` has the control of ``out``."""
+    """C text that tests whether ``log`` contains the control of ``out``."""
     return " && ".join(f"same(&log.{one.name}, &{one.text}, 1)" for one in logged(printed) if one.text)
 
 
 def log_values(printed: Printed, state: Array) -> Array:
-    """(..., N) the log after a good sample that led to this flat state, (S, ...), without a fade."""
+    """(..., N) the log after a good sample that results in this flat state, (S, ...), without a fade."""
     contents = printed.contents
     numbers = state.astype(contents.real.numbers)
     found = []

@@ -33,7 +33,7 @@ class Mutant:
 
     place      the operation's position in the list, or the row of the state that is stored
     said       the fault in words
-    operation  the operation in its place; None if the row is not stored and keeps its value
+    operation  the operation that replaces it; None if the row is not stored and keeps its value
     denied     whether the comparison is reversed
     tie        whether it differs only if two numbers are equal, such as < in place of <=
     """
@@ -68,7 +68,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
     if op.name == "constant":
         with np.errstate(over="ignore"):
             number = real.numbers(op.value)
-        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # not for an inactive bound or NaN
+        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # an inactive bound and NaN have no such mutant
         moved = np.nextafter(number, real.numbers(np.inf)) if as_a_number else real.numbers(1.0)
         yield f"{op.value!r} becomes {float(moved)!r}", (op._replace(value=float(moved)), False)
     elif op.name == "input":
@@ -88,7 +88,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
 
 
 class Judge:
-    """A list with vectors; it finds which of them detect a mutant."""
+    """A list with test vectors, which determines the vectors that detect a mutant."""
 
     def __init__(self, program: Program, rows: Sequence[int], inputs: Inputs, real: Real) -> None:
         self.program, self.inputs, self.real = program, inputs, real
@@ -143,7 +143,7 @@ class Judge:
         return sum(int(one.any()) + int((~one).any()) for one in found), 2 * len(found)
 
     def begins(self, mutant: Mutant) -> Array:
-        """(K,) the vectors at which the fault changes the value at its position, whatever follows from it."""
+        """(K,) the vectors at which the fault changes the value at its position, whatever its effect."""
         if mutant.operation is None:
             return np.zeros(self.count, dtype=bool)
         return np.broadcast_to(self._apart(self._mutated(mutant), self.values[mutant.place]), self.count)
@@ -159,7 +159,7 @@ class Judge:
         return np.logical_not(found) if mutant.denied else found
 
     def _apart(self, a: Any, b: Any) -> Array:
-        """Where two values differ in a bit; NaNs count as equal."""
+        """Whether two values differ in a bit, entry by entry; NaNs count as equal."""
         a, b = np.asarray(a), np.asarray(b)
         if a.dtype == bool and b.dtype == bool:
             return a != b

@@ -23,7 +23,7 @@ GOOD, MISS, WRONG = 0, 1, 2
 WRONG_SAMPLES = 2.25
 """The time of a wrong call in sample times, beyond every band: three samples have begun in it."""
 STAYS = -1
-"""Stands for a count that a step of the script does not set."""
+"""The value for a count that a step of the script does not set."""
 OTHER_FADE = 5
 """Number of samples by which the length of an earlier fade, due to a start or a changed parameter, differs from the shell's."""
 
@@ -58,13 +58,13 @@ def outage_tests(printed: Printed) -> str:
 
 
 def _script(around: Around) -> Iterator[tuple[int, int, int]]:
-    """Whether each sample is good, and the outage and the remaining fade that are set before it, so that long ones are
+    """For each sample whether it is good, and the outage and the remaining fade that are set before it, so that long ones are
     shortened."""
     assert around.longest is not None
     longest, fade = int(around.longest), int(around.fade)
     yield GOOD, STAYS, STAYS
     yield GOOD, STAYS, STAYS
-    for _ in range(2):  # the second begins with what the first left behind
+    for _ in range(2):  # the second outage begins with the state after the first
         if longest > 1:
             yield MISS, longest - 2, STAYS
         for _ in range(4):  # the last tolerated miss, and three beyond
@@ -98,7 +98,7 @@ def _places(contents: Contents, script: list[tuple[int, int, int]]) -> list[int]
 
 
 def _run(contents: Contents, around: Around, script: list[tuple[int, int, int]]) -> tuple[Array, list[int]]:
-    """(K, n) what is kept after each step, by the list and the simulation's shell, and the outages."""
+    """(K, n) the kept values after each step, computed by the list and the simulation's shell, and the outages."""
     layout, state, rows, outages = contents.layout, contents.initial, [], []
     kept: Kept = around.initial(np.zeros(contents.sizes[0]), contents.sizes[2])
     last_y = list(layout.measured.rows)
@@ -117,7 +117,8 @@ def _run(contents: Contents, around: Around, script: list[tuple[int, int, int]])
 
 
 def surrounded(contents: Contents, around: Around, flat: tuple[Array, Array, Array], kept: Any, kind: int) -> tuple[Array, Any]:
-    """The shell's transition for a sample, from one flat state to another with a measurement, and the values that it keeps."""
+    """The shell's transition for a sample with a measurement, from one flat state to the next, and the values that the shell
+    keeps."""
     numbers, template = contents.real.numbers, initial_acting(contents.loop)
     if (fixed := around.baseline) is not None:  # a gain in 64 bits would make the product one of 64 bits
         around = replace(around, baseline=replace(fixed, K=fixed.K.astype(numbers), k_r=fixed.k_r.astype(numbers)))

@@ -1,4 +1,4 @@
-"""Whether a controller that is exported is lost, or its samples are refused, in its own case."""
+"""Whether an exported controller is lost, or its samples are refused, in its own case."""
 
 from __future__ import annotations
 

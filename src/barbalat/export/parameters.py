@@ -1,4 +1,4 @@
-"""Numbers of a case that stay open in an export: gains, limits, initial estimates that enter the operations unchanged.
+"""Run-time parameters of an export: gains, limits and initial estimates of the case that enter the operations unchanged.
 
 A number that occurs unchanged in the loop and in its initial state becomes a parameter; a number from which others follow, such
 as A_m, which determines P, or a filter's pole, is compiled in. The lists are those of an ensemble whose members differ in these
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 START = "theta_hat0"
 """The field of settings with the initial estimates."""
 OFFERED = ("controller", "uncertainty", "plant")
-"""First keys of the offered numbers: controller, known set, plant, in this order."""
+"""First keys of the possible parameters: controller, known set, plant, in this order."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One open number.
+    """One run-time parameter.
 
     path      in the case, with the controller's index there
     value     in this case
@@ -83,7 +83,7 @@ class Opened:
     cases   this case, then for each parameter the case with another value of it, ``tried``: an ensemble with these lists
     feeds   by entry of the lists' third argument, the index of its parameter; None for a fixed number
     starts  by entry of the loop's flat state, the index of the parameter that is its initial value
-    conditions  what the case requires of its parameters, by their indices
+    conditions  the case's conditions on its parameters, by their indices
     """
 
     parameters: tuple[Parameter, ...]
@@ -121,7 +121,7 @@ class Opened:
 
     @cached_property
     def open_limits(self) -> Array:
-        """(2, p) which of the estimates' limits, in the form of ``estimate_limits``, depend on a parameter."""
+        """(2, p) whether the estimates' limits, in the form of ``estimate_limits``, depend on a parameter."""
         every = (estimate_limits(ClosedLoop.of(*case)) for case in self.cases)
         given = np.array([limits for limits in every if limits is not None])  # either all inputs have limits, or none has
         return np.asarray((given != given[0]).any(axis=0)) if len(given) else np.zeros((2, 0), dtype=bool)
@@ -159,8 +159,8 @@ Offered = tuple[tuple[FieldPath, float], float, "Case"]
 def _copied(case: Case) -> Iterator[Offered]:
     """The numbers that occur unchanged in the loop, each with another value of it and the case with that value.
 
-    The baseline's gains stay compiled in, since a part of the code (its fallback, the model) follows from them; so do the bounds
-    of a known set with a baseline, which the loop has only shifted by its gains.
+    The baseline's gains stay compiled in, because a part of the code (its fallback, the model) follows from them. So do the
+    bounds of a known set with a baseline, which the loop contains shifted by these gains.
     """
     compiled = () if case.problem.fixed is None else (("plant", "baseline"), ("uncertainty",))
     offered = [
@@ -191,14 +191,14 @@ def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | No
 
 
 def _settable(case: Case) -> tuple[list[Offered], tuple[Condition, ...]]:
-    """The numbers of which it is known what the case accepts, and these conditions; any other number is compiled in."""
+    """The numbers whose admissible values are known, with the conditions on them; any other number is compiled in."""
     found = list(_copied(case))
     while True:
         try:
             return found, _acceptance(case, found).conditions()
         except NotFoundError as error:
             depths = {i: len(found[i][0][0].keys) for i in error.numbers}
-            deepest = max(depths.values())  # a matrix's entries first: a bound of the whole matrix is then a constant
+            deepest = max(depths.values())  # a matrix's entries come first, so that a bound of the whole matrix is a constant
             found = [one for i, one in enumerate(found) if depths.get(i) != deepest]
 
 
@@ -248,7 +248,8 @@ def _is_refused(varied: VariedObjects, *values: float) -> bool:
 
 
 def _bears_symbols(family: Family) -> bool:
-    """Whether equations from outside the package also accept a symbol in place of the number; they don't if they branch on it."""
+    """Whether equations from outside the package also accept a symbol in place of the number; they do not if they branch on
+    it."""
     if not comes_from_outside(family.reader.loop.equations):
         return True
     try:

@@ -68,12 +68,12 @@ class PlantContents:
 
     @property
     def disturbances(self) -> int:
-        """Signals other than the commands: the matched one, then the others."""
+        """Signals other than the commands: the matched disturbance, then the others."""
         return self.loop.signals.timed - (self.loop.commands or 1)
 
     @property
     def nodes(self) -> int:
-        """Instants of a solver step at which it reads the signals."""
+        """Instants of a solver step at which the plant reads the signals."""
         return len(self.opened.members.simulation.solver.nodes)
 
     @property
@@ -99,7 +99,7 @@ class PlantContents:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The parameters that the plant depends on."""
+        """The parameters on which the plant depends."""
         read = {at for part in (self.step, self.measurement) for kind, at in sources(part) if kind == PARAMETER}
         used = {self.opened.feeds[at] for at in read} | {self.opened.starts.get(row) for row in self.rows}
         return tuple(one for k, one in zip(count(), self.opened.parameters) if k in used)

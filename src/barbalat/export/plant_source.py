@@ -83,7 +83,7 @@ def plant_source(made: PrintedPlant) -> str:
 
 
 def _nothing(plant: PlantContents) -> list[str]:
-    """The delay initially contains the values before t = 0."""
+    """C text that fills the delay with the values before t = 0."""
     if not plant.channels:
         return []
     lines = ["int k;", f"for (k = 0; k < {plant.lag + TAPS_PER_CHANNEL}; ++k) {{"]
@@ -114,7 +114,7 @@ def _stepped(made: PrintedPlant) -> list[str]:
 
 
 def _inputs(made: PrintedPlant, program: Program) -> dict[tuple[int, int], str]:
-    """C text of everything that the list reads."""
+    """C text of all inputs of the list."""
     texts = made.plant.entries()
     for kind, at in sources(program):
         if kind == PARAMETER:

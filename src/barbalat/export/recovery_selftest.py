@@ -1,4 +1,4 @@
-"""The self-test of recovery: after a result or a state out of range the controller begins again by itself."""
+"""The self-test of recovery: after a result or a state out of range the controller restarts by itself."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def _ends(around: Around | None) -> bool:
 
 
 def checked_values(contents: Contents) -> list[StatePart | None]:
-    """The last good values from which a rate is checked: a state with one out of range is refused, and a new one is too fast."""
+    """The last good values with which rates are checked: a state with one of them out of range is refused, and a new value would
+    exceed the rate."""
     around, layout = contents.around, contents.layout
     if around is None:
         return []
@@ -44,11 +45,11 @@ def _given(printed: Printed) -> str:
 
 
 def poked_parts(contents: Contents, *, kept: bool) -> list[StatePart]:
-    """Parts of the state whose values at the end of the range give a result out of range; learnt values are left out if they
+    """Parts of the state whose values at the end of the range give a result out of range; learnt values are omitted if they
     are ``kept``."""
     layout, around = contents.layout, contents.around
     spared = [layout.theta_hat, layout.started, layout.measured, layout.part("held.baseline")]
-    spared += [layout.r] if around is not None and around.command_rated else []  # or the command would be too fast
+    spared += [layout.r] if around is not None and around.command_rated else []  # otherwise the command would exceed its rate
     learnt = [part for part in layout.parts if kept and not contents.learnt.isdisjoint(part.rows)]
     return [part for part in layout.parts if part not in (*spared, *learnt)]
 
@@ -68,7 +69,7 @@ def leads_out_of_range(contents: Contents, poked: list[range]) -> tuple[bool, bo
 
 
 def _without_measurement(printed: Printed) -> list[str]:
-    """A bad state, and no measurement: u is held, and after the longest outage the fallback acts."""
+    """The test of a bad state without a measurement: u is held, and after the longest outage the fallback acts."""
     around, name, M = printed.contents.around, printed.name, printed.macro
     step, told = f"{name}_step(&c, &in, &out)", '"a bad state is not reported, or the last control is not held"'
     if not _ends(around) or not printed.contents.measures_state:
@@ -91,7 +92,7 @@ def _without_measurement(printed: Printed) -> list[str]:
 
 
 def _refused(printed: Printed) -> list[str]:
-    """States whose result is out of range at every sample: at first nothing changes, then the controller begins again and
+    """The test of states whose result is out of range at every sample: at first nothing changes; then the controller restarts and
     returns."""
     sides: list[int | None] = [*sorted({side for _, side in printed.limits()})] or [None]
     lines = [line for side in sides for line in _begun_again(printed, kept=1, beyond=side)]

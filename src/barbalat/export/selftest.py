@@ -24,7 +24,7 @@ from barbalat.validate import Array
 MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
 """The faults and requests of a sample in the run with losses."""
 LOSSES = (1, 3, 2, 0, 0, 1, 0, 2, 0, 1, 1, 1, 0, 1, 0, 1, 0, 3, 0, 4, 4, 1, 5, 0)
-"""Losses before the first good sample, single ones, several in a row and every second sample, of each signal and of both."""
+"""Losses before the first good sample, single losses, several in a row and every second sample, for each signal and for both."""
 FADE = 4
 """Number of samples over which a start fades out in the self-test: a power of two, so that the fractions of a bump are exact."""
 
@@ -114,7 +114,7 @@ def selftest(printed: Printed) -> str:
 
 
 def _timer_tests(printed: Printed) -> str:
-    """Without a tolerance band another sample time is only reported; with a band the shell handles it."""
+    """The tests of the timer: without a tolerance band another sample time is only reported; with a band the shell handles it."""
     if printed.contents.around is not None and printed.contents.around.band is not None:
         return ""
     lines = []
@@ -126,7 +126,8 @@ def _timer_tests(printed: Printed) -> str:
 
 
 def _first_miss(printed: Printed) -> list[str]:
-    """The effects of misses between a start and the first good sample: on the held values, the counts and finally u."""
+    """The tests of misses between a start and the first good sample: their effects on the held values, the counts and finally
+    u."""
     contents, layout, around = printed.contents, printed.contents.layout, printed.contents.around
     counts, step, M = members(around), f"{printed.name}_step(&c, &in, &out)", printed.macro
     missed = [
@@ -166,7 +167,7 @@ def _mirrored(around: Around | None) -> list[str]:
 
 
 def _refused_tests(printed: Printed) -> list[str]:
-    """Bad numbers, one after another; two consecutive ones are lost, so that the longest outage must be at least 2."""
+    """The tests of bad numbers, one after another; two consecutive samples are lost, so the longest outage must be at least 2."""
     around, macro = printed.contents.around, printed.macro
     few = around is not None and around.longest is not None and around.longest < REFUSED_IN_A_ROW
     bad = [] if few else ["nothing / nothing, 0", "1 / nothing, 0", f"-2 * {macro}_RANGE, 0"]
@@ -242,7 +243,7 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 
 
 def _started_at(printed: Printed) -> list[str]:
-    """After a start at the second vector's measurement with nothing kept, every number has the case's value, up to rounding."""
+    """After a start at the second vector's measurement that keeps nothing, every number has the case's value, up to rounding."""
     contents = printed.contents
     counted = dict.fromkeys(("refused", *members(contents.around), *counters(contents.around)), 0)
     counted |= {"age": 0 if contents.measures_state else MOST_COUNTED} if "age" in counted else {}
@@ -269,7 +270,7 @@ def _refused_starts(printed: Printed) -> list[str]:
         given.append((f"start.{x}[{y - 1}]", beyond))
         ends = [] if around is None else [(i, around.low[i], -np.inf) for i in around.ranged]
         ends += [] if around is None else [(i, around.high[i], np.inf) for i in around.ranged]
-        for i, end, far in ends:  # nor what the shell does not accept
+        for i, end, far in ends:  # the shell does not accept these either
             given.append((f"start.{x}[{i}]", c99.constant(float(np.nextafter(number(end), number(far))), contents.real)))
     for place, value in given:
         start = f"{printed.name}_start(&c, {f'start.{x}, ' if contents.measures_state else ''}u_start, {FADE}L, 0)"
@@ -294,7 +295,7 @@ def _resting(printed: Printed, when: str) -> list[str]:
 
 
 def _fresh(printed: Printed) -> list[str]:
-    """If the initial state is a copy of x, a controller that is enabled again behaves as after a fresh start, whatever its
+    """If the initial state is a copy of x, a controller that is started again behaves as after a fresh start, whatever its
     history."""
     contents = printed.contents
     _, of_x = contents.at_start
@@ -365,7 +366,7 @@ def _standstill(printed: Printed) -> str:
     for part in poked:
         state[part.rows] = contents.range
     after = contents.evaluated(state, state[layout.measured.rows], state[layout.r.rows], contents.lost)
-    after[layout.u.rows] = 0.0  # which stays
+    after[layout.u.rows] = 0.0  # which does not change
     if not (np.abs(after) > contents.range).any():
         return ""
     lines = [f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = {printed.macro}_RANGE; }}" for part in poked]
@@ -375,7 +376,7 @@ def _standstill(printed: Printed) -> str:
 
 
 def _after_a_refusal(printed: Printed) -> dict[str, str]:
-    """The effect of the first sample whose result is out of range: it may be a miss, even one beyond the longest outage."""
+    """The test of the first sample whose result is out of range, which may be a miss, even one beyond the longest outage."""
     around, status = printed.contents.around, f"{printed.macro}_RESULT_REFUSED"
     longest = None if around is None else around.longest
     return {

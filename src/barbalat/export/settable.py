@@ -100,7 +100,7 @@ def _tests(printed: Printed) -> list[str]:
 
 
 def _not_at_start(printed: Printed) -> list[str]:
-    """C: a changed parameter takes effect while the controller runs."""
+    """C text that tests whether a changed parameter takes effect while the controller runs."""
     return [f"which != {_macro(printed, one)}" for _, one in _numbered(printed) if _only_starts(printed, one)]
 
 

@@ -1,5 +1,5 @@
-"""The self-test of settable parameters: what is refused, the effect of a change, and that it causes no bump, also while another
-fade runs."""
+"""The self-test of settable parameters: refused values, the effect of a change, and the absence of a bump, also during another
+fade."""
 
 from __future__ import annotations
 
@@ -83,7 +83,8 @@ def _limits(printed: Printed) -> list[str]:
 
 
 def _returned(printed: Printed, at: int) -> str:
-    """After a fallback u begins where it is, also if a number has been set; empty without a longest outage."""
+    """The test that u continues without a bump after a fallback, also if a parameter has been set; empty without a longest
+    outage."""
     around = printed.contents.around
     if around is None or around.longest is None:
         return ""

@@ -1,4 +1,4 @@
-"""The C of a case's shell: which samples are used, how misses are counted, and what acts after too many of them."""
+"""The C of a case's shell: the acceptance of samples, the counting of misses, and the fallback after too many of them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from barbalat.lowering import c99
 from barbalat.validate import Array, counted
 
 REFUSALS = 10
-"""Number of good samples in a row with a result out of range after which the learnt values are no longer trusted: more than a
-burst of bad samples should last, and at the sample times of flight computers less than a vehicle tolerates without control."""
+"""Number of good samples in a row with a result out of range after which the learnt values are discarded: more than the usual
+burst of bad samples, and at the sample times of flight computers less than a vehicle tolerates without control."""
 CLOCK_TOLERANCE = 1e-3
 """Relative difference allowed between a measured sample time and that of the export. A crystal is accurate to 100 ppm, and a
 clock that counts microseconds measures 1 ms to within 0.1 %. For the law a sample time with an error of 0.1 % is equivalent
@@ -110,7 +110,7 @@ def members(around: Around | None) -> dict[str, int]:
 
 
 def counted_misses(around: Around | None) -> list[str]:
-    """Those that count misses, each of which stays at its largest value."""
+    """The counters of misses, each of which stops at its largest value."""
     if around is None:
         return []
     found = {"outage": _ends(around), "age": bool(around.rated), "command_outage": bool(around.command_rated)}
@@ -118,7 +118,7 @@ def counted_misses(around: Around | None) -> list[str]:
 
 
 def undone(around: Around | None) -> list[str]:
-    """Those that a sample changes before its result is known, and that are as before if it is refused."""
+    """The counters that a sample changes before its result is known, and that are restored if it is refused."""
     return [*counted_misses(around), *counters(around)]
 
 
@@ -128,7 +128,7 @@ def _implausible(printed: Printed) -> list[str]:
     no_number = f"!in_range(in->{printed.measured}, {printed.macro}_MEASURED)"
     if not _checked(around) or around is None:
         return [no_number]
-    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite one does not
+    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite range does not
     return ["is_plausible(c, in) == 0"] if within else [no_number, "is_plausible(c, in) == 0"]
 
 
@@ -165,7 +165,8 @@ def _members(around: Around | None) -> list[str]:
 
 
 def _no_outage(printed: Printed, *, age: str) -> list[str]:
-    """Nothing has been missed; the last good measurement, if there is one, has this age; there was no command."""
+    """C text that sets the counters: nothing has been missed; the last good measurement, if there is one, has this age; there was
+    no command."""
     around = printed.contents.around
     values = {"age": age, "command_outage": str(MOST_COUNTED)}
     counts = [f"c->{name} = {values.get(name, '0')}L;" for name in members(around)]
@@ -173,13 +174,13 @@ def _no_outage(printed: Printed, *, age: str) -> list[str]:
 
 
 def _without_state(printed: Printed) -> dict[str, str]:
-    """After a state out of range the controller begins again, or waits: for a measurement, or until no parameter is bad."""
+    """C text for a state out of range: the controller restarts, or waits for a measurement or until no parameter is bad."""
     around, contents = printed.contents.around, printed.contents
     if not _ends(around) or not (contents.measures_state or contents.parameters):
         return {"wait": "", "outage_before": "", "begins": "(void)", "begun": ";", "told_fallback": ""}
     assert around is not None
     falls = _ZERO if around.baseline is not None else "    fall_back(&as);\n" if _falls(around) else ""
-    still = " || !state_is_usable(c)" if contents.parameters else ""  # a bad parameter stays
+    still = " || !state_is_usable(c)" if contents.parameters else ""  # a bad parameter remains
     back = "            c->outage = outage;\n" if contents.parameters else ""
     return {
         "wait": _WAIT.format(
@@ -211,7 +212,7 @@ def _seen(printed: Printed) -> list[str]:
 
 
 def _returns(printed: Printed) -> list[str]:
-    """For a good sample: the return after the fallback, and the end of the outage."""
+    """C text for a good sample: the return after the fallback, and the end of the outage."""
     around = printed.contents.around
     timed = around is not None and around.band is not None
     limited = indented([_limits_of(printed, "last_u")]) if printed.limits() else ""
@@ -397,7 +398,7 @@ def _refuse(printed: Printed, *, timed: bool) -> str:
 
 
 def _goes_back(printed: Printed) -> bool:
-    """Whether the result may be out of range even after beginning again: by a fallback, or from a measurement in range."""
+    """Whether the result may be out of range even after a restart, because of a fallback or a measurement in range."""
     if _ends(printed.contents.around):
         return True
     rest, of_x = printed.contents.at_start
@@ -431,7 +432,7 @@ def _plausible_command(printed: Printed) -> str:
 
 
 def _check(printed: Printed, function: str, told: str, tests: list[str], slow: list[str], count: str) -> str:
-    """A function that says whether an input passes the ``tests`` and, if there is a last good one, those of its rate."""
+    """A C function that returns whether an input passes the ``tests`` and, if there is a last good one, those of its rate."""
     used, first = [*tests], [] if any("c->" in test for test in tests) else ["(void)c;"]
     if slow:
         used.append(f"(c->{count} >= {MOST_COUNTED}L || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
@@ -492,7 +493,7 @@ def shell_readme(printed: Printed) -> str:
 
 
 def _sample(printed: Printed, *, timed: bool) -> str:
-    """Accepting a sample; with a timer, missing calls are counted too."""
+    """C text that accepts a sample; with a timer, missing calls are counted too."""
     lines = _SAMPLE.format(macro=printed.macro).splitlines()
     if not timed:
         return indented(["taken = *in;", *lines])
@@ -523,7 +524,7 @@ def _timer(printed: Printed) -> str:
 
 
 def _untold(macro: str, *, timed: bool, rated: bool) -> list[str]:
-    """For a lost command; a missing call is not reported."""
+    """C text for a lost command; a missing call is not reported."""
     told = f"*status |= {macro}_COMMAND_LOST;"
     more = _one_more("command_outage") if rated else []
     return [*(["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]), *more]
@@ -777,4 +778,4 @@ static void fall_back({name}_controller *c)
 
 """,
 }
-"""A held control needs no operation."""
+"""A fallback that holds the control needs no operation."""

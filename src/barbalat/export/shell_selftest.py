@@ -11,10 +11,10 @@ from barbalat.lowering import c99
 from barbalat.validate import Array
 
 BEYOND_RATE = 1.5
-"""Multiple of a channel's allowed change per sample that is refused at once and accepted after one miss."""
+"""A multiple of a channel's allowed change per sample that is refused at once and accepted after one miss."""
 
 MOST_MADE_UP = 10_000
-"""Largest number of missed calls for which the test checks the longest time between two calls, since it runs them and float32
+"""Largest number of missed calls for which the test checks the longest time between two calls, because it runs them and float32
 must resolve them."""
 
 
@@ -98,7 +98,7 @@ def _checked(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, .
 
 
 def _ranges(printed: Printed) -> list[str]:
-    """The ends of each range are accepted, and the next numbers beyond them are not."""
+    """The tests of ranges: the ends are accepted, and the next numbers beyond them are not."""
     lines, number = list[str](), printed.contents.real.numbers
     for member, lost, _, (ranged, _), (lows, highs, _) in _checked(printed):
         for i in ranged:
@@ -111,8 +111,8 @@ def _ranges(printed: Printed) -> list[str]:
 
 
 def _rates(printed: Printed) -> list[str]:
-    """A change beyond the rate is refused, and accepted a sample later, when enough time has passed; the same change back is
-    refused, because the gap has ended."""
+    """The tests of rates: a change beyond the rate is refused and accepted a sample later, when enough time has passed; the same
+    change back is refused, because the gap has ended."""
     lines, step = list[str](), "{n}_step(&c, &in, &out)"
     for member, lost, samples, (_, rated), (lows, highs, rates) in _checked(printed):
         for i in rated:

@@ -1,4 +1,4 @@
-"""The effect of 32-bit numbers at a high gain: the gain above which the compiled export departs from the simulation."""
+"""The effect of 32-bit numbers at a high gain: the gain above which the compiled export deviates from the simulation."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ resolve."""
 GAINS = ("gamma", "covariance0")
 """The names of the laws' initial gains."""
 HALVINGS = 3
-"""Bisections of the decade in which they separate: the gain is found within a factor of 10^(1/8) = 1.33."""
+"""Number of bisections of the decade in which the deviation becomes visible: the gain is found within a factor of 10^(1/8) =
+1.33."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PrecisionLimit:
-    """The gain at which float32 and float64 depart, for one controller.
+    """The gain at which float32 and float64 differ visibly, for one controller.
 
     setting  the gain's name, and its value in the case
-    apart    by gains that were tried, the largest difference of the plant's state by its largest value
-    at       the lowest tried gain at which they depart; None if there is none
+    apart    by the tried gains, the largest difference of the plant's state divided by its largest value
+    at       the lowest tried gain at which they differ visibly; None if there is none
     diverges  the lowest tried gain at which the simulation in 64 bits diverges; None if there is none
     """
 
@@ -51,7 +52,7 @@ class PrecisionLimit:
 
     @property
     def sentence(self) -> str:
-        """The difference between the two runs, as a sentence for people."""
+        """The difference between the two runs, as a sentence."""
         own = self.apart.get(self.gain)
         here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
         if self.at is not None:
@@ -114,7 +115,7 @@ def _downwards(gain: float) -> Iterator[float]:
 
 
 def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
-    """The upper end, at which the two depart, of a narrower range."""
+    """The upper end, at which the two differ visibly, of a narrower range."""
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if parts(middle) else (middle, high)

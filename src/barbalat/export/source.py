@@ -134,7 +134,7 @@ def _usable_result(printed: Printed) -> str:
         text = theta_hat.entry(theta_hat.start + i)
         bounds += [f"{text} >= {c99.constant(low, contents.real)}"] if np.isfinite(low) else []
         bounds += [f"{text} <= {c99.constant(high, contents.real)}"] if np.isfinite(high) else []
-    bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite one is not
+    bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite one does not imply the range
     tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts if not (bounded and part is theta_hat)]
     return _all([*tests, f"in_range(c->bump, {printed.macro}_INPUTS)", *bounds])
 
@@ -256,7 +256,7 @@ def _starting(printed: Printed) -> str:
 
 
 def _wrong_time(contents: Contents) -> dict[str, str]:
-    """Which times count as wrong, and how the controller reacts."""
+    """The times that count as wrong, and the controller's reaction."""
     if contents.around is not None and contents.around.band is not None:
         return {
             "tolerated": "BAND and by no whole number of calls",
@@ -271,7 +271,7 @@ def is_piecewise(contents: Contents) -> bool:
 
 
 def _freezes(contents: Contents) -> dict[str, str]:
-    """The effect of the freeze switch, and what continues during a lost measurement."""
+    """The effect of the freeze switch, and the input that is used during a lost measurement."""
     opens = ". This opens the law's only feedback" if is_piecewise(contents) else ""
     if contents.loop.observer is None:
         return {"predicts_only": opens, "with_what": "the last good measurement and this u"}

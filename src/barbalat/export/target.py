@@ -40,14 +40,15 @@ class Request:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
-    """One value of ``--target``. Its module imports what it needs only when files are made: the command's help lists all targets.
+    """One value of ``--target``. Its module imports other modules only when files are made, because the command's help lists all
+    targets.
 
     name      its name in --target
-    help      what they get, in one phrase
-    files     the files' contents by their names; raises InputError for what the target can't take
+    help      what the user gets, in one phrase
+    files     the files' contents by their names; raises InputError for an unsupported request
     check     the shell command that checks an export, from the quoted folder and whether it contains the closed loop
     float32   whether its numbers always have 32 bits
-    parameters  whether numbers of the case can be left open as parameters; FMUs always have them
+    parameters  whether numbers of the case can be run-time parameters; FMUs always have them
     handed    whether the control of an external baseline can be an input
     compiles  whether the files contain binaries for this machine, which ``sources_only`` leaves out
     replaced  names of files of an earlier export that are removed even if they are not written again
@@ -72,6 +73,6 @@ def targets() -> dict[str, Target]:
 
 
 def require_case(problem: TrackingProblem, simulation: Simulation) -> None:
-    """InputError unless these are a problem and a simulation."""
+    """Raise InputError unless these are a problem and a simulation."""
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)

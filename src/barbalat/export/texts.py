@@ -22,7 +22,7 @@ from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
 
 SHORT_NUMBER_LENGTH = 8
-"""Most characters of a decimal number that is readable at a glance; a longer one adds nothing to the exact constant."""
+"""Largest number of characters of a decimal number that is shown beside the exact constant; longer ones are hard to read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class Printed:
 
     @property
     def guard(self) -> str:
-        """Makes a compiler stop if it is given files of two exports."""
+        """C text that stops the compiler if it receives files of two exports."""
         return (
             f"#if {self.macro}_EXPORT != {self.mark}\n"
             '#error "this file and controller.h are from different exports: write the export again"\n#endif\n'
@@ -122,18 +122,18 @@ def filled(template: str, /, **given: object) -> str:
 
 
 def comment(text: str) -> str:
-    """Text in ASCII that can neither end a comment of C nor continue it on the next line."""
+    """The text in ASCII, such that it can neither end a comment of C nor continue it on the next line."""
     powers = _RAISED.sub(lambda found: f"^{normalize('NFKD', found[0])}", normalize("NFD", text))
     return readable("".join(map(_in_ascii, powers)))
 
 
 def readable(text: str) -> str:
-    """The same with all its characters, for Markdown."""
+    """The same text with all its characters, for Markdown."""
     return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
 
 
 def comments(texts: Sequence[str], written: Callable[[str], str] = comment) -> list[str]:
-    """Each in this form; where it makes different ones equal, the characters that it changes are numbers instead."""
+    """Each text in this form; if different texts would become equal, the changed characters are written as numbers."""
     found = [written(one) for one in texts]
     meant = {short: {one for one, other in zip(texts, found, strict=True) if other == short} for short in found}
     return [
@@ -143,7 +143,7 @@ def comments(texts: Sequence[str], written: Callable[[str], str] = comment) -> l
 
 
 def _in_ascii(character: str) -> str:
-    """The letters for a character that is none in ASCII, of which accents are separate; else its number."""
+    """The letters that replace a character outside ASCII, without its accents; otherwise its number."""
     if character.isascii() or character in _LETTERS:
         return _LETTERS.get(character, character)
     if combining(character):
@@ -164,9 +164,9 @@ _LETTERS = {
     "°": "deg", "µ": "u", "Ω": "Ohm", "·": "*", "⋅": "*", "×": "*", "−": "-", "–": "-", "√": "sqrt", "’": "'", "\u0307": "_dot",
     "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "ł": "l", "Ł": "L",
 }  # fmt: skip
-"""For signs of units, a derivative's dot, and letters that are not made of another one and an accent."""
+"""Replacements of signs of units, a derivative's dot, and letters that do not consist of another letter and an accent."""
 
 
 def indented(lines: Iterable[str], by: int = 4) -> str:
-    """Each line followed by a newline."""
+    """The lines, each followed by a newline."""
     return "".join(f"{' ' * by}{line}\n" for line in lines)

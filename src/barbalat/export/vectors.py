@@ -1,8 +1,8 @@
-"""Test vectors chosen for the faults that they detect: single samples from states that a simulation may never reach.
+"""Test vectors selected for the faults that they detect: single samples from states that a simulation may never reach.
 
 Candidates are drawn around the simulation's samples: states scaled, at rest, partly zero of either sign, estimates on the faces
 of the known set, frozen, before the first sample; and for each comparison of the list the places where its sides are equal or
-neighbours, found by bisection. Those are kept that detect a mutant of the list that no earlier vector detected.
+neighbours, found by bisection. A candidate is kept if it detects a mutant of the list that no earlier vector detected.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ BEGUN = 6
 """Number of columns of a round at which a remaining fault changes a value, and whose neighbours become candidates of the next
 round."""
 WIDE = 7.0
-"""Decades by which the entries of some columns are scaled, for steps far out of the known set, whose way back is rounded."""
+"""Decades by which the entries of some columns are scaled, for steps far outside the known set, whose projection is rounded."""
 HALVINGS = 64
 """Number of bisections between the two columns of a pair: more than a number has bits."""
 TOLERATED = ESTIMATE_TOLERANCE / 2
@@ -169,18 +169,18 @@ class _Search:
                 contents.layout.theta_hat.rows, *map(np.ndarray.tolist, contents.checked_limits), strict=True
             ):
                 taken = low - ESTIMATE_TOLERANCE * (1 + abs(low)), high + ESTIMATE_TOLERANCE * (1 + abs(high))
-                ends = tuple(float(self.numbers(end)) for end in taken)  # as C has them
+                ends = tuple(float(self.numbers(end)) for end in taken)  # as in the C code
                 within[STATE, row] = Interval(max(-most, ends[0]), min(most, ends[1]))
         within |= {at: self._interval(contents.fed(at[1])) for at in sources(contents.step) if at[0] == PARAMETER}
         prover = Prover(contents.step, within, contents.real, self.rows, most_cases)
         last_first = sorted(
             left, key=lambda one: -one.place
-        )  # a fault on which little depends is cheap to prove, before the budget is spent
+        )  # first the faults on which few operations depend, whose proofs are cheap
         found = {one: proof for one in last_first if (proof := prover.proof(one))}
         return {one: found[one] for one in left if one in found}
 
     def _interval(self, one: Parameter | float) -> Interval:
-        """The admissible values of a parameter; for a fixed number its value."""
+        """The admissible values of a parameter; for a fixed number, its value."""
         if isinstance(one, float):
             return Interval(float(self.numbers(one)), float(self.numbers(one)))
         most = float(self.numbers(self.contents.parameter_range))
@@ -232,7 +232,7 @@ class _Search:
         return columns[:, good]
 
     def _special(self) -> Array:
-        """Columns at rest: all entries zero, of either sign, or all but one."""
+        """Columns at rest: all entries, or all but one, are zero of either sign."""
         count = CANDIDATES // 2
         columns = np.zeros((len(self.nominal), count))
         columns[self.random.random(columns.shape) < 0.5] = -0.0
@@ -276,8 +276,8 @@ class _Search:
         return np.where(moved, columns * (1 + size * random.normal(size=columns.shape)), columns)
 
     def _of_sets(self, columns: Array, drawn_of: Array) -> Array:
-        """The columns with the necessary properties: estimates in their set or on its faces, symmetric matrices, and either
-        started or not."""
+        """The columns with the necessary properties: estimates in their set or on its faces, symmetric matrices, and a flag that
+        is either started or not."""
         random, layout, count, before = self.random, self.contents.layout, columns.shape[1], drawn_of
         for part in layout.parts:
             at = [self.place[row] for row in part.rows]
@@ -343,7 +343,7 @@ class _Search:
         face = np.where(random.random(shape) < 0.5, low, high)
         kind = random.random(shape) + random.choice([-0.2, 0.0, 0.3], size=shape[1])
         found = np.where(kind < 0.35, inside, np.where(kind < 0.7, np.clip(columns, low, high), face))
-        alike = low + (high - low) * random.choice([0.0, 0.25, 0.5, 0.75, 1.0, 0.9], size=shape[1])  # for ties
+        alike = low + (high - low) * random.choice([0.0, 0.25, 0.5, 0.75, 1.0, 0.9], size=shape[1])  # creates ties
         found = np.where(random.random(shape[1]) < 0.15, alike, found)
         one_sided = np.where(np.isnan(low), np.where(np.isnan(high), columns, high - np.abs(columns)), low + np.abs(columns))
         found = np.where(np.isnan(found), one_sided, found)
@@ -399,7 +399,7 @@ class _Search:
         return np.hstack([low, high])
 
     def _differences(self, columns: Array, of: Array, tiled: int = 1) -> Array:
-        """For each column, the amount by which the first side of its comparison exceeds the second."""
+        """For each column, the first side of its comparison minus the second."""
         contents = self.contents
         found = values(contents.step, contents.inputs(*self._split(columns)), contents.real)
         count = columns.shape[1] * tiled

@@ -1,4 +1,4 @@
-"""``export_controller``: a sampled controller, made executable on another target, in a folder."""
+"""``export_controller`` writes a sampled controller as source code for another target into a folder."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def export_controller(
     name                 prefix of functions, types, macros and files, so that several exports can be linked; by default the
                          identifiers are derived from the controller's name, and the files have no prefix. C99 exports with
                          their own names in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
-    parameters           leave gains, limits and initial estimates open in the C, to be set within their bounds while it runs;
+    parameters           make gains, limits and initial estimates parameters that can be set within their bounds while the C runs;
                          FMUs always have them as parameters
     sources_only         FMUs without a binary for this machine, for which a C compiler is needed
     judge                the judge of the case's own run, as in ``simulate``
     note                 called with one sentence if the controller is lost in that run, or the shell refuses samples of it; the
                          README has it as well
 
-    Raises InputError, and leaves nothing behind, if the export is impossible.
+    Raises InputError, and leaves no files behind, if the export is impossible.
     """
     known = targets()
     if target not in known:

@@ -27,7 +27,7 @@ def m_s_squared(t):
 
 
 def flow(law):
-    """theta_hat and covariance at TIMES: (7, 3), (7, 3, 3)."""
+    """theta_hat (7, 3) and the covariance (7, 3, 3) at TIMES."""
     covariance0 = law.initial(3).covariance
 
     def derivative(t, y):
@@ -49,7 +49,7 @@ def test_least_squares_is_the_regularised_least_squares_solution(covariance0):
             quad_vec(lambda s: np.outer(phi(s), phi(s)) / m_s_squared(s), 0, t, epsabs=1e-13)[0] if t else np.zeros((3, 3))
         )
         normal = np.eye(3) / covariance0 + information
-        # 1e-8: the integration's 1e-12 times the condition of the information matrix, at most 1e4 here
+        # 1e-8: the integration's 1e-12 times the condition number of the information matrix, at most 1e4 here
         np.testing.assert_allclose(covariance[i] @ normal, np.eye(3), atol=1e-8)
         minimiser = np.linalg.solve(normal, THETA_HAT0 / covariance0 + information @ THETA)
         np.testing.assert_allclose(theta_hat[i], minimiser, atol=1e-8)
@@ -64,7 +64,7 @@ def test_the_covariance_stays_symmetric_and_decreases():
 
 
 def test_gradient_decreases_its_lyapunov_function_at_the_right_rate():
-    """V = |theta_tilde|^2/(2 gamma): V' = -epsilon^2 m^2 along the flow; integrated beside it."""
+    """V = |theta_tilde|^2/(2 gamma) has V' = -epsilon^2 m^2 along the flow. V' is integrated with the flow."""
     gamma = 3.0
 
     def derivative(t, y):

@@ -1,4 +1,4 @@
-"""Forgetting, resetting, bounds and the integral cost against closed forms and quadrature."""
+"""Forgetting, resetting, bounds and the integral cost, compared with closed forms and quadrature."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIMES = np.linspace(0, 6, 7)
 
 
 def phi(t):
-    """Persistently exciting: three frequencies' worth of directions."""
+    """A persistently exciting regressor with three frequencies."""
     return np.array([np.sin(t), np.cos(2 * t) + 0.3, np.cos(0.5 * t)])
 
 
@@ -34,7 +34,7 @@ def m_s_squared(t):
 
 
 def flow(law, times, regressor=phi, theta=THETA, theta_hat0=THETA_HAT0, rtol=1e-12):
-    """theta_hat and the law's memory at the times, each part with the times first."""
+    """theta_hat and the parts of the law's memory at these times. The first axis is time."""
     n = len(theta)
     memory0 = law.initial(n)
     sizes = np.cumsum([n] + [part.size for part in memory0])
@@ -68,7 +68,7 @@ def test_forgetting_is_the_exponentially_weighted_least_squares_solution():
         information = np.exp(-beta * t) * np.linalg.inv(P_0) + weighted(
             lambda s: np.outer(phi(s), phi(s)) / m_s_squared(s), beta, t
         )
-        # 1e-9: the integration's 1e-12 times the condition of the information matrix, some 100
+        # 1e-9: the integration's 1e-12 times the condition number of the information matrix, about 100
         np.testing.assert_allclose(memory[i].covariance @ information, np.eye(3), atol=1e-9)
         exact = np.exp(-beta * t) * np.linalg.solve(information, np.linalg.solve(P_0, THETA_HAT0 - THETA))
         np.testing.assert_allclose(theta_hat[i] - THETA, exact, atol=1e-9)
@@ -84,7 +84,8 @@ def test_integral_cost_remembers_the_weighted_data():
 
 
 def test_pure_least_squares_goes_like_1_over_t_and_forgetting_exponentially():
-    """Under persistent excitation, from 50 to 100 s: the error halves, or falls by e^{-50 beta} times a periodic factor."""
+    """Under persistent excitation the error halves from 50 to 100 s without forgetting. With forgetting it falls by e^{-50 beta}
+    times a periodic factor."""
     times = np.array([0.0, 50.0, 100.0])
     slow, _ = flow(LeastSquares(covariance0=100.0), times, rtol=1e-10)
     fast, _ = flow(LeastSquaresForgetting(covariance0=100.0, forgetting=0.2), times, rtol=1e-10)
@@ -112,7 +113,7 @@ def test_windup_and_its_two_cures():
 
 
 def march(law, regressor, theta, theta_hat0, t_end, h=1e-2):
-    """Every step of Heun's method with the law's limit at both stages: theta_hat, covariance."""
+    """theta_hat and the covariance at every step of Heun's method with the law's limit at both stages."""
 
     def rates(t, theta_hat, memory):
         phi_t = regressor(t)
@@ -144,16 +145,18 @@ def test_resetting_keeps_the_covariance_between_its_bounds():
     assert eigenvalues.max() <= rho_0 * (1 + 1e-14)
     resets = [k for k, P in enumerate(covariances) if k and (rho_0 * np.eye(3) == P).all()]
     assert len(resets) >= 3
-    for k in resets:  # just above rho_1 before: the step takes at most h |P phi|^2/m^2 <= 1e-2 100 at the largest eigenvalue
+    for k in resets:  # just above rho_1 before: a step decreases the largest eigenvalue by at most h |P phi|^2/m^2 <= 1e-2 100
         assert eigenvalues[k - 1, 0] < rho_1 + 0.01
     values = [V(*pair) for pair in zip(estimates, covariances, strict=True)]
-    assert (np.diff(values) <= 1e-4 * values[0]).all()  # Heun's method at 1e-2, whose own error V' = 0 does not forbid
+    assert (
+        np.diff(values) <= 1e-4 * values[0]
+    ).all()  # the error of Heun's method at 1e-2, because V' = 0 does not exclude growth by it
     assert values[-1] < 1e-6 * values[0]
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 def test_the_reset_criterion_is_the_smallest_eigenvalue(n):
-    """The pivots of P - rho I against LAPACK's eigenvalues, for definite and indefinite matrices."""
+    """The pivots of P - rho I agree with LAPACK's eigenvalues for definite and indefinite matrices."""
     random = np.random.default_rng(n)
     for _ in range(500):
         root = random.normal(size=(n, n))
@@ -173,8 +176,8 @@ def test_a_bad_covariance_is_not_reset_to_a_good_one():
 
 @pytest.mark.parametrize("kind", [LeastSquaresBounded, LeastSquaresBoundedGain])
 def test_bounds_hold_where_one_direction_is_never_excited(kind):
-    """P grows in the second direction up to its bound and stays there; in the first the law keeps learning, and V falls
-    throughout."""
+    """P grows up to its bound in the second direction and stays there. In the first direction the law continues to learn, and V
+    decreases throughout."""
     bound = 20.0
     law = kind(covariance0=5.0, forgetting=0.5, covariance_bound=bound)
 
@@ -184,10 +187,10 @@ def test_bounds_hold_where_one_direction_is_never_excited(kind):
     estimates, covariances = march(law, partial, THETA, THETA_HAT0, 60.0)
     norms = [np.linalg.norm(P) for P in covariances]
     assert max(norms) <= bound * (1 + 1e-12)
-    assert norms[-1] > 0.99 * bound  # it did want to
-    if kind is LeastSquaresBounded:  # (P^-1)' <= -beta P^-1 + I or 0, so P^-1 <= I/beta: what a fixed sigma needs
+    assert norms[-1] > 0.99 * bound  # without the bound it would grow further
+    if kind is LeastSquaresBounded:  # (P^-1)' <= -beta P^-1 + I or 0, so P^-1 <= I/beta, as a fixed sigma requires
         assert np.linalg.eigvalsh(covariances)[:, 0].min() > 0.5 * (1 - 1e-3)
     values = [V(*pair) for pair in zip(estimates, covariances, strict=True)]
     assert (np.diff(values) <= 1e-4 * values[0]).all()  # as above
-    # with the other direction at its bound nothing is forgotten, and the learning goes like 1/t: 4/60
+    # with the other direction at its bound nothing is forgotten, and the error decreases like 1/t: 4/60
     np.testing.assert_allclose(estimates[-1][[0, 2]], THETA[[0, 2]], atol=0.07)

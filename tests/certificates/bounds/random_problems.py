@@ -1,4 +1,4 @@
-"""Random problems for Theorem 1, and how much of its bounds their simulations use.
+"""Random problems for Theorem 1, and the ratios of their simulated errors to its bounds.
 
 Run as a script it prints the first table of docs/laboratory/bounds.md: the problems are those of the tests.
 """
@@ -29,25 +29,25 @@ from barbalat.signals import Sine, Sines, Square, Steps
 SIMULATION = Simulation(t_end=10, dt=1e-3)
 COMMANDS = (
     Sine(amplitude=1.3, frequency=1.1),
-    Square(amplitude=1.3, frequency=np.pi / 1.5),  # its jumps lie on the grid
+    Square(amplitude=1.3, frequency=np.pi / 1.5),  # its jumps are on the grid
     Sines(amplitudes=(0.7, 0.4, 0.3), frequencies=(0.6, 2.3, 7.1), phases=(0.0, 1.0, 2.0)),
     Steps(times=(0.5, 2.0, 4.5, 7.0), values=(1.0, -1.3, 0.4, 1.2)),
 )
 MEMBERS = 40
-"""Of each random system (A_m, b, k_0, x0, C): each with a theta, a known set, an initial estimate and a gain of its own."""
+"""Members of each random system (A_m, b, k_0, x0, C). Each has its own theta, known set, initial estimate and gain."""
 SYSTEMS_9 = (13, 12, 13, 12)
-"""Systems for each command; 2000 problems for each n."""
+"""Systems for each command, so that there are 2000 problems for each n."""
 SYSTEMS_10 = {1: (7, 6, 6, 6), 2: (3, 3, 3, 4), 3: (3, 3, 3, 3)}
-"""The same, for each order of C(s): half of the problems have the first-order filter."""
+"""The same for each order of C(s). Half of the problems have the first-order filter."""
 FEW_9, FEW_10 = (1, 1, 1, 1), {1: (1, 1, 1, 1), 2: (1, 0, 0, 0), 3: (0, 1, 0, 0)}
-"""What the short command draws of them: every command, every order of C(s)."""
+"""Systems in the short tests, which contain every command and every order of C(s)."""
 FASTEST_POLE = 250.0
-"""Of C(s) [rad/s], a quarter of a step: a faster one would test the step instead of the theorem."""
+"""Fastest pole of C(s) [rad/s], by a quarter of a step. A faster one would test the step instead of the theorem."""
 
 
 @dataclass(frozen=True)
 class Used:
-    """Of each problem: max |e| over the bound; for first-order filters also over kappa nu_1 + nu_2/sqrt(Gamma)."""
+    """The ratio of max |e| to the bound for each problem, for first-order filters also to kappa nu_1 + nu_2/sqrt(Gamma)."""
 
     ratio: np.ndarray
     constants: np.ndarray
@@ -55,7 +55,8 @@ class Used:
 
 
 def random_known(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """A Hurwitz A_m with time constants of 0.2 to 2 s, real poles and up to n/2 complex pairs, and a b that reaches it."""
+    """A Hurwitz A_m with time constants of 0.2 to 2 s, real poles and up to n/2 complex pairs, and a b such that (A_m, b) is
+    controllable."""
     A = np.diag(-rng.uniform(0.5, 5, n))
     for k in range(rng.integers(0, n // 2 + 1)):
         decay, frequency = rng.uniform(0.5, 3), rng.uniform(0.5, 6)
@@ -65,8 +66,8 @@ def random_known(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarr
 
 
 def random_filter(rng: np.random.Generator, order: int, T: float) -> TransferFunction:
-    """C(s) with C(0) = 1 and time constants around T: first order, or a second-order one with damping 0.4 to 1.2, with or
-    without a zero, and a further pole for the third order."""
+    """A filter C(s) with C(0) = 1 and time constants around T. It is of first order, or of second order with damping 0.4 to 1.2,
+    with or without a zero, and with a further pole for the third order."""
     if order == 1:
         return TransferFunction([1.0], [T, 1.0])
     zero = rng.uniform(0.3, 1.5) * T * rng.integers(0, 2)
@@ -88,7 +89,7 @@ def system(rng: np.random.Generator, n: int, command: object) -> list[Problem]:
 
 
 def start_of(rng: np.random.Generator, problem: Problem) -> np.ndarray:
-    """An initial estimate anywhere in the known set."""
+    """A random initial estimate in the known set."""
     return rng.uniform(problem.uncertainty.lower, problem.uncertainty.upper)
 
 
@@ -128,7 +129,8 @@ def used_of_10(n: int, systems: Mapping[int, Sequence[int]] = SYSTEMS_10) -> Use
 
 
 def admissible_filter(rng: np.random.Generator, group: list[Problem], order: int) -> TransferFunction | None:
-    """C(s) for which the condition of (10) certainly holds for the largest set of the group; None where it would be too fast."""
+    """A filter C(s) for which the condition of (10) certainly holds for the largest set of the group. None if it would be too
+    fast."""
     known, largest = group[0].known, max(problem.uncertainty.theta_max for problem in group)
     T = rng.uniform(0.05, 0.9) * theorem_1.kappa_max(theorem_1.derivative_norm(known), largest)
     while True:
@@ -141,7 +143,8 @@ def admissible_filter(rng: np.random.Generator, group: list[Problem], order: int
 
 
 def bounded(rng: np.random.Generator, group: list[Problem], C: TransferFunction) -> list[tuple]:
-    """(problem and controller, bound (10) by ||W_b (1 - C)||_1, bound by nu_1 and nu_2 or NaN) for each of the group."""
+    """For each member of the group: problem and controller, the bound (10) by ||W_b (1 - C)||_1, and the bound by nu_1 and nu_2
+    or NaN."""
     known, model = group[0].known, model_bounds(group[0])
     norm, slope = theorem_1.filter_condition(known, C.realise(), 1.0).norm, theorem_1.derivative_norm(known)
     kappa = theorem_1.time_constant(C)

@@ -23,7 +23,7 @@ KEY = "error_bound_worst"
 
 
 def worst_of(problem: Problem, controller: Controller, theta: np.ndarray, simulation: Simulation) -> float:
-    """The largest |e_i| under the commands that jump with the signs of each component's impulse response, backwards."""
+    """The largest |e_i| under commands whose signs are those of each component's impulse response, reversed in time."""
     size, n = problem.commands[0].bound, problem.known.n
     plant = replace(problem.plant, theta=theta)
     at_rest = replace(problem, plant=replace(plant, x0=np.zeros(n)), reference=Step(amplitude=size))
@@ -48,7 +48,8 @@ def bound_of(problem: Problem, controller: Controller):
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.short(kept=lambda n: n == 2)
 def test_no_command_exceeds_it(n, sample):
-    """Random plants, with x(0) away from zero for half of them, adaptive and linear schemes, theta at vertices and inside."""
+    """Random plants with adaptive and linear schemes and theta at vertices and inside. Half of the plants have x(0) away from
+    zero."""
     rng, simulation, attacked = np.random.default_rng(80 + n), Simulation(t_end=8.0, dt=1e-3), 0
     for _ in range(sample(1, 6)):
         group, C = None, None
@@ -69,7 +70,7 @@ def test_no_command_exceeds_it(n, sample):
 
 @pytest.mark.parametrize("scheme", ["L1", "ADRC"])
 def test_the_checker_accepts_it_and_nothing_false(scheme):
-    """With x(0) away from zero: a lower number, a broken cell and a premise that is missing are each refused."""
+    """With x(0) away from zero, a lower number, a broken cell and a missing premise are each refused."""
     given, simulation = section_v.problem(), Simulation(t_end=1.0, dt=1e-3)
     small = replace(given, uncertainty=ParameterBox(lower=[0.0, -5.0], upper=[5.0, 5.0]))
     controller = section_v.l1("L1", 1e4) if scheme == "L1" else Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")
@@ -91,7 +92,7 @@ def test_the_checker_accepts_it_and_nothing_false(scheme):
 
 @pytest.mark.full
 def test_section_v_is_tight():
-    """Within 15 % of a run; the small gain over the whole set gives 521 and 307."""
+    """The bound is within 15 % of a run. The small gain over the whole set gives 521 and 307."""
     given = section_v.problem()
     for controller, simulation in (
         (section_v.l1("L1", 1e4), Simulation(t_end=20.0, dt=2e-5)),

@@ -1,4 +1,4 @@
-"""Theorem 1 beside bounded disturbances, attacked by a program that shares no code with the package: plain NumPy and RK4."""
+"""Theorem 1 with bounded disturbances, attacked by plain NumPy and RK4, which share no code with the package."""
 
 from __future__ import annotations
 
@@ -51,9 +51,10 @@ def random_problem(rng: np.random.Generator, n: int, *, unmatched: bool) -> Prob
 
 
 def attacked(problem: Problem, gamma: float, kappa: float | None, *, worst: bool, ell: float = 0.0) -> float:
-    """The largest |e_i| under a disturbance of the stated size: the sign of e'P E, or a square wave at the model's own pace.
+    """The largest |e_i| under a disturbance of the stated size, whose sign is that of e'P E or of a square wave at the model's
+    frequency.
 
-    With ``ell`` the model is a closed-loop one, L = -ell I.
+    With ``ell`` the model is a closed-loop one with L = -ell I.
     """
     plant = problem.plant
     A_m, b, theta, n = plant.A_m, plant.b, plant.theta, len(plant.b)
@@ -108,7 +109,7 @@ def test_no_disturbance_breaks_the_bounds(n, unmatched):
             spoken += 1
             for worst in (True, False):
                 assert attacked(problem, gamma, lag, worst=worst, ell=feedback) <= bound.value
-    assert spoken >= 6  # the MRACs'
+    assert spoken >= 6  # those of the MRACs
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -158,7 +159,7 @@ def direct_problem(rng: np.random.Generator, n: int) -> tuple[Problem, float]:
 
 
 def attacked_direct(problem: Problem, omega: float, gamma: float) -> float:
-    """The largest |e_i| of the direct MRAC, integrated here, under a disturbance that pushes V up."""
+    """The largest |e_i| of the direct MRAC, integrated here, under a disturbance that increases V."""
     plant, n, k_0 = problem.plant, len(problem.plant.b), 1.0
     A_m, b, theta, P = plant.A_m, plant.b, plant.theta, solve_continuous_lyapunov(plant.A_m.T, -np.eye(n))
     E = b if problem.disturbance is not None else problem.unmatched[0].direction

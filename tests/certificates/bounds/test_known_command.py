@@ -1,4 +1,5 @@
-"""Attacks on the bound for the case's own command: random and searched theta, every kind of command, every step."""
+"""Attacks on the bound for the case's own command: random theta and theta from a search, every kind of command, and every
+step."""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ def bound_of(problem: Problem, controller: Controller, simulation: Simulation = 
 
 
 def worst_run(problem: Problem, controller: Controller, rng: np.random.Generator, simulation: Simulation = SIMULATION) -> float:
-    """The largest |e_i| of any step: 16 thetas, vertices among them, then twice 16 around the worst three."""
+    """The largest |e_i| at any step for 16 thetas, some of them vertices, and then twice for 16 thetas around the worst three."""
     box = problem.uncertainty
     thetas = np.vstack([box.extreme_points(rng, 8), box.drawn(rng, 8)])
     largest, width = 0.0, 0.3
@@ -67,7 +68,7 @@ def schemes(problem: Problem, start: np.ndarray, gamma: float, C) -> list[Contro
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.short(kept=lambda n, command: n == 2)
 def test_no_run_exceeds_it(n, command):
-    """Estimates start anywhere in the set; the bound holds for this start, this command and every theta."""
+    """Estimates start anywhere in the set. The bound holds for this start, this command and every theta."""
     rng = np.random.default_rng(40 + n)
     group, C = None, None
     while C is None:
@@ -84,7 +85,7 @@ def test_no_run_exceeds_it(n, command):
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.short(kept=lambda n, command: n == 1)
 def test_the_checker_accepts_it_and_nothing_smaller(n, command):
-    """Gains of one number and a diagonal of gains, over random plants and every kind of command."""
+    """Scalar and diagonal gains, random plants and every kind of command."""
     rng = np.random.default_rng(60 + n)
     group, C = None, None
     while C is None:
@@ -98,7 +99,7 @@ def test_the_checker_accepts_it_and_nothing_smaller(n, command):
 
 
 def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simulation: Simulation) -> None:
-    """The checker accepts the proof of each controller's bound, and refuses one that is lower by a ten-millionth."""
+    """The checker accepts the proof of each controller's bound and refuses a bound that is lower by a ten-millionth."""
     certificates = certify(problem, controllers, simulation, keys=(KEY, "norms"))
     document = json.loads(json.dumps(proof("random", problem, controllers, simulation, certificates)))
     for name, one in document["controllers"].items():
@@ -112,7 +113,7 @@ def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simu
 
 
 def test_the_checker_follows_linear_loops():
-    """Through jumps and along sines, with the state away from the model's, for a PI and for an observer."""
+    """It follows loops with a PI and with an observer through jumps and along sines, with the state away from the model's."""
     given, simulation = section_v.problem(), Simulation(t_end=5.0, dt=1e-3)
     slow = Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")
     for command in (*random_problems.COMMANDS, given.reference):
@@ -121,7 +122,8 @@ def test_the_checker_follows_linear_loops():
 
 
 def test_section_v_is_tight():
-    """The goal is a factor of three between the bound and the worst run that a search finds; 521 holds for every |r| <= 50."""
+    """The goal is a factor of three between the bound and the worst run found by a search. The bound for every |r| <= 50 is
+    521."""
     given, rng = section_v.problem(), np.random.default_rng(1)
     slow = Simulation(t_end=20.0, dt=1e-3)
     for controller, simulation, most in (

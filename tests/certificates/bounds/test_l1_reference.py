@@ -1,4 +1,5 @@
-"""L1-AC's distance to its reference system: the bound on random problems integrated by plain NumPy, closed forms, the entry."""
+"""L1-AC's distance to its reference system: the bound on random problems integrated by plain NumPy, closed forms, and the
+certificate's entry."""
 
 import math
 from dataclasses import replace
@@ -21,7 +22,7 @@ H, T_END = 2e-3, 10.0
 
 
 def largest_distances(members: list[tuple[Problem, L1Adaptive]], C: TransferFunction) -> np.ndarray:
-    """(M,) the largest |x_i - x_ref,i| over every RK4 step, of problems that share A_m, b, k_0, x0, r and C."""
+    """The largest |x_i - x_ref,i| (M,) over all RK4 steps of problems that share A_m, b, k_0, x0, r and C."""
     given, filter_ = members[0][0], C.realise()
     known, r = given.known, given.reference
     theta = np.array([problem.plant.theta for problem, _ in members])
@@ -63,7 +64,7 @@ def largest_distances(members: list[tuple[Problem, L1Adaptive]], C: TransferFunc
 @pytest.mark.parametrize("n", range(1, 5))
 @pytest.mark.short(kept=lambda n: n == 2)
 def test_the_bound_is_never_violated(n, sample):
-    """400 problems for each n, 40 in short, with filters of the orders 1 and 2."""
+    """400 problems for each n, 40 in the short tests, with filters of order 1 and 2."""
     rng, used = np.random.default_rng(300 + n), []
     while len(used) < sample(1, 10):
         command, order = random_problems.COMMANDS[len(used) % 4], 1 + len(used) % 2
@@ -82,11 +83,11 @@ def test_the_bound_is_never_violated(n, sample):
     ratio = np.concatenate(used)
     assert np.isfinite(ratio).all()
     assert (ratio < 1).all()
-    assert ratio.max() > 0.02  # some problem comes near: the bound is not empty
+    assert ratio.max() > 0.02  # some problem comes near the bound
 
 
 def test_section_v_by_hand():
-    """C = 1/(kappa s + 1) has norm 1; |theta_tilde(0)| = 5; the rest are the condition's and P's numbers."""
+    """C = 1/(kappa s + 1) has norm 1, and |theta_tilde(0)| = 5. The other numbers are those of the condition and of P."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA).realise()
     condition = theorem_1.filter_condition(given.known, C, 10.0)
     nu = 5 / math.sqrt(np.linalg.eigvalsh(given.known.P)[0])
@@ -99,7 +100,7 @@ def test_section_v_by_hand():
 
 
 def test_the_exact_gain_by_trapezoids():
-    """The impulse responses of (I - G theta')^-1 C of Section V, written as w = C[x_tilde], g = G[theta'(w + g)]."""
+    """The impulse responses of (I - G theta')^-1 C of Section V are computed from w = C[x_tilde], g = G[theta'(w + g)]."""
     kappa, theta = section_v.KAPPA, np.array([4.0, -3.0])
     A_m, b = np.array([[0.0, 1.0], [-0.3, -1.0]]), np.array([0.0, 1.0])
     A = np.zeros((5, 5))  # w_1, w_2, g (2), c: c' = (v - c)/kappa, g' = A_m g + b (v - c), v = theta'(w + g)
@@ -116,7 +117,7 @@ def test_the_exact_gain_by_trapezoids():
         columns = step @ columns
     norm = np.trapezoid(np.abs(np.array(responses)), dx=h, axis=0).sum(axis=1).max()
     found = theorem_1.exact_gain(section_v.problem().known, input_filter(kappa).realise(), theta)
-    assert found == pytest.approx(norm, rel=2e-4)  # trapezoids at a fortieth of the filter's time constant
+    assert found == pytest.approx(norm, rel=2e-4)  # trapezoids with steps of a fortieth of the filter's time constant
     assert found < 1 / (
         1 - 7 * theorem_1.filter_condition(section_v.problem().known, input_filter(kappa).realise(), 1.0).norm.lower
     )

@@ -16,12 +16,12 @@ from certificates.bounds.random_problems import COMMANDS, random_known
 
 SIMULATION = Simulation(t_end=20.0, dt=2.0**-8)
 SYSTEMS, MEMBERS = 4, 25
-"""Of each kind and dimension, one system in short: 1600 runs in all."""
+"""Systems of each kind and dimension, one in the short tests; 1600 runs in all."""
 KINDS = ("matrix gain", "switching sigma", "learning", "L1, learning")
 
 
 def random_set(rng: np.random.Generator, n: int, *, ball: bool) -> tuple[ParameterBall | ParameterBox, np.ndarray]:
-    """A known set and a theta at its border: on the sphere's rim, or near a corner."""
+    """A known set and a theta at its boundary, on the sphere or near a corner."""
     center = rng.uniform(-0.5, 0.5, n)
     if ball:
         radius, direction = rng.uniform(0.3, 1.0), rng.normal(size=n)
@@ -52,7 +52,7 @@ def random_member(rng, kind: str, n: int, plant: Plant, kappa: float, *, ball: b
 
 
 def random_plant(rng: np.random.Generator, n: int) -> tuple[Plant, float]:
-    """A plant, and a kappa of at least five steps for which (10) applies to every set that can be drawn."""
+    """A plant and a kappa of at least five steps for which (10) applies to every set that can be drawn."""
     while True:
         A_m, b = random_known(rng, n)
         plant = Plant(A_m=A_m, b=b, theta=np.zeros(n), x0=np.zeros(n))
@@ -63,7 +63,7 @@ def random_plant(rng: np.random.Generator, n: int) -> tuple[Plant, float]:
 
 
 def bound_of(problem: Problem, controller: Mrac | L1Adaptive) -> float:
-    """The certificate of ``certify`` without the margins, which take most of its time."""
+    """The certificate of ``certify`` without the margins, which need most of the time."""
     assert laws.why_no_bound(controller, problem) is None
     level = laws.error_level(problem, controller, 0.0)
     if isinstance(controller, Mrac):
@@ -91,7 +91,8 @@ def test_no_bound_is_exceeded(kind, n, sample):
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_a_gain_matrix_in_the_corners_of_a_box(n, sample):
-    """Where a projection face by face took V up without bound. At 2^-10 s: entering a face in mid step costs a part of a step."""
+    """Problems in which a projection face by face increased V without bound. The step is 2^-10 s, because reaching a face within
+    a step causes an error of a fraction of a step."""
     rng = np.random.default_rng(41)
     members = []
     for _ in range(sample(1, SYSTEMS)):
@@ -104,7 +105,7 @@ def test_a_gain_matrix_in_the_corners_of_a_box(n, sample):
 
 
 def test_where_the_projection_is_not_exact_no_bound_is_given():
-    """A gain matrix in a box of five parameters."""
+    """With a gain matrix in a box of five parameters there is no bound."""
     rng = np.random.default_rng(41)
     plant, kappa = random_plant(rng, 5)
     problem, controller = random_member(rng, "matrix gain", 5, plant, kappa, ball=False)

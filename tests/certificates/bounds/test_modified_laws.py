@@ -1,4 +1,4 @@
-"""Certificates with matrix gains, balls and modified laws: whatever stays guaranteed is compared with simulation."""
+"""Certificates with matrix gains, balls and modified laws: all remaining guarantees are compared with simulation."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ def certificate(problem, controller):
 
 
 def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems, sample):
-    """What ``certify`` prints: |e| <= sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for MRAC and, by (10), for L1-AC.
+    """The bounds are those printed by ``certify``: |e| <= sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for MRAC and (10)
+    for L1-AC.
 
-    Few members, as each has a whole certificate; test_modified_bounds.py has 1600 of random dimension.
+    There are only a few members, as each has a complete certificate. test_modified_bounds.py has 1600 of random dimension.
     """
     random = np.random.default_rng(3)
     learning = CompositeLearning(gamma_c=1.0, time_constant=0.3, capacity=1.0)
@@ -69,7 +70,7 @@ def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems
 
 
 def test_equal_gains_have_equal_bounds(problems):
-    """A matrix gamma I agrees with the scalar gamma, also in the worst case over the set."""
+    """A matrix gamma I gives the same bounds as the scalar gamma, also in the worst case over the set."""
     scalar, matrix = (certificate(problems[2], Mrac(gamma=gamma)).values for gamma in (3.0, 3 * np.eye(2)))
     for key in ("error_bound", "error_bound_worst", "adaptation_frequency", "step_max", "delay_margin_adapting"):
         assert matrix[key] == pytest.approx(scalar[key], rel=1e-9)
@@ -105,7 +106,8 @@ def test_no_bound_is_given_where_V_may_grow(problems, name):
 
 
 def test_M_0_may_be_the_set_itself(problems):
-    """Exactly: a ball of radius 6 about zero, the corner (3, 4) of a box; and a few roundings less do not do."""
+    """M_0 may equal the radius 6 of a ball about zero or the norm of the corner (3, 4) of a box. A value lower by a few roundings
+    is not enough."""
     given = problems[2]
     ball = replace(given, uncertainty=ParameterBall(center=[0.0, 0.0], radius=6.0))
     box = replace(given, uncertainty=ParameterBox(lower=[-3.0, -4.0], upper=[3.0, 4.0]))
@@ -116,7 +118,7 @@ def test_M_0_may_be_the_set_itself(problems):
 
 
 def test_a_fixed_sigma_does_break_the_bound(problems):
-    """Why no bound is given: for a small enough theta_tilde(0) the leakage's bias exceeds (9)."""
+    """No bound is given because for a small enough theta_tilde(0) the leakage's bias exceeds (9)."""
     problem = problems[2]
     controller = Mrac(gamma=50.0, theta_hat0=problem.plant.theta, leakage=FixedSigma(sigma=1.0))
     plain = certificate(problem, Mrac(gamma=50.0, theta_hat0=problem.plant.theta)).values["error_bound"]
@@ -140,7 +142,8 @@ def test_the_normalised_schemes_say_what_their_law_guarantees(problems):
 
 
 def test_the_adapting_loop_with_a_matrix_gain(problems):
-    """Its margin by the reduced loop, against the full Jacobian's Nyquist curve: theta_hat moves along Gamma x only."""
+    """The margin by the reduced loop agrees with the full Jacobian's Nyquist curve, because theta_hat moves along Gamma x
+    only."""
     import casadi as ca
 
     from barbalat.certificates.linear_loops.ideal import equilibrium
@@ -170,7 +173,7 @@ def test_the_adapting_loop_with_a_matrix_gain(problems):
 
 
 def test_limits_of_a_law_with_a_pull_of_its_own(problems):
-    """step_max against the run: below it the memory's pull is resolved, well above it the run is labelled."""
+    """step_max is compared with runs: below it the memory's term is resolved, and well above it the run has a label."""
     learning = CompositeLearning(gamma_c=6.0, time_constant=0.2, capacity=1.0)
     controller = Mrac(gamma=50.0, learning=learning)
     step_max = certificate(problems[2], controller).values["step_max"]
@@ -184,7 +187,7 @@ def test_limits_of_a_law_with_a_pull_of_its_own(problems):
 
 
 def test_the_midpoint_law_takes_matrix_gains_and_refuses_what_is_not_proven(problems):
-    """V falls at every sample with a matrix gain too, at gains far beyond the explicit limit; the rest is refused."""
+    """V also decreases at every sample with a matrix gain, at gains far beyond the explicit limit. Everything else is refused."""
     problem = problems[2]
     sampled = Sampled(controller=Mrac(gamma=1e6 * MATRIX), sample_time=2.0**-6)
     result = simulate(problem, [sampled], Simulation(t_end=16.0, dt=2.0**-8))["MRAC"]

@@ -29,7 +29,7 @@ DRIVERS = (
 @pytest.mark.parametrize("kind", ["l1", "linear"])
 @pytest.mark.short(kept=lambda kind, f, drivers: (kind == "l1") == ((f is None) == (drivers is DRIVERS[1])))
 def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
-    """25 loops each, in short 4; no run exceeds a bound that is given, and most bounds are within a factor of ten."""
+    """25 loops of each kind, 4 in the short tests. No run exceeds its bound, and most bounds are within a factor of ten."""
     random = np.random.default_rng(3)
     members, bounds = [], []
     while len(members) < sample(4, 25):
@@ -61,7 +61,7 @@ def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
 
 
 def l1_norms(A, B, C, D):
-    """The integrals over time of the entries' magnitudes of the impulse response, by trapezoids of 1e-3 s, and |D|."""
+    """The integrals over time of the magnitudes of the impulse response's entries, by trapezoids of 1e-3 s, plus |D|."""
     samples, transition = [B], expm(1e-3 * A)
     while np.abs(samples[-1]).max() > 1e-9 * np.abs(B).max():
         samples.append(transition @ samples[-1])
@@ -69,7 +69,8 @@ def l1_norms(A, B, C, D):
 
 
 def test_the_bounds_are_those_of_the_small_gain_theorem():
-    """By hand, with f = 0.2 y + 0.1 cos t: F = 0.1 and L = 0.2. 1e-3: trapezoids, norms rounded outward."""
+    """f = 0.2 y + 0.1 cos t has F = 0.1 and L = 0.2. The tolerance 1e-3 is due to the trapezoids and the outward rounding of the
+    norms."""
     drivers = {"reference": Sine(1.5, 2.0), "disturbance": Constant(0.5), "output_disturbance": Constant(0.05)}
     plant = OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]), nonlinear="0.2*y + 0.1*cos(t)")
     given, controller = problem(plant, **drivers), replace(l1(), sigma_bound=None)
@@ -82,7 +83,7 @@ def test_the_bounds_are_those_of_the_small_gain_theorem():
 
 
 def test_the_linear_loop_against_python_control():
-    """From r, d and d_y to y and e: block algebra of control.tf."""
+    """The loop from r, d and d_y to y and e agrees with the block algebra of control.tf."""
     given, controller = problem(), l1()
     A, B, C, D = subject.linear_loop(given, controller)
     G, K, F = (
@@ -119,7 +120,7 @@ def test_the_linear_loop_against_python_control():
     ],
 )
 def test_slopes_of_formulas(formula, radius, slope, at_zero):
-    """Never below the true supremum, and above it by the slope's change over a piece at most."""
+    """The slope is never below the true supremum and exceeds it by at most its change over a piece."""
     f = Nonlinearity(formula)
     found = largest_slope(f, radius, 10.0)
     assert found == slope if np.isinf(slope) else slope * (1 - 1e-12) <= found <= slope * 1.05 + 1e-12

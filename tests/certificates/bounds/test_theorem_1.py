@@ -1,4 +1,5 @@
-"""Theorem 1: bounds (9) and (10) against simulation, each on 10,000 random problems, a tenth of them in short; closed forms."""
+"""Theorem 1: bounds (9) and (10) against simulation on 10,000 random problems each (a tenth of them in the short tests), and
+closed forms."""
 
 import math
 
@@ -22,14 +23,15 @@ def test_bound_9_is_never_violated(n, sample):
     used = random_problems.used_of_9(n, random_problems.FEW_9 if few else random_problems.SYSTEMS_9)
     assert len(used.ratio) == (160 if few else 2000)
     assert np.all(used.ratio < 1)
-    assert used.ratio.max() > 0.05  # some problem comes near: the bound is not empty
+    assert used.ratio.max() > 0.05  # some problem comes near the bound
     assert n == 1 or 0.2 < used.oscillating.mean() < 0.9 or len(used.ratio) < 2000  # few systems may all be of one kind
 
 
 @pytest.mark.parametrize("n", range(1, 6))
 @pytest.mark.short(kept=lambda n: n in (1, 2, 4))
 def test_bound_10_is_never_violated(n, sample):
-    """For C(s) of order 1, 2, 3 by the norm of W_b (1 - C); for order 1 also in the paper's form, which is never the smaller."""
+    """The bound by the norm of W_b (1 - C) for C(s) of order 1, 2 and 3. For order 1 also the paper's form, which is never
+    smaller."""
     few = sample(1, 8) == 1
     used = random_problems.used_of_10(n, random_problems.FEW_10 if few else random_problems.SYSTEMS_10)
     assert len(used.ratio) == (240 if few else 2000)
@@ -57,7 +59,7 @@ def test_section_v_numbers():
 
 
 def test_norms_against_quadrature():
-    """||s W_b||_1 and ||W_b (1 - C)||_1 of Section V by adaptive quadrature of the impulse responses."""
+    """||s W_b||_1 and ||W_b (1 - C)||_1 of Section V agree with an adaptive quadrature of the impulse responses."""
     known = load_case("paper").problem.known
     kappa = 0.02
 
@@ -94,7 +96,7 @@ def test_model_bounds_hold_along_the_model():
     bounds = model_bounds(problem)
     ones = simulate_ensemble([(problem, Mrac(gamma=1.0))], Simulation(t_end=60, dt=1e-3))
     assert 50 <= bounds.r < 50 * (1 + 1e-14)
-    # |x| <= |x_m| + |e|; the run's largest e is far below the model's size
+    # |x| <= |x_m| + |e|, and the run's largest e is far below the model's size
     assert ones.metrics.max_abs_e.max() < 2
     t = np.arange(0, 60, 0.01)
     x = np.array([expm(problem.plant.A_m * s) @ problem.plant.x0 for s in t[::10]])

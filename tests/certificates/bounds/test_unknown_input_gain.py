@@ -1,4 +1,4 @@
-"""MRAC's bounds beside an input gain in an interval, attacked at the ends and inside of the interval and the box."""
+"""MRAC's bounds with an input gain in an interval, attacked at the ends of the interval and the box and inside them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KEYS = ("error_bound", "error_bound_worst", "error_bound_command")
 
 
 def drawn(rng: np.random.Generator, n: int, command: object) -> tuple[list[Problem], Mrac]:
-    """One system and one controller; theta and the gain of each member at ends for half of them."""
+    """One system and one controller. Half of the members have theta and the gain at the ends of their sets."""
     A_m, b = random_problems.random_known(rng, n)
     half, low = rng.uniform(0.2, 2.0, n), rng.uniform(0.3, 1.0)
     high, x0 = low * rng.uniform(1.2, 4.0), rng.uniform(-1, 1, n) * rng.integers(0, 2)
@@ -42,10 +42,10 @@ def test_no_gain_and_no_theta_exceeds_them(n):
         peaks = simulate_ensemble([(one, controller) for one in members], SIMULATION).metrics.max_abs_e.max(axis=1)
         found = [certify(one, [controller], SIMULATION, keys=KEYS)["MRAC"] for one in members]
         assert set(KEYS) <= found[0].guaranteed
-        assert len({one.values["error_bound_worst"] for one in found}) == 1  # of the sets alone
+        assert len({one.values["error_bound_worst"] for one in found}) == 1  # depends on the sets alone
         bounds = np.array([[one.values[key] for key in KEYS] for one in found])
         assert (peaks[:, None] <= bounds).all()
-        assert (bounds[:, [0, 2]] <= bounds[:, [1]] * (1 + 1e-9)).all()  # roundings outward
+        assert (bounds[:, [0, 2]] <= bounds[:, [1]] * (1 + 1e-9)).all()  # outward roundings
         nearest = max(nearest, float((peaks / bounds[:, 0]).max()))
     assert nearest > 0.1  # the statement concerns these runs
 

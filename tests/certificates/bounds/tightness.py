@@ -1,9 +1,8 @@
-"""How tight the guaranteed bounds of e are on Section V: each over the worst run that a search finds.
+"""How tight the guaranteed bounds of e are on Section V: the ratio of each to the worst run found by a search.
 
-Run as a script it prints the second table of docs/laboratory/bounds.md: the bound for all commands over the worst run with a
-command of the case's size that a search chooses, and the bound for the case's command over the worst run with that one. Thetas
-are searched in both, the worst command by the signs of the loop's response to a step, which is exact for linear loops, or by
-mutation.
+Run as a script, it prints the second table of docs/laboratory/bounds.md. The bound for all commands is compared with the worst
+run for any command of the case's size, and the bound for the case's command with the worst run under that command. Theta is
+searched in both. The worst command is found by the signs of the loop's response, which is exact for linear loops, or by mutation.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from barbalat.signals import Step, Steps
 KEYS = ("error_bound", "error_bound_worst", "error_bound_command")
 MUTANTS, ROUNDS, SWITCHES = 48, 12, 10
 GAMMA = 1e4
-"""Of L1-AC, as in the case."""
+"""Gain of L1-AC, as in the case."""
 
 
 def at(problem: Problem, theta: np.ndarray, reference: object = None) -> Problem:
@@ -42,7 +41,8 @@ def at(problem: Problem, theta: np.ndarray, reference: object = None) -> Problem
 
 
 def over_theta(problem: Problem, controller: Controller, simulation: Simulation, rng: np.random.Generator) -> tuple:
-    """The worst theta and its largest |e_i| under the problem's command: the box's corners, draws, and a search uphill."""
+    """The worst theta and its largest |e_i| under the problem's command, from the box's corners, random points and a local
+    search."""
     box = problem.uncertainty
     thetas = np.vstack([box.extreme_points(rng, 4), box.drawn(rng, 12)])
     worst, width = (0.0, thetas[0]), 0.2
@@ -57,7 +57,7 @@ def over_theta(problem: Problem, controller: Controller, simulation: Simulation,
 
 
 def of_a_linear_loop(problem: Problem, controller: Controller, simulation: Simulation, theta: np.ndarray) -> float:
-    """The largest |e_i| under the command whose signs are those of the impulse response backwards, for each component."""
+    """The largest |e_i| of each component under the command whose signs are those of the impulse response reversed in time."""
     size, at_rest = problem.reference.bound, replace(problem, plant=replace(problem.plant, x0=np.zeros(2)))
     (run,) = simulate(at(at_rest, theta, Step(amplitude=size)), [controller], simulation).values()
     largest = 0.0
@@ -74,9 +74,10 @@ def of_a_linear_loop(problem: Problem, controller: Controller, simulation: Simul
 
 
 def by_mutation(problem: Problem, L: np.ndarray, gamma_r: float, rng: np.random.Generator) -> float:
-    """Of MRACs with Gamma = 1: theta and the instants of a command that jumps from end to end, mutated; plain NumPy, RK4.
+    """The largest error of MRACs with Gamma = 1, by mutation of theta and of the instants of a command that jumps between its
+    ends. It uses plain NumPy and RK4.
 
-    L is the closed-loop model's, and gamma_r the gain of k_r in a direct MRAC; zero without them.
+    L is that of the closed-loop model, and gamma_r the gain of k_r in a direct MRAC. Both are zero otherwise.
     """
     box, size, known, h, T = problem.uncertainty, problem.reference.bound, problem.known, 1e-3, 4.0
     A_m, b, k_0, count = known.A_m, known.b, float(known.k_0), MUTANTS

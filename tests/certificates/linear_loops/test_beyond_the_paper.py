@@ -1,4 +1,4 @@
-"""The loop with frozen estimates on plants beyond the paper, against the loop written by hand."""
+"""The loop with frozen estimates on plants beyond the paper, compared with the loop written by hand."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ SCHEMES = {"plain": Mrac(gamma=10.0), "filtered": L1Adaptive(gamma=10.0, filter=
 @pytest.mark.parametrize("omega", [0.5, 2.0])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_beside_an_unknown_gain_the_loop_is_that_of_the_parameters(scheme, omega, delay):
-    """u = (k_0 r - theta'x)/omega: omega leaves the loop, so that the gain margin is beside the case's own.
+    """With u = (k_0 r - theta'x)/omega the loop does not depend on omega, so that the gain margin is relative to the case's gain.
 
-    With C(s) u = C/(1 - C) [k_0 r - theta'x - omega u] = (k_0 r - theta'x)/(kappa s + omega): omega stays in the filter.
+    With C(s), u = C/(1 - C) [k_0 r - theta'x - omega u] = (k_0 r - theta'x)/(kappa s + omega), where omega remains in the filter.
     """
     controller = SCHEMES[scheme]
     problem = Problem(
@@ -57,13 +57,13 @@ def test_beside_an_unknown_gain_the_loop_is_that_of_the_parameters(scheme, omega
     assert "with frozen estimates" in line and ("adapting: not known" in line) == (not adapting.applies)
     unknown = replace(
         problem, plant=replace(problem.plant, theta=[20.0, 1.5])
-    )  # outside the set: a projected estimate can't rest there
+    )  # outside the set, where a projected estimate can't be at rest
     text = certify(unknown, [controller], SIMULATION)[controller.name].entry("delay_margin").why
     assert "limit acts" in text
 
 
 def test_beside_an_unknown_gain_the_law_has_a_margin_of_its_own():
-    """At rest under a constant command: with its estimates frozen the loop tolerates any delay, but not with its law active."""
+    """At rest under a constant command, the loop tolerates any delay with frozen estimates, but not with an active law."""
     problem = Problem(
         plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=B, theta=[0.6, -0.4], x0=[1.0, 0.0], input=PlantInput(gain=0.8)),
         reference_model=ReferenceModel(k_0=2.0),

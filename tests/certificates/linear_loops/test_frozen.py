@@ -1,4 +1,4 @@
-"""The robust MRAC's frozen loops against a formula, Pade approximations, eigenvalues, H-infinity norms and simulation."""
+"""The robust MRAC's frozen loops, compared with a formula, Pade approximations, eigenvalues, H-infinity norms and simulation."""
 
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def test_the_loop_from_the_equations_is_the_one_by_hand(problems, order, c_0, re
 
 
 def test_without_auxiliary_input_and_with_parts_between(problems):
-    """F = 0 leaves theta_hat'G; an actuator and a sensor's lag are in series with it."""
+    """With F = 0 the loop is theta_hat'G. An actuator and a sensor's lag are in series with it."""
     plant = replace(problems[2].plant, input=PlantInput(actuator=TransferFunction([50.0], [1.0, 50.0])))
     problem = replace(problems[2], plant=plant, sensor=Sensor(lag=0.03))
     theta_hat = np.array([0.3, 0.2])
@@ -59,14 +59,14 @@ def test_without_auxiliary_input_and_with_parts_between(problems):
 
 
 def pade_real_part(loop, delay):
-    """The closed loop's largest real part with the delay by a Pade approximation of order 12."""
+    """The largest real part of the closed-loop poles, with a Pade approximation of order 12 for the delay."""
     num, den = control.pade(delay, 12)
     delayed = series(TransferFunction(np.array(num), np.array(den)).realise(), loop)
     return float(np.linalg.eigvals(sensitivity(delayed).A).real.max())
 
 
 def with_error(loop, size):
-    """The closed loop's largest real part with Delta_m = size times the derivative's realisation."""
+    """The largest real part of the closed-loop poles with Delta_m = size times the derivative's realisation."""
     one_plus = TransferFunction(np.polyadd(DERIVATIVE.shape.den, size * DERIVATIVE.shape.num), DERIVATIVE.shape.den)
     return float(np.linalg.eigvals(sensitivity(series(one_plus.realise(), loop)).A).real.max())
 
@@ -79,7 +79,7 @@ def test_the_limit_is_exact_and_the_small_gain_size_below_it(problems, error, re
             loops = FrozenLoops(problem, scheme(tau))
             found = borne(loops, error)
             loop = loops.at_theta
-            for part in (0.1, 0.5, 0.99):  # sufficient: stable at every size below
+            for part in (0.1, 0.5, 0.99):  # sufficient: stable for every smaller size
                 assert real_part(loop, part * found.small_gain) < 0
             assert found.small_gain <= found.limit * (1 + 1e-9)
             if np.isfinite(found.limit):
@@ -112,14 +112,14 @@ def test_over_the_known_set(section_v):
         corners = [small_gain(loops.at(np.array([a, b])), DelayError()) for a in (-5.0, 5.0) for b in (-5.0, 5.0)]
         assert min(corners) * 0.99 < found.over_set <= min(*corners, *each) * 1.01  # its grid is coarser
     slow = borne(FrozenLoops(section_v, scheme(0.5, c_0=[1.0, 1.0])), DelayError())
-    assert slow.over_set == 0  # A_m + b (theta - theta_hat)' is unstable at a corner, and F too slow to help
+    assert slow.over_set == 0  # A_m + b (theta - theta_hat)' is unstable at a corner, and F is too slow to stabilise it
     assert np.linalg.eigvals(section_v.plant.A_m + np.outer(section_v.plant.b, [9.0, 2.0])).real.max() > 0
     assert borne(FrozenLoops(replace(section_v, uncertainty=None), scheme(0.5, c_0=[1.0, 1.0])), DelayError()).over_set is None
 
 
 @pytest.mark.parametrize("theta_hat", [[4.0, -3.0], [4.5, -2.0]])
 def test_simulation_with_frozen_estimates_is_lost_where_the_loop_says(section_v, theta_hat):
-    """A gain of 1e-60 freezes the estimates; no command, so only the loop's own modes move."""
+    """A gain of 1e-60 freezes the estimates. There is no command, so that only the loop's own modes are excited."""
     controller = RobustMrac(c_0=[1.0, 1.0], tau=0.06, law=Gradient(gamma=1e-60), theta_hat0=theta_hat)
     limit = DelayError().limit(FrozenLoops(section_v, controller).at(np.array(theta_hat)))
     members = []
@@ -132,7 +132,7 @@ def test_simulation_with_frozen_estimates_is_lost_where_the_loop_says(section_v,
 
 
 def test_a_loop_that_is_unstable_by_itself_is_refused(section_v):
-    """theta = (4, -3) needs feedback: with an actuator far slower than the plant's unstable mode there is none in time."""
+    """theta = (4, -3) needs feedback, which comes too late through an actuator far slower than the plant's unstable mode."""
     slow = PlantInput(actuator=TransferFunction([0.05], [1.0, 0.05]))
     problem = replace(section_v, plant=replace(section_v.plant, input=slow))
     loop = FrozenLoops(problem, scheme(0.1, c_0=[1.0, 1.0])).at_theta

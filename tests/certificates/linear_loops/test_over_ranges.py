@@ -1,4 +1,4 @@
-"""The margins over the ranges of physical parameters belong to the real plants: compared with loops built by hand."""
+"""The margins over the ranges of physical parameters are those of the real plants, as in loops built by hand."""
 
 from dataclasses import replace
 
@@ -45,8 +45,8 @@ name = "sampled"
 scheme = "baseline"
 sample_time = 1e-3
 """
-"""J s^2 + 6 s + 13 - g in the closed loop: stable for g < 13 and every J, while a box of theta and omega also combines the
-largest g/J with the smallest 13/J."""
+"""The closed loop has the polynomial J s^2 + 6 s + 13 - g and is stable for g < 13 and every J, whereas a box of theta and omega
+also combines the largest g/J with the smallest 13/J."""
 
 
 def certified(text):
@@ -56,7 +56,7 @@ def certified(text):
 
 
 def delay_margin(J, g):
-    """Of (6 s + 13)/(J s^2 - g) at its crossover, by hand: atan(6 w/13)/w with (J w^2 + g)^2 = 36 w^2 + 169."""
+    """The delay margin of (6 s + 13)/(J s^2 - g) at its crossover, by hand: atan(6 w/13)/w with (J w^2 + g)^2 = 36 w^2 + 169."""
     (square,) = (root.real for root in np.roots([J**2, 2 * J * g - 36.0, g**2 - 169.0]) if root.real > 0)
     return np.arctan(6 * np.sqrt(square) / 13) / np.sqrt(square)
 
@@ -72,7 +72,7 @@ class None_column:
 
 @pytest.mark.parametrize(("name", "hold"), [("continuous", 0.0), ("sampled", 0.5e-3)])
 def test_a_box_with_unstable_points_is_not_an_unstable_plant(name, hold):
-    """Over J and g the margin is least at the corner J = 0.7, g = 10; the sampled loop's hold delays by half a sample."""
+    """Over J and g the margin is smallest at the corner J = 0.7, g = 10. The hold of the sampled loop delays by half a sample."""
     certificate, found = certified(PENDULUM.replace("RANGE", "[8.0, 10.0]"))[name]
     least = min(delay_margin(J, g) for J in (0.7, 1.4) for g in (8.0, 10.0))
     assert found["delay_margin"]["value"] == pytest.approx(least - hold, abs=1e-5)
@@ -142,7 +142,7 @@ scheme = "l1"
 gamma = 1.0
 filter = { kappa = 0.01 }
 """
-"""k and m act on states that the input does not reach directly: no theta matches them."""
+"""k and m act on states that the input does not reach directly, so that no theta matches them."""
 WITHOUT_BASELINE = """
 [[controller]]
 name = "piecewise"
@@ -181,7 +181,7 @@ def belt(observer, *, baseline=True):
 @pytest.mark.parametrize("observer", OBSERVERS)
 @pytest.mark.parametrize("baseline", [True, False])
 def test_the_loop_at_p_is_that_of_the_truth_with_these_parameters(observer, baseline):
-    """The plant that is put in place as matrices gives the loop of a truth with these parameters, differentiated as a whole."""
+    """The plant given by matrices has the same loop as a truth with these parameters that is linearised as a whole."""
     case = belt(observer, baseline=baseline)
     plants, frequencies = plants_of(case.problem.design), np.geomspace(1.0, 1000.0, 50)
     for controller in case.controllers:
@@ -205,7 +205,9 @@ def of_the_truth(problem, controller, found):
     loop = ClosedLoop.of(problem, controller)
     if not loop.sampled:
         rest = rest_of(problem, loop, frozen=True)
-        if controller.name == "robust":  # in its rates Xi theta_hat', which a freeze would hold, vanishes only at zero
+        if (
+            controller.name == "robust"
+        ):  # in its rates the term Xi theta_hat', which freezing would keep constant, vanishes only at zero
             state = np.zeros(rest.loop.size)
             state[rest.loop.theta_hat_rows] = rest.state[rest.loop.theta_hat_rows]
             rest = replace(rest, state=state)
@@ -223,7 +225,8 @@ def with_dynamics_of_the_truth(problem, loop):
 
 
 def test_the_margin_of_the_belt_is_found_by_hand():
-    """LQR, Kalman filter, actuator and lag by SciPy on the nominal plant; the loop around the plant at each corner."""
+    """The LQR, the Kalman filter, the actuator and the lag are computed by SciPy for the nominal plant, and the loop around the
+    plant at each corner."""
     case = belt("kalman")
     certificate = certify(case.problem, case.controllers[:1], case.simulation)["fixed"]
     (found,) = certificate.values["margins_over_known_set"]
@@ -296,7 +299,7 @@ sample_time = 2e-3
 
 
 def radius_of_the_arm(m, B, extra):
-    """x[k + 1] by the matrix exponential, with u late by whole samples and a part of one."""
+    """The spectral radius of the map to x[k + 1] by the matrix exponential, with u delayed by whole samples and a part of one."""
     J, T, delay = 0.032 + m * 0.0625, 2e-3, 0.008 + extra
     whole, part = int(delay / T + 1e-9), delay % T if delay % T < T - 1e-12 else 0.0
     A = np.zeros((3, 3))
@@ -327,7 +330,7 @@ def test_the_sampled_arm_is_found_by_hand():
 
 
 def test_parameters_of_the_path_alone_are_varied_too():
-    """Only the delay has a range: the least margin is that of the longest one."""
+    """Only the delay has a range, and the smallest margin is that of the longest delay."""
     text = ARM.replace(
         "m = { value = 0.75, between = [0.0, 1.5] }\nB = { value = 0.25, tolerance = 0.1 }",
         "m = 0.75\nB = 0.25\nd = { value = 0.008, between = [0.004, 0.02] }",
@@ -339,7 +342,7 @@ def test_parameters_of_the_path_alone_are_varied_too():
 
 
 def test_fast_adaptation_around_any_plant():
-    """w from b'P (x_hat - x) = 0 in the frequency domain; for a matched plant it is the known formula."""
+    """w follows from b'P (x_hat - x) = 0 in the frequency domain. For a matched plant this is the known formula."""
     random = np.random.default_rng(3)
     A_m, b, C = np.array([[0, 1, 0], [0, 0, 1], [-6.0, -11, -6]]), np.array([0, 0, 1.0]), input_filter(0.1).realise()
     from scipy.linalg import solve_continuous_lyapunov
@@ -368,7 +371,7 @@ def test_fast_adaptation_around_any_plant():
 
 
 def test_ranges_that_give_no_path_are_a_note():
-    """At its lower end the delay would be negative: certify says so, and the other numbers stand."""
+    """At its lower end the delay would be negative. certify says so, and the other numbers remain."""
     text = ARM.replace("B = { value = 0.25, tolerance = 0.1 }", "B = 0.25\nd = { value = 0.008, between = [-0.001, 0.01] }")
     case = parse_case(text.replace("delay = 0.008", 'delay = "d"'))
     certificate = certify(case.problem, case.controllers, case.simulation)["sampled"]

@@ -1,4 +1,4 @@
-"""Bounds of sampled linear loops for all commands and disturbances of given sizes: attacked by the worst ones, in simulation."""
+"""Bounds of sampled linear loops for all commands and disturbances of given sizes, attacked by simulations of the worst ones."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def problem_of(path, **fields):
 
 
 def drawn_steps(random, size):
-    """A command that jumps from end to end at samples, as often as it likes."""
+    """A random command that jumps between its ends at any samples."""
     times = np.cumsum(random.integers(1, random.integers(2, 60), 200)) * T
     return Steps(times=tuple(times), values=tuple(size * random.choice([-1.0, 1.0], 200)), initial=size * random.choice([-1, 1]))
 
@@ -91,7 +91,7 @@ def test_no_command_and_no_disturbance_exceeds_them(name, path, sample):
 
 @pytest.mark.parametrize("name", ["adrc", "piecewise"])
 def test_the_worst_command_comes_close(name):
-    """Its signs are those of the impulse response backwards, which a run gives: nothing of the bound's own arithmetic."""
+    """Its signs are those of the impulse response of a run, reversed in time, so that the bound's arithmetic is not used."""
     controller, count = CONTROLLERS[name], 160
     still = replace(problem_of("delay"), plant=replace(problem_of("delay").plant, x0=[0.0, 0.0]))
     pulse = replace(still, reference=Steps(times=(0.0, T), values=(1.0, 0.0)))
@@ -157,7 +157,8 @@ def refused(document, sentence):
 @pytest.mark.parametrize("name", ["adrc", "known", "piecewise"])
 @pytest.mark.short(kept=lambda name, path: (name, path) == ("known", "actuator and two samples"))
 def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path):
-    """It sums again, from the matrices alone and in other arithmetic; the package's own sums are within a thousandth of it."""
+    """The checker computes the sums again from the matrices alone and in a different arithmetic. The package's sums are within a
+    thousandth of them."""
     problem = problem_of(path, reference=Square(amplitude=0.5, frequency=0.7), disturbance=Sine(amplitude=0.3, frequency=2.0))
     controller, simulation = CONTROLLERS[name], Simulation(t_end=T_END, dt=DT)
     found = certify(problem, [controller], simulation)
@@ -214,7 +215,7 @@ def at_rest_with_noise(path, period, **fields):
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.short(kept=lambda name, path: (name, path) in (("adrc", "delay"), ("piecewise", "actuator and two samples")))
 def test_noise_adds_the_stated_deviations(name, path):
-    """Independently of the bound: the variances of a long simulation, in which e is noise alone."""
+    """The comparison is with the variances of a long simulation in which e is noise alone."""
     problem, simulation = (
         at_rest_with_noise(path, T / 2 if "euler" in name else T),
         Simulation(t_end=3000.0, dt=DT, record_points=60_000),
@@ -224,7 +225,7 @@ def test_noise_adds_the_stated_deviations(name, path):
     stated = {"error_noise_rms": run.x.std(axis=0), "control_noise_rms": run.u.reshape(len(run.t), -1).std(axis=0)}
     assert stated.keys() <= found.guaranteed
     for key, seen in stated.items():
-        np.testing.assert_array_less(seen, 1.06 * np.array(found.values[key]))  # the sample's own deviation is 2 to 3 %
+        np.testing.assert_array_less(seen, 1.06 * np.array(found.values[key]))  # the statistical error of the sample is 2 to 3 %
         np.testing.assert_array_less(0.85 * np.array(found.values[key]), seen)
 
 

@@ -1,4 +1,4 @@
-"""Margins of loops whose sensor lags: against the characteristic equation on the imaginary axis, and against runs."""
+"""Margins of loops with a sensor lag, compared with the characteristic equation on the imaginary axis and with runs."""
 
 from dataclasses import replace
 
@@ -36,7 +36,8 @@ def problem(theta, lag, size=10.0):
 
 
 def delay_by_hand(theta, lag, filtered):
-    """theta'W_b F around the plant, or (1 + theta'W) F C/(1 - C) in the limit of fast adaptation, on a fine grid."""
+    """The delay margin of theta'W_b F around the plant, or of (1 + theta'W) F C/(1 - C) in the limit of fast adaptation, on a
+    fine grid."""
     w = np.linspace(1e-2, 60.0, 1_000_001)
     s = 1j * w
     numerator = theta[0] + theta[1] * s

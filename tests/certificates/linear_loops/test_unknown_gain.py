@@ -1,4 +1,4 @@
-"""Linear controllers beside an unknown input gain: their margins over the known set against loops written by hand."""
+"""Margins of linear controllers over the known set with an unknown input gain, compared with loops written by hand."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def problem_with(known_set, omega=1.0, gains=(0.5, 2.0)):
 
 
 def loop_by_hand(theta, omega):
-    """PI on c'x with c = P b, broken at the plant's input."""
+    """The loop of a PI on c'x with c = P b, broken at the plant's input."""
     from scipy.linalg import solve_continuous_lyapunov
 
     c = solve_continuous_lyapunov(A_M.T, -np.eye(2)) @ B

@@ -1,4 +1,5 @@
-"""Margins over the known set: against a dense grid of exact margins, and the two ways to a response against each other."""
+"""Margins over the known set, compared with a dense grid of exact margins, and the two computations of a response, compared with
+each other."""
 
 import itertools
 import json
@@ -44,7 +45,8 @@ def families():
 @pytest.mark.parametrize(("family", "box"), list(families()))
 @pytest.mark.short(kept=lambda family, box: family.plant.n == 2)
 def test_no_point_of_a_dense_grid_is_worse(family, box):
-    """Exact margins on a lattice that contains the vertices; 1e-3: an interior minimum is found to the search's last width."""
+    """The exact margins are on a lattice that contains the vertices. The tolerance is 1e-3 because the search finds an interior
+    minimum up to its last width."""
     axes = [np.linspace(low, high, {2: 13, 3: 5}[box.size]) for low, high in zip(box.lower, box.upper, strict=True)]
     lattice = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, box.size)
     found = worst_case(family, box)
@@ -59,7 +61,7 @@ def test_no_point_of_a_dense_grid_is_worse(family, box):
     assert found.least["gain_down"][0] >= max(m.gain_down for m in exact) - 1e-3
     for name, (value, theta) in found.least.items():
         assert box.contains(theta)
-        assert getattr(margins(family.loop(theta)), name) == value  # none is the screening's interpolation
+        assert getattr(margins(family.loop(theta)), name) == value  # none comes from the screening's interpolation
 
 
 @pytest.mark.parametrize(("family", "box"), list(families()))
@@ -70,11 +72,13 @@ def test_the_vectorised_response_and_spectrum_are_the_loops_own(family, box):
     N, D = family.responses(w)(thetas)
     np.testing.assert_allclose(N / D, own, rtol=1e-8)
     spectra = [np.linalg.eigvals(sensitivity(family.loop(theta)).A).real.max() for theta in thetas]
-    np.testing.assert_allclose(family.largest_real_parts(thetas), spectra, atol=1e-6)  # a double pole: the root of rounding
+    np.testing.assert_allclose(
+        family.largest_real_parts(thetas), spectra, atol=1e-6
+    )  # a double pole, so that the error is the square root of rounding
 
 
 class Bump(LoopsOverTheta):
-    """L = k/(s (s + 1)), k = 5 - |theta - (0.3, -0.2)|^2: the worst point is in the interior, which is rare for matched
+    """L = k/(s (s + 1)) with k = 5 - |theta - (0.3, -0.2)|^2. The worst point is in the interior, which is rare for matched
     uncertainty."""
 
     def gain(self, thetas):
@@ -91,7 +95,7 @@ class Bump(LoopsOverTheta):
 
 
 def lightly_damped(count):
-    """Plants of order 2 and 3 with damping down to 0.05, a box, a filter and, in half of them, a delay."""
+    """Plants of order 2 and 3 with damping down to 0.05, a box, a filter and, for half of them, a delay."""
     rng = np.random.default_rng(11)
     for _ in range(count):
         n, w, zeta = int(rng.integers(2, 4)), rng.uniform(0.5, 3), rng.uniform(0.05, 0.9)
@@ -125,18 +129,20 @@ def test_never_better_than_at_a_vertex_or_at_the_case_s_theta(sample):
 
 
 def test_a_pole_beside_the_axis_is_no_crossing():
-    """A plant with damping 0.05 and a box that takes it to 0.0013: the reported factor is the loop's own, above 1."""
+    """A plant with damping 0.05 and a box in which the damping falls to 0.0013. The reported factor is that of the loop, above
+    1."""
     A_m = [[0.0, 1.0], [-2.5053107653324966, -0.15779347601555097]]
     plant = Plant(A_m=A_m, b=[0.0, 1.0], theta=[-0.5, -2.2], x0=[0.0, 0.0])
     box = ParameterBox(lower=[-0.5212298, -2.2170026], upper=[0.5212298, 2.2170026])
     value, theta = worst_case(family_of(plant, None)["rest"], box).least["gain_up"]
-    # k theta_2 = 0.1578: with the vertex' own theta_2 that is where the damping is gone
+    # k theta_2 = 0.1578, where the damping is zero with theta_2 of the vertex
     assert value == pytest.approx(1 + 0.15779347601555097 / 2.2170026, rel=1e-9)
     assert theta[1] == -2.2170026
 
 
 def test_the_screening_agrees_with_the_exact_margins():
-    """0.03: interpolation, beside a pole that L nearly has. With and without delay, at points drawn from the set."""
+    """At random points of the set, with and without delay. The tolerance 0.03 is the interpolation's error near a pole of L close
+    to the axis."""
     rng = np.random.default_rng(2)
     for plant, box, C in lightly_damped(4):
         for family in family_of(plant, C).values():
@@ -157,7 +163,7 @@ def test_the_screening_agrees_with_the_exact_margins():
 
 
 def test_an_interior_worst_case_is_found():
-    """1e-4: its square root times the width is what the last round leaves of the distance."""
+    """The tolerance is 1e-4. Its square root times the width is the distance that remains after the last round."""
     family = Bump(load_case("paper").problem.plant, None)
     value, theta = worst_case(family, ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0])).least["delay"]
     np.testing.assert_allclose(theta, [0.3, -0.2], atol=0.01)
@@ -183,7 +189,7 @@ def test_the_certificate_says_how_it_searched(capsys):
         for entry in entries:
             assert "not a guarantee" in entry["searched"]
         assert entries[0]["delay_margin"]["value"] <= controllers[name]["delay_margin"]
-    # 1/L + 1 = 0 at s = 0: with theta_1 = -5 the stiffness 0.3 + (k - 1) theta_1 is gone at k = 1.06
+    # 1/L + 1 = 0 at s = 0: with theta_1 = -5 the stiffness 0.3 + (k - 1) theta_1 is zero at k = 1.06
     assert controllers["MRAC"]["margins_over_known_set"][0]["gain_margin"]["value"] == pytest.approx(1.06, rel=1e-6)
 
 
@@ -195,6 +201,6 @@ def test_a_delay_that_part_of_the_set_does_not_bear_is_a_finding():
 
 
 def test_a_filter_too_slow_for_part_of_the_set_is_a_finding():
-    """With kappa = 10 the filtered loop at rest on theta = [5, 5] loses stability."""
+    """With kappa = 10 the filtered loop at rest with theta = [5, 5] is unstable."""
     found = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(10.0)),), SIMULATION)["L1"]
     assert any("unstable at theta" in finding for finding in found.findings)

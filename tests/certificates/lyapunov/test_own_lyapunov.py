@@ -26,7 +26,8 @@ spec.loader.exec_module(laws)
 
 SIMULATION = Simulation(t_end=8.0, dt=1e-3)
 RESOLVED = Simulation(t_end=8.0, tolerance=1e-9)
-"""For runs that are held against bounds: a fixed step may be too long for a fast law, and leave what is true of the solution."""
+"""Solver of the runs that are compared with bounds. A fixed step may be too long for a fast law, so that the run would violate
+what holds for the solution."""
 
 
 def a_problem(rng, n=2, *, projected=True, size=1.0, x0=True):
@@ -44,7 +45,7 @@ def certificate(problem, law):
 
 
 def refused(problem, law):
-    """The entry of the bound, which is withheld."""
+    """Check that the certificate refuses the bound, and return its entry."""
     found = certificate(problem, law)
     entry = found.entry("error_bound")
     assert entry.value is None or not entry.applies
@@ -58,7 +59,8 @@ def why_not(problem, law):
 
 @pytest.mark.parametrize("law", laws.CONTROLLERS, ids=lambda law: law.name)
 def test_the_three_laws_have_the_bound_of_the_mrac(law):
-    """By hand: |e_i|^2 <= (P^-1)_ii |theta|^2/gamma from estimates of zero; the tuner's V(0) is the same: xi starts there."""
+    """By hand, |e_i|^2 <= (P^-1)_ii |theta|^2/gamma with initial estimates of zero. The tuner's V(0) is the same, as xi starts at
+    zero too."""
     problem = a_problem(np.random.default_rng(3))
     P, theta = problem.known.P, problem.plant.theta
     found = certificate(problem, law)
@@ -73,7 +75,8 @@ def test_the_three_laws_have_the_bound_of_the_mrac(law):
 
 @pytest.mark.parametrize("law", laws.CONTROLLERS, ids=lambda law: law.name)
 def test_no_run_exceeds_the_bounds(law, sample):
-    """Random plants, starts, commands and theta, some at the corners of the set; 1e-6 of the bound for the solver's error."""
+    """Random plants, initial values, commands and theta, some at the corners of the set. 1e-6 of the bound is allowed for the
+    solver's error."""
     rng = np.random.default_rng(4)
     for _ in range(sample(2, 25)):
         problem = a_problem(rng, int(rng.integers(1, 4)))
@@ -133,7 +136,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class Own:
-    """MRAC with a deliberate fault; ``regressor`` "x_m" is the desired compensation law of Sadegh and Horowitz (1990)."""
+    """MRAC with a deliberate fault. With ``regressor`` "x_m" it is the desired compensation law of Sadegh and Horowitz (1990)."""
 
     gamma: float = 4.0
     sign: float = 1.0
@@ -150,7 +153,7 @@ class Own:
 
 
 def test_the_bound_of_a_copy_is_the_mracs():
-    """``error_bound_command`` of the built-in scheme is of components as well."""
+    """The bound equals ``error_bound_command`` of the built-in scheme, which also bounds each component."""
     problem = a_problem(np.random.default_rng(5), 3)
     built_in = certify(problem, [Mrac(gamma=4.0)], SIMULATION)["MRAC"].values["error_bound_command"]
     assert certificate(problem, Own(projects=True)).values["error_bound_command"] == pytest.approx(built_in, rel=1e-9)
@@ -176,7 +179,8 @@ def test_a_false_V_is_refused(law, reason):
 
 
 def test_a_projection_in_another_metric_than_Vs_is_refused():
-    """Onto a box a diagonal gain needs no metric; onto a ball it does, and the law hands it none."""
+    """A projection onto a box needs no metric with a diagonal gain. A projection onto a ball does, and the law does not pass
+    one."""
     law, problem = Own(diagonal=True, projects=True), a_problem(np.random.default_rng(6))
     assert "error_bound" in certificate(problem, law).guaranteed
     ball = replace(problem, uncertainty=ParameterBall(center=[0.0, 0.0], radius=1.5))
@@ -184,7 +188,8 @@ def test_a_projection_in_another_metric_than_Vs_is_refused():
 
 
 def test_a_V_that_needs_the_known_set():
-    """e' = (A_m + b theta')e - b theta_tilde'x_m: P(A_m + b theta') + (A_m + b theta')'P < 0 at the corners, and not beyond."""
+    """With e' = (A_m + b theta')e - b theta_tilde'x_m, P(A_m + b theta') + (A_m + b theta')'P < 0 holds at the corners but not
+    outside."""
     rng, law = np.random.default_rng(7), Own(regressor="x_m", projects=True, claimed=0.0)
     small, accepted = a_problem(rng, size=0.3), 0
     P, A_m, b = small.known.P, small.plant.A_m, small.plant.b
@@ -220,7 +225,7 @@ class LateFilter(laws.CompositeEquations):
 
 
 class OtherFilter(laws.CompositeEquations):
-    """phi_f is filtered by another time constant than z."""
+    """phi_f is filtered with a different time constant from z."""
 
     def filters(self, state, x, u):
         zeta, phi_f = super().filters(state, x, u)
@@ -237,7 +242,7 @@ class Unlearning(laws.ConcurrentEquations):
 
 
 class Escaping(laws.CompositeEquations):
-    """A part of the state that V does not contain blows up."""
+    """A part of the state that V does not contain diverges."""
 
     def derivative(self, state, x, x_m, r, u):
         found = super().derivative(state, x, x_m, r, u)
@@ -249,7 +254,7 @@ class Escaping(laws.CompositeEquations):
 
 
 class TrackingOnly(laws.CompositeEquations):
-    """Composite adaptation's lines without their prediction error, and a zeta that runs away at once."""
+    """Composite adaptation without the prediction error, and a zeta that diverges at once."""
 
     def derivative(self, state, x, x_m, r, u):
         found = super().derivative(state, x, x_m, r, u)
@@ -347,9 +352,9 @@ def test_a_ball_is_bounded_by_the_box_around_it():
 
 
 def test_accepted_is_true_on_numbers(sample):
-    """Laws with random factors, on random plants: where V' <= -W is accepted, V does not grow along a run at any step.
+    """For laws with random factors on random plants, if V' <= -W is accepted, V does not grow at any step of a run.
 
-    1e-7 of V(0): the solver's error over a step is far below.
+    The tolerance is 1e-7 of V(0), far above the solver's error over a step.
     """
     rng, accepted = np.random.default_rng(12), 0
     for _ in range(sample(8, 40)):

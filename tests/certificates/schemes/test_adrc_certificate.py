@@ -1,4 +1,4 @@
-"""The certificate of active disturbance rejection: its bound and its margins, each against runs."""
+"""The certificate of active disturbance rejection: its bound and its margins, each compared with runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def certified(problem, controller, simulation=SIMULATION):
 
 
 def random_member(problems, seed):
-    """Orders 1 to 3, both observers, with nominal parameters and a known gain of the input that is not 1."""
+    """A random problem of order 1 to 3 with either observer, nominal parameters and a known input gain other than 1."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 3
     given, b_0 = problems[n], 10 ** rng.uniform(-0.5, 0.5)
@@ -48,13 +48,14 @@ def test_the_bound_holds_along_runs(problems, sample, no_searches):
         if "error_bound" in found.guaranteed:
             bounds.append(found.values["error_bound"])
             assert max(run.figures["max_abs_e"]) <= bounds[-1], seed
-    assert len(bounds) > 4  # it applies to most of them
+    assert len(bounds) > 4  # the bound applies to most of them
 
 
 def test_the_bound_by_hand(problems):
-    """x' = -x + 2 (u + theta x), omega_o = 9: T = 2 s/((s + 1)(s + 9)), |g| integrates to 2 * 2 * max step response.
+    """For x' = -x + 2 (u + theta x) and omega_o = 9, T = 2 s/((s + 1)(s + 9)), and the integral of |g| is 2 * 2 * the largest
+    step response.
 
-    The step response (e^-t - e^-9t)/4 has its largest value at t* = ln(9)/8. 1e-5: the enclosure's width.
+    The step response (e^-t - e^-9t)/4 is largest at t* = ln(9)/8. The tolerance 1e-5 is the enclosure's width.
     """
     box = ParameterBox(lower=[-1.0], upper=[1.0])
     problem = replace(problems[1], plant=replace(problems[1].plant, theta=[0.5], x0=[0.0]), uncertainty=box)
@@ -71,7 +72,8 @@ def test_the_bound_by_hand(problems):
 
 @pytest.mark.parametrize("output", [None, [1.0, 0.0]])
 def test_the_delay_margin_is_where_runs_are_lost(problems, output):
-    """Beside an actuator and half the input's gain; 5 % below and above, over 200 s."""
+    """With an actuator and half of the input gain, runs of 200 s with delays 5 % below and above the margin are stable and
+    unstable."""
     path = PlantInput(gain=0.5, actuator=TransferFunction([30.0], [1.0, 30.0]))
     plant = replace(problems[2].plant, theta=[3.0, 2.0], input=path)
     problem, controller = replace(problems[2], plant=plant, uncertainty=None), Adrc(bandwidth=8.0, output=output)
@@ -94,7 +96,7 @@ def test_a_wrong_gain_leaves_the_margins_and_takes_the_bound(problems):
 
 
 def test_the_step_that_a_fast_observer_bears(problems):
-    """Of RK4; a fifth above it the run leaves the solver's region."""
+    """The step is that of RK4. With a step longer by a fifth, the run leaves the solver's stability region."""
     problem, controller = replace(problems[1], uncertainty=None), Adrc(bandwidth=900.0)
     step = certified(problem, controller)[0].values["step_max"]
     labels = []
@@ -105,7 +107,7 @@ def test_the_step_that_a_fast_observer_bears(problems):
 
 
 def test_an_aircraft_whose_gain_is_unknown_has_margins_too():
-    """f16-short-period at 70 % effectiveness; several inputs and other regressors get what linearisation gives."""
+    """f16-short-period at 70 % effectiveness. With several inputs and other regressors the margins come from linearisation."""
     case = load_case("f16-short-period")
     found, _ = certified(case.problem, Adrc(bandwidth=3.0))
     assert found.values["delay_margin"] > 0 and "error_bound" not in found.values

@@ -1,4 +1,4 @@
-"""The certificate of the piecewise-constant law is compared with simulations and second methods."""
+"""The certificate of the piecewise-constant law, compared with simulations and independent computations."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def certified(problem, controller):
 
 
 def without_limits():
-    """The bundled quadrotor as a linear loop, pushed once: motors, delay, both forms."""
+    """The bundled quadrotor as a linear loop with one pulse of disturbance: motors, delay, both forms."""
     case = load_case("quadrotor-pitch")
     plant = replace(case.problem.plant, input=replace(case.problem.plant.input, saturation=None), x0=[0.1, 0.0])
     laws = [replace(law, saturated_predictor=False) for law in case.controllers if isinstance(law, L1PiecewiseConstant)]
@@ -47,7 +47,8 @@ def without_limits():
 
 
 def grows(problem, law, dt):
-    """The last quarter of 40 s against the one before: a mode at the margin's 1 % changes by a factor there, see below."""
+    """Whether the last quarter of 40 s is larger than the one before. See below for the factor by which a mode near the margin
+    changes."""
     run = simulate(problem, [law], Simulation(t_end=40.0, dt=dt))[law.name]
     x = np.abs(run.envelope.e_max[:, 0])
     quarters = [part.max() for part in np.array_split(x, 4)]
@@ -56,7 +57,7 @@ def grows(problem, law, dt):
 
 @pytest.mark.parametrize("form", [0, 1])
 def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
-    """2 % below and above, with the delay inside of a sample."""
+    """Runs with delays 2 % below and above the margin, with the delay within a sample."""
     problem, laws = without_limits()
     entry = certified(problem, laws[form]).entry("delay_margin")
     assert entry.kind == "exact" and "from sample to sample" in entry.of
@@ -78,7 +79,7 @@ def test_the_gain_margins_are_where_a_simulation_begins_to_grow(form):
 
 
 def two_inputs(gains=(1.0, 1.0)):
-    """Coupled, of third order, pushed once, with motors and a delay at both inputs."""
+    """A coupled plant of third order with one pulse of disturbance and with motors and a delay at both inputs."""
     plant = Plant(
         A_m=[[-1.0, 1.0, 0.0], [0.0, -2.0, 0.5], [0.2, 0.0, -1.0]], b=[[1.0, 0.2], [0.0, 1.0], [0.3, 0.4]],
         theta=[0.5, -0.8, 1.2, 0.4, 0.1, -0.2], x0=[0.3, -0.2, 0.1],
@@ -91,7 +92,7 @@ OF_TWO = L1PiecewiseConstant(sample_time=0.05, filter=input_filter(0.1))
 
 
 def grows_of_two(problem, law):
-    """The last quarter of 60 s against the one before, of all states."""
+    """Whether the last quarter of 60 s is larger than the one before, over all states."""
     run = simulate(problem, [law], Simulation(t_end=60.0, dt=0.01))[law.name]
     quarters = [np.abs(part).max() for part in np.array_split(run.envelope.e_max, 4)]
     return run.diverged_at is not None or quarters[3] > quarters[2]
@@ -109,7 +110,7 @@ def test_gain_margins_of_several_inputs_are_where_a_simulation_begins_to_grow(wh
 
 
 class LateAtOneInput:
-    """The law with one entry of u delayed by this many samples, written as a class from outside the package."""
+    """The law with one entry of u delayed by this many samples, as a class from outside the package."""
 
     name = "late"
 
@@ -123,7 +124,7 @@ class LateAtOneInput:
 class LateState(NamedTuple):
     theta_hat: object
     law: object
-    earlier: object  # the entry's values at the last samples
+    earlier: object  # the values of the entry at the last samples
 
 
 class LateEquations:
@@ -146,7 +147,7 @@ class LateEquations:
 @pytest.mark.parametrize("at", [0, 1])
 @pytest.mark.short(kept=lambda at: at == 1)
 def test_the_delay_margin_of_one_input_is_between_two_whole_numbers_of_samples(at):
-    """The law takes the u that it asked for as what reaches the plant, as it does beside a delay of the plant's."""
+    """The law assumes that the u that it commanded reaches the plant, as it does with a delay of the plant."""
     samples = certified(two_inputs(), OF_TWO).values["delay_margin_each"][at] / OF_TWO.sample_time
     assert 1 < samples < 40
     for late, lost in ((int(samples), False), (int(samples) + 1, True)):
@@ -154,7 +155,8 @@ def test_the_delay_margin_of_one_input_is_between_two_whole_numbers_of_samples(a
 
 
 def test_the_sensitivity_peak_by_frequencies():
-    """The loop by hand: exact form, no actuator, from §10's identity; the peak over a dense grid."""
+    """The loop of the exact form without actuator is written by hand from the identity of §10, with the peak over a dense
+    grid."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 2.0], theta=[1.0, -0.5])
     T, kappa = 0.02, 0.1
     law = L1PiecewiseConstant(sample_time=T, filter=input_filter(kappa))
@@ -176,7 +178,8 @@ def test_the_sensitivity_peak_by_frequencies():
 
 @pytest.mark.parametrize("flown", [None, AsFlown(predictor_poles=-4.0, nominal=[0.5, 0.0])])
 def test_noise_in_a_simulation_is_what_is_certified(flown):
-    """3 %: 1/sqrt(2 N) of some 10 000 independent values is 0.7 %, those of u hang together over the filter's 10 samples."""
+    """The tolerance is 3 %. 1/sqrt(2 N) of some 10 000 independent values is 0.7 %, and the values of u are correlated over the
+    filter's 10 samples."""
     T, s = 0.01, 0.02
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 2.0], theta=[1.0, -0.5])
     sensor = Sensor(noise=Noise(std=s, sample_time=T, seed=5))
@@ -199,9 +202,9 @@ def test_the_margin_of_short_samples_is_that_of_the_reference_system(section_v):
 
 
 def reference_at_samples(problem, law, r, parts=1):
-    """x_ref under the held commands r (N,), by one exponential for all: filter of first order, one input, by hand.
+    """x_ref under the held commands r (N,), by a single exponential, with one input and a filter of first order, by hand.
 
-    At ``parts`` instants of each sample, (N parts, n).
+    The result (N parts, n) has ``parts`` instants in each sample.
     """
     plant, kappa, n = problem.plant, 1 / law.filter.den[-1], problem.plant.n
     theta, theta_0 = plant.theta, np.zeros(n) if law.as_flown is None else np.array(law.as_flown.nominal)
@@ -251,15 +254,15 @@ def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
         least = min(least, between.value / entry.value)
         assert np.abs(run.x - reference_at_samples(problem, law, r, parts=2)[: len(run.x)]).max() <= between.value
         close = max(close, away / entry.value)
-    assert least < 1.1  # where samples are short for the motion, little is added between them
-    assert close > 0.3  # it is no wild guess: one of the commands comes near the worst
+    assert least < 1.1  # if samples are short compared with the motion, little is added between them
+    assert close > 0.3  # the bound is not far too large: one of the commands comes near it
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("form", ["exact", "as flown", "T assumed apart"])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_distance_of_several_inputs_is_kept(seed, form):
-    """The reference system of two inputs by one exponential, as above; a T that is assumed a third too short among them."""
+    """The reference system of two inputs by one exponential, as above. One case assumes a T that is a third too short."""
     random, n, m, T = np.random.default_rng(seed), 3, 2, 2.0**-6
     A_m = random.normal(size=(n, n))
     A_m -= (np.linalg.eigvals(A_m).real.max() + 0.8) * np.eye(n)
@@ -306,7 +309,7 @@ def test_the_dc_gain_is_that_of_the_exact_form():
 
 
 def test_what_it_does_not_know_is_said():
-    """Nonlinear plants, unstable loops."""
+    """The certificate says so for nonlinear plants and unstable loops."""
     nonlinear = Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0, 0.5], regressor=Polynomial(degree=2))
     law = L1PiecewiseConstant(sample_time=0.01, filter=input_filter(0.1))
     found = certified(Problem(plant=nonlinear), law)
@@ -321,7 +324,8 @@ def test_what_it_does_not_know_is_said():
 
 
 def test_no_mixture_of_what_disturbs_does_what_is_denied(sample):
-    """The certificates' seeded problems: delays, limits, noise, nonlinear regressors, several inputs."""
+    """No statement is contradicted by the certificates' seeded problems with delays, limits, noise, nonlinear regressors and
+    several inputs."""
     judged_ones = 0
     for seed in range(sample(4, 30)):
         random = np.random.default_rng([seed, 7])
@@ -343,10 +347,11 @@ def test_no_mixture_of_what_disturbs_does_what_is_denied(sample):
 @pytest.mark.parametrize("T", [1e-3, 1e-2, 0.1, 0.2])
 @pytest.mark.short(kept=lambda T: T > 1e-3)
 def test_a_longer_sample_lets_less_noise_through(T):
-    """White noise through s(1 - 1/z)/T and C by the trapezoidal rule, in closed form, where the plant hardly moves in a sample.
+    """White noise through s(1 - 1/z)/T and C by the trapezoidal rule has a closed form if the plant hardly moves within a sample.
 
-    C = g (1 + 1/z)/(1 + g - (1 - g)/z) with g = omega_c T/2; its response to (1 - 1/z)/T has the energy omega_c^2/(2 (1 + g)^2).
-    The plant's time constant is 100 s: the formula is off by a share of T/100 s and of that of C, 0.1 s.
+    C = g (1 + 1/z)/(1 + g - (1 - g)/z) with g = omega_c T/2. Its response to (1 - 1/z)/T has the energy omega_c^2/(2 (1 + g)^2).
+    The plant's time constant is 100 s, so that the formula's relative error is about T/100 s plus 0.1 s/100 s, where 0.1 s is the
+    time constant of C.
     """
     bandwidth = 10.0
     problem = Problem(

@@ -1,4 +1,5 @@
-"""Certificates of linear controllers: the bound against simulations, the norm against an impulse response, the keys."""
+"""Certificates of linear controllers: the bound compared with simulations, the norm compared with an impulse response, and the
+keys."""
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 
 
 def test_the_norm_against_an_impulse_response(section_v):
-    """int |g_i| by quadrature on 400,000 points over 40 s; the slowest closed-loop pole, near 1/(8 delay), is long gone."""
+    """int |g_i| by quadrature on 400,000 points over 40 s, when the slowest mode, with a pole near 1/(8 delay), has long
+    decayed."""
     given = pi_feedback(section_v.known, unmodelled_delay=0.02)
     equations = given.bind(section_v.known)
     loop = linear_feedback.loop_at(np.zeros(2), equations, section_v.known)
@@ -31,7 +33,7 @@ def test_the_norm_against_an_impulse_response(section_v):
 
 
 def test_the_bound_holds_over_the_known_set():
-    """48 draws of theta, box corners among them, and of the command; every step of every run stays below."""
+    """48 random commands and theta, some at the corners of the box. Every step of every run stays below the bound."""
     rng = np.random.default_rng(11)
     thetas = [np.array([p, q]) for p in (-5.0, 5.0) for q in (-5.0, 5.0)] + [rng.uniform(-5, 5, 2) for _ in range(8)]
     given = variant()
@@ -55,7 +57,7 @@ def test_keys_and_what_is_guaranteed():
     assert 1 < v["sensitivity_peak"] < 2 and 1 < v["complementary_sensitivity_peak"] < 2
     assert max(v["mu_parameters"], v["mu_dynamics"]) <= v["mu"] <= v["mu_parameters"] + v["mu_dynamics"]
     assert v["parameter_scale"] == 1 / v["mu_parameters"]
-    # small gain in the L1 norm is at least as strict as exact stability of the same family
+    # the small-gain condition in the L1 norm is at least as strict as exact stability of the same family
     assert v["parameter_scale"] > 1 / v["condition"]["value_upper"]
 
 
@@ -69,7 +71,7 @@ def test_theta_destabilising_is_on_the_border():
 
 
 def test_mu_of_the_l1_limit_stands_beside_its_condition():
-    """The condition is sufficient in the L1 norm, mu exact for constant parameters: it always allows more."""
+    """The condition is sufficient in the L1 norm, and mu is exact for constant parameters, so that mu always allows more."""
     found = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(0.02)),), SIMULATION)["L1"].values
     assert found["parameter_scale"] > 1 / found["condition"]["value_upper"]
 
@@ -86,7 +88,7 @@ def test_input_dynamics_take_the_guarantee_away_and_sampling_gives_another():
     controller = pi_feedback(variant().known, unmodelled_delay=0.01)
     late = variant(input=PlantInput(delay=0.01))
     assert "error_bound" not in certify(late, (controller,), SIMULATION)["PI"].guaranteed
-    for given in (variant(), late):  # of the sampled loop itself, with its delay: see test_sampled_response.py
+    for given in (variant(), late):  # of the sampled loop with its delay: see test_sampled_response.py
         found = certify(given, (sampled(controller),), SIMULATION)["PI"]
         assert {"error_bound", "error_bound_held"} <= found.guaranteed
     left = certify(variant(input=PlantInput(delay=0.01)), (controller,), SIMULATION)["PI"].values["delay_margin"]

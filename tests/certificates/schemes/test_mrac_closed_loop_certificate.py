@@ -1,4 +1,5 @@
-"""The certificate of MRAC with a closed-loop reference model: formulas with SciPy's matrices and by hand, and runs."""
+"""The certificate of MRAC with a closed-loop reference model, compared with formulas from SciPy's matrices and by hand, and with
+runs."""
 
 from __future__ import annotations
 
@@ -17,13 +18,14 @@ from barbalat.solvers.simulation import Simulation
 
 GAMMA, DT = 4.0, 1e-3
 FEEDBACK = {n: -2.0 * np.eye(n) + 0.3 * np.eye(n, k=1) for n in (1, 2, 3)}
-"""L: A_m + L is faster than A_m, so that its P is smaller and nu_0 with P of A_m would be too small."""
+"""The gain L. A_m + L is faster than A_m, so that its P is smaller and nu_0 with P of A_m would be too small."""
 QUADRATURE = {"rel": 1e-5}
-"""Trapezoids of 2e-3 s err by (3 * 2e-3)^2/12 = 3e-6 of a mode of 3/s, the fastest; cut off is 1e-9, enclosures 1e-6."""
+"""Relative tolerance. Trapezoids of 2e-3 s have an error of (3 * 2e-3)^2/12 = 3e-6 for the fastest mode, of 3/s. The truncation
+is 1e-9, the width of the enclosures 1e-6."""
 
 
 def l1_norms(A, B):
-    """The integrals over time of the entries' magnitudes of exp(A t) B."""
+    """The integrals over time of the magnitudes of the entries of exp(A t) B."""
     step, samples, transition = 2e-3, [B], expm(2e-3 * A)
     while np.abs(samples[-1]).max() > 1e-9 * np.abs(B).max():
         samples.append(transition @ samples[-1])
@@ -32,7 +34,7 @@ def l1_norms(A, B):
 
 @pytest.fixture(params=[1, 2, 3], scope="module")
 def certified(request, problems):
-    """(n, problem at rest, its certificate, P of A_m + L, the L1 norm from e_c to e)."""
+    """n, the problem at rest, its certificate, P of A_m + L, and the L1 norm from e_c to e."""
     n = request.param
     problem = replace(problems[n], plant=replace(problems[n].plant, x0=np.zeros(n)))
     controller = MracClosedLoop(gamma=GAMMA, model_feedback=FEEDBACK[n])
@@ -47,7 +49,8 @@ def nu_0(problem, P):
 
 
 def test_the_error_s_bound_is_that_of_the_loop_s_own_matrix(certified):
-    """|e_i| <= carried nu_0/sqrt(Gamma), nu_0 with P of A_m + L; with P of A_m it would be smaller, which nothing proves."""
+    """|e_i| <= carried nu_0/sqrt(Gamma) with nu_0 for P of A_m + L. With P of A_m it would be smaller, for which there is no
+    proof."""
     n, problem, found, P, carried = certified
     wrong = solve_continuous_lyapunov(problem.plant.A_m.T, -np.eye(n))
     assert nu_0(problem, wrong) < 0.9 * nu_0(problem, P)
@@ -56,19 +59,21 @@ def test_the_error_s_bound_is_that_of_the_loop_s_own_matrix(certified):
 
 
 def test_the_limits_count_all_of_the_state(certified):
-    """|x|_2 <= |x_m|_2 + sqrt(n) max |e_i|: the adaptation's fastest frequency, and the gain at which RK4 leaves its axis."""
+    """The fastest frequency of adaptation and the gain at which RK4 leaves the imaginary axis use |x|_2 <= |x_m|_2 + sqrt(n) max
+    |e_i|."""
     n, problem, found, P, carried = certified
     plant, command = problem.plant, problem.reference_model.k_0 * problem.reference.bound
     x_m = np.linalg.norm(l1_norms(plant.A_m, plant.b[:, None])) * abs(command)
     e_by_root_gain = np.sqrt(n) * carried * nu_0(problem, P)
     root_bPb = np.sqrt(plant.b @ P @ plant.b)
     assert found["adaptation_frequency"] == pytest.approx(root_bPb * (np.sqrt(GAMMA) * x_m + e_by_root_gain), **QUADRATURE)
-    largest = 2 * np.sqrt(2) / DT  # RK4's piece of the imaginary axis
+    largest = 2 * np.sqrt(2) / DT  # RK4's limit on the imaginary axis
     assert found["gamma_max"] == pytest.approx(((largest / root_bPb - e_by_root_gain) / x_m) ** 2, **QUADRATURE)
 
 
 def test_by_hand(problems):
-    """x' = -x + 2 (u + theta x), theta = 1.5, L = -2: P = 1/6, the L1 norm of 1 + 2/(s + 1) is 3. 1e-6: the enclosures' width."""
+    """With x' = -x + 2 (u + theta x), theta = 1.5 and L = -2, P is 1/6, and the L1 norm of 1 + 2/(s + 1) is 3. The tolerance 1e-6
+    is the enclosures' width."""
     problem = replace(problems[1], plant=replace(problems[1].plant, x0=np.zeros(1)))
     controller = MracClosedLoop(gamma=GAMMA, model_feedback=[[-2.0]])
     found = certify(problem, [controller], Simulation(t_end=1.0, dt=DT))[controller.name].values
@@ -80,7 +85,7 @@ SIMULATION = Simulation(t_end=10.0, dt=1e-3)
 
 
 def random_member(problems, seed):
-    """Orders 1 to 3, scalar, diagonal and matrix gains, a box, a ball or no known set."""
+    """A random problem of order 1 to 3 with a scalar, diagonal or matrix gain and a box, a ball or no known set."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 3
     given, theta = problems[n], rng.uniform(-1.0, 1.0, n)
@@ -98,7 +103,7 @@ def random_member(problems, seed):
 
 
 EACH_PAIR = [n + 3 * known_set + 9 * ((n + known_set) % 3) for n in range(3) for known_set in range(3)]
-"""Seeds with every pair of an order, a known set and a kind of gain among them; the first 27 have every triple."""
+"""Seeds that cover every pair of an order, a known set and a kind of gain. The first 27 cover every triple."""
 
 
 def test_the_bound_holds_along_runs(problems, by_turns, no_searches):
@@ -116,7 +121,7 @@ TERMS = {1: ("sin(x1)",), 2: ("x1*x2", "sin(x2)"), 3: ("x1*x2", "x3", "tanh(x1)"
 
 
 def test_the_bound_holds_for_another_regressor_too(problems, by_turns, no_searches):
-    """V holds for any phi(x); the margins are those of one linearisation, and none is guaranteed."""
+    """The Lyapunov function holds for any phi(x). The margins are those of one linearisation, and none is guaranteed."""
     for seed in by_turns(range(300), 9):
         problem, controller = random_member(problems, seed)
         problem = replace(problem, plant=replace(problem.plant, regressor=Terms(terms=TERMS[problem.plant.n])))
@@ -129,7 +134,8 @@ def test_the_bound_holds_for_another_regressor_too(problems, by_turns, no_search
 
 
 def test_the_worst_theta_of_a_box_is_a_vertex(problems, no_searches):
-    """nu_0 is convex in theta, so the largest of the bounds at the vertices is that of the set. 1e-9: roundings outward."""
+    """nu_0 is convex in theta, so the largest bound at the vertices is that of the set. The tolerance 1e-9 is for outward
+    rounding."""
     given, controller = problems[2], MracClosedLoop(gamma=3.0, model_feedback=-np.eye(2))
     box = ParameterBox(lower=[-1.0, -2.0], upper=[4.0, 0.5])
     vertices = [[a, b] for a in (-1.0, 4.0) for b in (-2.0, 0.5)]

@@ -19,9 +19,10 @@ SIMULATION = Simulation(t_end=10.0, dt=1e-3)
 
 
 def test_the_textbook_s_plant_by_hand():
-    """P = 1/4, V(0) = omega (k_x^2 + k_r^2)/Gamma = 0.5 (4 + 16)/4 = 2.5: |e| <= sqrt(2.5/0.25). 1e-9: roundings outward.
+    """P = 1/4 and V(0) = omega (k_x^2 + k_r^2)/Gamma = 0.5 (4 + 16)/4 = 2.5, so that |e| <= sqrt(2.5/0.25). The tolerance 1e-9 is
+    for outward rounding.
 
-    The linear loop is -1 from omega k_x/(s + 1) = 1/(s + 1): no delay destabilises it, because its gain is below 1.
+    The loop gain is omega k_x/(s + 1) = 1/(s + 1), so that no delay destabilises the loop.
     """
     case = load_case("astrom-wittenmark")
     found = certify(case.problem, case.controllers, case.simulation)["Direct MRAC"]
@@ -36,7 +37,8 @@ def test_the_textbook_s_plant_by_hand():
 
 
 def random_member(problems, seed):
-    """Orders 1 to 3, any gain of the input, scalar, diagonal and matrix gains, a box, a ball, nothing known; with an interval."""
+    """A random problem of order 1 to 3 with any input gain in a known interval, a scalar, diagonal or matrix gain, and a box, a
+    ball or no known set."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 3
     given, theta, omega = problems[n], rng.uniform(-1.0, 1.0, n), 10 ** rng.uniform(-0.5, 0.5)
@@ -78,7 +80,8 @@ def test_the_bound_holds_for_another_regressor_too(problems, sample):
 
 
 def test_the_worst_of_the_known_set_is_at_a_vertex(problems):
-    """V(0) is convex in (theta, omega): the largest bound at the vertices of box and interval. 1e-9: roundings outward."""
+    """V(0) is convex in (theta, omega), so that the worst bound is the largest one at the vertices of box and interval. The
+    tolerance 1e-9 is for outward rounding."""
     box, given = ParameterBox(lower=[-1.0, -2.0], upper=[4.0, 0.5]), problems[2]
     controller = DirectMrac(gamma=3.0, gamma_r=0.7, theta_hat0=[0.3, -0.1], k_r0=3.0)
 
@@ -96,7 +99,7 @@ def test_the_worst_of_the_known_set_is_at_a_vertex(problems):
 
 
 def two_inputs(**more):
-    """With theta (2, 2), row by row."""
+    """A problem with two inputs and theta (2, 2), given by rows."""
     wanted = {"theta": [0.5, -1.0, 0.8, 0.2], "omega": (1.0, 2.0), "reference": [Sine(1.0, 1.0), Sine(1.0, 2.0)]} | more
     inputs = [PlantInput(gain=one) for one in wanted.pop("omega")]
     plant = Plant(A_m=[[-1.0, 0.3], [-0.5, -2.0]], b=[[1.0, 0.2], [0.0, 1.5]], theta=wanted.pop("theta"), input=inputs)
@@ -106,7 +109,8 @@ def two_inputs(**more):
 @pytest.mark.parametrize("gamma", [3.0, [1.0, 5.0, 0.5, 20.0]], ids=["number", "diagonal"])
 @pytest.mark.short(kept=lambda gamma: gamma != 3.0)
 def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
-    """16 vertices of theta's box and two intervals; 1e-9: roundings outward. A ball's bound is at least that of its points."""
+    """16 vertices of theta's box and two intervals. The bound of a ball is at least that of its points. The tolerance 1e-9 is for
+    outward rounding."""
     intervals, controller = ((0.5, 2.0), (1.0, 3.0)), DirectMrac(gamma=gamma, gamma_r=0.7, theta_hat0=[0.3, -0.1, 0.0, -0.2])
     box = ParameterBox(lower=[-1.0, -2.0, 0.0, -0.5], upper=[1.0, 0.5, 0.0, -0.5])
 
@@ -124,7 +128,7 @@ def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
 
 
 def test_a_set_made_without_an_interval_bounds_no_other_theta_s_gains():
-    """theta/omega of the case lies in the box but that of the box's corner does not, and its run violates such a bound."""
+    """theta/omega of the case is in the box, but that of the box's corner is not, and its run would violate such a bound."""
     problem = two_inputs(
         omega=(0.25, 1.0), theta=[0.1, 0.0, 0.0, 0.0], uncertainty=ParameterBox(lower=-np.ones(4), upper=np.ones(4))
     )
@@ -135,9 +139,10 @@ def test_a_set_made_without_an_interval_bounds_no_other_theta_s_gains():
 
 
 def test_margins_of_each_input_are_with_the_ideal_gains():
-    """omega k_x = theta: with a factor g on u_1 alone A_m + b_1 theta_1'(1 - g) is at the axis at the gain margin.
+    """With omega k_x = theta and a factor g on u_1 alone, A_m + b_1 theta_1'(1 - g) has eigenvalues on the imaginary axis at the
+    gain margin.
 
-    1e-6: of a search for the phase's crossing.
+    The tolerance 1e-6 is that of the search for the phase crossing.
     """
     problem = two_inputs(theta=[3.0, -1.0, 1.0, 0.2], reference=[Constant(1.0), Constant(-0.5)])
     found, _ = judged(problem, DirectMrac(gamma=5.0))
@@ -156,13 +161,13 @@ def judged(problem, controller):
 
 
 def test_where_an_ideal_gain_is_out_of_reach_nothing_is_claimed(problems):
-    """theta in the set, but theta/omega is not, and the designer, who knows no interval, projects onto the set."""
+    """theta is in the set, but theta/omega is not, and the designer, who knows no interval, projects onto the set."""
     problem = replace(problems[1], plant=replace(problems[1].plant, input=PlantInput(gain=0.3)))
     found, column = judged(problem, DirectMrac(gamma=2.0))
     assert "error_bound" not in found.values and "ideal gains outside" in found.entry("error_bound").why
     assert not column.cells["stability"].applies
     (run,) = simulate(problem, [DirectMrac(gamma=2.0)], Simulation(t_end=60.0, dt=1e-3)).values()
-    assert max(run.figures["tail_max_abs_e"]) > 0.1  # nor does it follow
+    assert max(run.figures["tail_max_abs_e"]) > 0.1  # and the run does not follow the model
     found, column = judged(problem, DirectMrac(gamma=2.0, projection=False))
     assert "error_bound" in found.guaranteed and column.cells["tracking"].applies
 
@@ -174,7 +179,7 @@ def test_nothing_is_claimed_beside_a_delay(problems):
 
 
 def test_the_linear_loop_is_that_of_the_ideal_gains(problems):
-    """It does not depend on omega: omega k_x = theta. 1e-9: a product and a quotient more."""
+    """It does not depend on omega, because omega k_x = theta. The tolerance 1e-9 is for a further product and quotient."""
     found = []
     for omega in (1.0, 4.0):
         plant = Plant(A_m=[[0.0, 1.0], [-1.0, -1.0]], b=[0.0, 1.0], theta=[3.0, 2.0], input=PlantInput(gain=omega))

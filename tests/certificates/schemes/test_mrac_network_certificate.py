@@ -1,4 +1,4 @@
-"""The guarantees of MRAC with a network against runs, and the level used in the proof against brute force."""
+"""The guarantees of MRAC with a network compared with runs, and the level in the proof compared with brute force."""
 
 from dataclasses import replace
 
@@ -59,7 +59,8 @@ def test_the_bounds_hold_beside_a_matched_disturbance(plant, leakage):
 @pytest.mark.parametrize("inputs", [1, 2, 3])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
-    """Drawn points of lambda s^2 + 2 w omega^2 <= 2 mu'f lie below it; with one input the best comes near: 2 % of 40 000."""
+    """Random points with lambda s^2 + 2 w omega^2 <= 2 mu'f are below the level. With one input the highest of 40 000 points is
+    within 2 % of it."""
     random = np.random.default_rng(seed)
     gamma, gamma_v, lowest, value = 10 ** random.uniform(-1, 1, 4)
     F, p = 10 ** random.uniform(-1, 1, (2, inputs))
@@ -71,7 +72,7 @@ def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
         law = NetworkLaw(gamma=gamma, gamma_v=gamma_v, rows=4, start=0.0, sigma=sigma, nu=nu)
         if nu is None:
             left = (2 * (share * p) @ F * s - lowest * s**2) / (2 * value)
-        else:  # over |mu|_1 = s times the sum of the shares
+        else:  # divided by |mu|_1 = s times the sum of the shares
             left = ((share * p) @ F - lowest * s / 2) / (share @ p) / value
         near = (highest * s**2 + np.maximum(0, left) / min(gamma, gamma_v))[left >= -1e-9].max()
         found = law.highest_level(F, lowest, highest, p)
@@ -84,8 +85,8 @@ def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.short(kept=lambda seed, leakage: seed == 3)
 def test_the_bounds_hold_with_several_inputs(seed, leakage):
-    """Random stable models with inputs of very different sizes and phi(x) = x or bounded: the run's guarantees, and L along
-    it."""
+    """The guarantees and L along runs of random stable models with inputs of very different sizes and phi(x) = x or a bounded
+    phi."""
     random = np.random.default_rng(seed)
     n, m = 3, int(random.integers(2, 4))
     A_m = random.normal(size=(n, n))
@@ -110,7 +111,8 @@ def test_the_bounds_hold_with_several_inputs(seed, leakage):
 
 
 def test_frozen_margins_hold_both_layers():
-    """The gain margin by hand: with both layers' weights held, u = -g K x about the rest, A - g b K is at the axis.
+    """The gain margin by hand: with the weights of both layers held, u = -g K x about the equilibrium, and A - g b K has
+    eigenvalues on the imaginary axis.
 
     1e-6: of a search for the phase's crossing.
     """
@@ -128,8 +130,8 @@ def test_frozen_margins_hold_both_layers():
 
 @LEAKAGES
 def test_no_weight_leaves_the_e_modification_s_bound_whatever_acts(leakage):
-    """Under a delay that the loop does not tolerate, and a limit, the e-modification still keeps |W_i| <= 1/nu, and |W_i| comes
-    near it."""
+    """With a delay that the loop does not tolerate and a limit, the e-modification still keeps |W_i| <= 1/nu, and |W_i| comes
+    near this bound."""
     leakage = EpsilonModification(nu=2.0) if leakage is NU else leakage
     plant = Plant(A_m=A_M, b=B, theta=[1.5, 2.0], input=PlantInput(delay=0.4, saturation=[-4.0, 4.0]), x0=[2.0, 0.0])
     problem, controller = problem_of(plant), NetworkMrac(gamma=3.0, leakage=leakage, neurons=4)
@@ -156,7 +158,8 @@ def test_where_the_model_alone_does_not_hold_the_plant_nothing_is_claimed_of_e(l
 
 @pytest.mark.full
 def test_the_e_modification_s_output_is_a_bounded_disturbance_of_a_stable_plant():
-    """Where A is Hurwitz and P does not show it: ||(sI - A)^-1 b||_1 times what acts; sigma-modification has no bound there."""
+    """If A is Hurwitz and P does not show it, the bound is ||(sI - A)^-1 b||_1 times the bound of the acting signals. The
+    sigma-modification has no bound in this case."""
     plant = Plant(A_m=A_M, b=B, theta=[-8.0, 1.0])
     problem = problem_of(plant)
     assert np.linalg.eigvals(plant.A).real.max() < 0

@@ -1,4 +1,4 @@
-"""What is said of controllers beside an observer that has no bound."""
+"""The statements on controllers with an observer for which there is no bound."""
 
 import pytest
 

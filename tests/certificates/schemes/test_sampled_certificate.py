@@ -1,4 +1,4 @@
-"""What the certificate says of a sampled controller beside its continuous form."""
+"""The certificate's statements on a sampled controller in addition to those on its continuous form."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ def findings(controller, **settings):
 
 
 def test_a_sampled_mrac_names_the_delay_that_fast_adaptation_bears():
-    """One sample without a filter; nothing of it with one, or by Euler; a gain matrix loses the model while it projects."""
+    """The delay is one sample without a filter. With a filter or Euler's method there is no such statement. With a gain matrix
+    the model is not matched during projection."""
     assert "one sample, 0.002 s" in findings(Mrac(gamma=10.0))
     assert "one sample" in findings(L1Adaptive(gamma=10.0, filter=None))
     assert "one sample" not in findings(L1Adaptive(gamma=10.0, filter=input_filter(0.02)))

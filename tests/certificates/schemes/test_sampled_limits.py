@@ -1,4 +1,4 @@
-"""Limits of a law that is sampled by Euler steps: against formulas and runs."""
+"""Limits of a law that is sampled by Euler steps, compared with formulas and runs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def certificate(controller):
 
 @pytest.mark.parametrize("sample_time", [1e-4, 1e-3])
 def test_the_largest_gain_is_that_of_the_damped_oscillator(sample_time):
-    """Gamma |x|^2 = b'b/(2 (b'P b)^2 T) for small T, |x| within the model's bound and that of e."""
+    """For small T, Gamma |x|^2 = b'b/(2 (b'P b)^2 T) with |x| bounded by the bounds of the model and of e."""
     found = certificate(euler(Mrac(gamma=1e-4), sample_time))
     known, nu_0 = PAPER.known, found.values["nu_0"]
     bPb = known.b @ known.P @ known.b
@@ -37,7 +37,7 @@ def test_the_largest_gain_is_that_of_the_damped_oscillator(sample_time):
 
 
 def test_where_no_gain_is_shown_to_be_borne_the_reason_stands_there():
-    """By hand: nu_0 alone is beyond sqrt(b'b/(2 (b'P b)^2 T)) for a long sample."""
+    """By hand, nu_0 alone exceeds sqrt(b'b/(2 (b'P b)^2 T)) for a long sample time."""
     found = certificate(euler(Mrac(gamma=1e-4), 0.05))
     entry = found.entry("gamma_max")
     assert found.values["nu_0"] ** 2 > 1 / (2 * (PAPER.known.b @ PAPER.known.P @ PAPER.known.b) ** 2 * 0.05)
@@ -52,7 +52,7 @@ def filtered(gamma):
 
 @pytest.mark.parametrize(("make", "factor"), [(lambda gamma: Mrac(gamma=gamma), 10), (filtered, 100)])
 def test_below_the_limit_no_label_and_well_above_one(make, factor):
-    """The limit takes the largest |x| that is possible: for MRAC twice what occurs, for L1-AC with (10) still more."""
+    """The limit is for the largest possible |x|, which is twice the actual one for MRAC and still larger for L1-AC with (10)."""
     gamma_max = certificate(euler(make(1.0))).values["gamma_max"]
     assert gamma_max > 0
     below, above = (simulate(PAPER, [euler(make(gamma))], SIMULATION) for gamma in (0.9 * gamma_max, factor * gamma_max))
@@ -64,7 +64,7 @@ def test_below_the_limit_no_label_and_well_above_one(make, factor):
 @pytest.mark.parametrize("a", [0.5, 60.0])
 @pytest.mark.parametrize("T", [1e-9, 1e-3, 0.05])
 def test_a_scalar_plant_has_a_closed_form(a, T):
-    """Jury's criterion gives g <= 2 a^2/(T b^2), also where Euler's method would make the plant unstable, a T > 2."""
+    """Jury's criterion gives g <= 2 a^2/(T b^2), also for a T > 2, where Euler's method would make the plant unstable."""
     problem = Problem(plant=Plant(A_m=[[-a]], b=[3.0], theta=[0.1]), reference=Constant(1.0))
     held = HeldOscillator(problem.known)
     exact = 2 * a**2 / (T * 9)
@@ -74,7 +74,7 @@ def test_a_scalar_plant_has_a_closed_form(a, T):
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 def test_the_sampled_law_on_a_fast_plant_turns_where_it_is_said_to(factor):
-    """A constant command and a tiny error: x is the model's, and the estimates' steps die out or grow."""
+    """With a constant command and a tiny error, x is that of the model, and the steps of the estimates decay or grow."""
     a, T = 60.0, 0.05
     plant = Plant(A_m=[[-a]], b=[1.0], theta=[0.1])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=a), reference=Constant(1.0))

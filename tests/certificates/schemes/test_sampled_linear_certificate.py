@@ -1,4 +1,4 @@
-"""Linear controllers that act at samples: their loops and margins, against maps written out by hand and against runs."""
+"""Sampled linear controllers: their loops and margins, compared with maps written by hand and with runs."""
 
 from __future__ import annotations
 
@@ -51,21 +51,23 @@ def certified(controller, problem=PROBLEM):
 
 
 def moved(t):
-    """e^(A t) and what a held input adds in t, of the plant with theta."""
+    """e^(A t) and the contribution of a held input in t, for the plant with theta."""
     whole = expm(t * np.block([[A_M + np.outer(B, THETA), B[:, None]], [np.zeros((1, 3))]]))
     return whole[:2, :2], whole[:2, 2]
 
 
 def radius(discretization, delay, factor=1.0):
-    """The loop's spectral radius, by hand: theta_0 = 0, f_hat = xi + omega b'x, xi' = -omega (b'A_m x + u + f_hat), u = -f_hat.
+    """The loop's spectral radius by hand, with theta_0 = 0, f_hat = xi + omega b'x, xi' = -omega (b'A_m x + u + f_hat) and u =
+    -f_hat.
 
-    Euler's rule takes x as it was, the trapezoidal rule the mean of x as it was and as it is. The state: x, xi, u, the u before.
+    Euler's rule uses the previous x, the trapezoidal rule the mean of the previous and the present x. The state is x, xi, u and
+    the previous u.
     """
     row, b = -OMEGA * B @ A_M, OMEGA * B
     whole, part = divmod(delay / T, 1.0)
     assert whole == 0
     (all_of_it, _), (after, late), (_, early) = moved(T), moved((1 - part) * T), moved(part * T)
-    states = np.eye(5)  # x, xi, u of this sample, u of the one before
+    states = np.eye(5)  # x, xi, u of this sample, u of the previous one
     x, xi, u, before = states[:2], states[2], states[3], states[4]
     x_next = all_of_it @ x + factor * (np.outer(late, u) + np.outer(after @ early, before))
     f_hat = -u
@@ -80,7 +82,7 @@ def radius(discretization, delay, factor=1.0):
 
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 def test_margins_of_adrc_are_those_of_the_map_by_hand(discretization):
-    """Stable just inside each margin and unstable just outside; the continuous loop has other margins."""
+    """The map is stable just inside each margin and unstable just outside. The margins of the continuous loop are different."""
     found = certified(Sampled(Adrc(bandwidth=OMEGA), T, discretization=discretization))
     values = found.values
     assert found.entry("delay_margin").kind == found.entry("gain_margin").kind == "exact"
@@ -94,7 +96,7 @@ def test_margins_of_adrc_are_those_of_the_map_by_hand(discretization):
     assert max(radius(discretization, 0.0, factor) for factor in factors) < 1
     assert radius(discretization, 0.0, 1.001 * values["gain_margin"]) > 1
     continuous = certified(Adrc(bandwidth=OMEGA)).values
-    assert continuous.get("gain_margin") is None  # none exhausts it, where the sampled loop has one
+    assert continuous.get("gain_margin") is None  # the continuous loop has no such margin, the sampled loop has one
     if discretization == "euler":
         assert 0.026 < values["delay_margin"] < 0.028 < continuous["delay_margin"]
         assert 1.05 < values["gain_margin"] < 1.1
@@ -119,13 +121,14 @@ def test_over_the_known_set_it_is_the_sampled_loop_too():
     for key in ("delay_margin", "gain_margin"):
         theta = np.array(loop[key]["theta"])
         there = certified(controller, replace(PROBLEM, plant=replace(PROBLEM.plant, theta=theta)))
-        assert loop[key]["value"] == pytest.approx(there.values[key], rel=1e-9)  # two ways to the same matrices
+        assert loop[key]["value"] == pytest.approx(there.values[key], rel=1e-9)  # two computations of the same matrices
     wide = replace(PROBLEM, uncertainty=ParameterBox(lower=[-1, -1], upper=[100, 1]))
     assert "unstable_at" in certified(controller, wide).values["margins_over_known_set"][0]
 
 
 def test_over_the_known_set_an_uncertain_gain_varies_too():
-    """The smallest margin is at an end of the gain's interval and equals that plant's margin; an unstable gain is found."""
+    """The smallest margin is at an end of the gain's interval and equals that plant's margin. A gain with an unstable loop is
+    found."""
     gained = replace(PROBLEM, input_gain=(0.5, 1.5))
     controller = Sampled(BaselineAlone(nominal=[4.0, 2.0]), T)
     (loop,) = certified(controller, gained).values["margins_over_known_set"]
@@ -140,7 +143,7 @@ def test_over_the_known_set_an_uncertain_gain_varies_too():
 
 
 def test_margins_over_ranges_with_unmatched_remainders_belong_to_the_ranges():
-    """k acts on both states, and the input on one."""
+    """k acts on both states, but the input only on one."""
     physical = PhysicalPlant(A=[[0, "k"], [-2, "-k"]], b=[0, 1], parameters=[Parameter("k", 2.0, tolerance=0.1)])
     plant = Plant(physical=physical, poles=[-1, -2])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.0))
@@ -189,7 +192,7 @@ RUNS = {
 @pytest.mark.parametrize("scheme", RUNS)
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 def test_a_run_beside_the_delay_margin_grows_or_decays(scheme, discretization):
-    """20 % beside the margin: in 60 s a mode outgrows what the command makes of the error, or leaves it alone."""
+    """With delays 20 % below and above the margin, a mode decays in 60 s or exceeds the error due to the command."""
     make = RUNS[scheme]
     problem, controller = make(0.0)
     margin = certified(Sampled(controller, T, discretization=discretization), problem).values["delay_margin"]
@@ -204,7 +207,7 @@ def test_a_run_beside_the_delay_margin_grows_or_decays(scheme, discretization):
 
 
 def test_f_is_left_out_of_the_sampled_loop():
-    """As the assumption says: with f(t, y) the margins are those of the plant without it."""
+    """As the assumption says, with f(t, y) the margins are those of the plant without f."""
     for controller in (
         Sampled(LinearOutput(TransferFunction([3.0, 3.0], [1.0, 0.0])), T),
         L1OutputPiecewiseConstant(sample_time=T, filter=TransferFunction([20.0], [1.0, 20.0])),
@@ -214,7 +217,7 @@ def test_f_is_left_out_of_the_sampled_loop():
 
 
 def test_nothing_stays_of_the_continuous_loop():
-    """The linear loops of a sampled adaptive law are its own: see test_sampled_margins.py."""
+    """A sampled adaptive law has its own linear loops; see test_sampled_margins.py."""
     found = certified(Sampled(Mrac(gamma=1e4), 0.01))
     for key in ("delay_margin_adapting", "gain_margin", "sensitivity_peak"):
         assert "from sample to sample" in found.entry(key).of

@@ -1,4 +1,5 @@
-"""Margins of sampled adaptive loops, linearised from sample to sample where they rest: against runs of the nonlinear loop."""
+"""Margins of sampled adaptive loops, linearised from sample to sample at their equilibrium, compared with runs of the nonlinear
+loop."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ from barbalat.signals import Constant, Sine
 
 T, DT = 0.05, 1e-3
 PLANT = Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[0.6, -0.4], x0=[2.0, 0.0])
-PROBLEM = Problem(  # at rest under its command from the start
+PROBLEM = Problem(  # at equilibrium under its command from the start
     plant=PLANT,
     reference_model=ReferenceModel(k_0=2.0),
     reference=Constant(2.0),
@@ -53,20 +54,20 @@ def sampled(name, form, sample_time=T):
 
 
 def certified(controller, problem=PROBLEM, keys=("delay_margin", "delay_margin_adapting")):
-    """Without the searches for the longest sample time and over the known set, where the keys don't name them."""
+    """The certificate without the searches for the longest sample time and over the known set, unless the keys name them."""
     T = controller.sample_time
     return certify(problem, [controller], Simulation(t_end=100 * T, dt=T / 10), keys=keys)[controller.name]
 
 
 SUBSTEPS = 10
-"""Of a sample; between them the input on its way to the plant is held."""
+"""Parts of a sample. Within a part the delayed input of the plant is constant."""
 
 
 def dies_out(controller, delay=0.0):
-    """Whether a disturbance of 1e-6 of the estimates dies out of all else: the controller's own equations at the samples, and
-    between them the linear plant by its transition matrix.
+    """Whether a disturbance of the estimates of 1e-6 decays in all other states. The controller's own equations act at the
+    samples, and the linear plant moves between them by its transition matrix.
 
-    Start at rest, which a case file can't express if a filter starts at zero.
+    The loop starts at its equilibrium, which a case file can't express if a filter starts at zero.
     """
     rest = sampled_rest(PROBLEM, controller, adapting_of(PROBLEM, controller.controller), frozen=False)
     loop, state, signals = rest.loop, rest.state.copy(), rest.signals
@@ -76,8 +77,8 @@ def dies_out(controller, delay=0.0):
     state[part.rows] += 1e-6 * np.array([1.0, -0.5])
     others = np.setdiff1d(np.arange(loop.size), [*range(loop.size)[part.rows], *places.held.theta_hat, *k_r])
     h = controller.sample_time / SUBSTEPS
-    late = [float(state[places.held.u])] * round(delay / h)  # on its way to the plant
-    held = expm(h * np.block([[PLANT.A, PLANT.b[:, None]], [np.zeros((1, 3))]]))  # rates of x and of v, which is at rest
+    late = [float(state[places.held.u])] * round(delay / h)  # delayed input of the plant
+    held = expm(h * np.block([[PLANT.A, PLANT.b[:, None]], [np.zeros((1, 3))]]))  # rates of x and of v, which is constant
 
     seen = []
     for _ in range(int(max(500, 100 / controller.sample_time))):
@@ -116,8 +117,8 @@ def test_the_delay_margin_with_the_law_is_where_disturbances_stop_dying_out(name
 
 
 def test_frozen_estimates_make_the_loop_of_known_parameters():
-    """All schemes without a filter have one linear loop, written by hand here; a sampled controller that knows theta has it
-    too."""
+    """All schemes without a filter have the same linear loop, which is written by hand here. It is also that of a sampled
+    controller that knows theta."""
     found = {name: certified(sampled(name, "euler")).values for name in ("mrac", "normalised", "direct", "closed-loop model")}
     known = certified(Sampled(controller=KnownParameters(theta=PLANT.theta), sample_time=T, discretization="euler")).values
 
@@ -134,7 +135,8 @@ MARGIN = ("delay_margin_adapting",)
 
 @pytest.mark.parametrize("form", ["euler", "midpoint"])
 def test_no_number_of_the_continuous_loop_stands_for_the_sampled_one(form):
-    """Each margin is of the loop from sample to sample: with a short sample the continuous one's, with a long one another."""
+    """Each margin is that of the loop from sample to sample. With a short sample it equals that of the continuous loop, with a
+    long one it differs."""
     continuous = certify(PROBLEM, [SCHEMES["mrac"]], Simulation(t_end=1.0, dt=DT), keys=MARGIN)["MRAC"].values[MARGIN[0]]
     short, long = (
         certified(sampled("mrac", form, sample_time), keys=keys) for sample_time, keys in ((2e-3, MARGIN), (0.1, None))
@@ -154,7 +156,7 @@ def test_an_estimate_on_a_face_has_no_linearisation():
 
 
 def test_the_known_set_is_searched_with_the_estimates_of_each_theta():
-    """The frozen loop at another theta is the certificate's of the case with that theta."""
+    """The frozen loop at another theta is that of the certificate of the case with that theta."""
     found = certified(sampled("mrac", "euler"), keys=["margins_over_known_set"]).values["margins_over_known_set"]
     (loop,) = found
     where = loop["delay_margin"]

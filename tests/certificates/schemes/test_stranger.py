@@ -1,4 +1,5 @@
-"""Certificates of classes from outside, against loops written by hand and against those of the schemes that they copy."""
+"""Certificates of classes from outside the package, compared with loops written by hand and with those of the schemes that they
+copy."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ SIMULATION = Simulation(t_end=20.0, dt=1e-3)
 
 
 def random_problem(rng, n):
-    """A Hurwitz A_m, matched theta, a command; a first-order actuator whose gain is not 1 every other time."""
+    """A random problem with a Hurwitz A_m, a matched theta and a command. Every other problem has a first-order actuator whose
+    gain is not 1."""
     A_m = rng.normal(size=(n, n))
     A_m -= (np.linalg.eigvals(A_m).real.max() + rng.uniform(0.5, 2)) * np.eye(n)
     actuator = TransferFunction([40.0], [1.0, 50.0]) if rng.random() < 0.5 else None
@@ -42,14 +44,14 @@ def random_problem(rng, n):
 
 
 def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
-    """The same loop by the other method: theta's own equilibrium, and the directions of the estimates by Gamma x.
+    """The same loop by the other method, with the equilibrium for theta and the directions of the estimates by Gamma x.
 
-    1e-6: eigenvalues and zeros of one loop in two coordinates.
+    The tolerance 1e-6 is for eigenvalues and zeros of one loop in two sets of coordinates.
     """
     rng, compared = np.random.default_rng(1), 0
     for _ in range(sample(10, 300)):
         problem = random_problem(rng, int(rng.integers(1, 4)))
-        if problem.plant.paths[0].dynamics is not None:  # there MRAC's own linearisation leaves the actuator's gain aside
+        if problem.plant.paths[0].dynamics is not None:  # there MRAC's own linearisation ignores the actuator's gain
             problem = replace(problem, plant=replace(problem.plant, input=PlantInput()))
         gamma = float(10 ** rng.uniform(-1, 2))
         own = certify(problem, [Plain(gamma)], SIMULATION)["plain"].values
@@ -63,7 +65,7 @@ def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
 
 
 def test_the_rest_is_one(sample):
-    """Nothing moves there, and e is zero where the law has nothing to leak; also behind an actuator with a gain of 0.8."""
+    """All rates are zero there, and e is zero if the law has no leakage, also with an actuator with a gain of 0.8."""
     rng = np.random.default_rng(2)
     for _ in range(sample(10, 300)):
         problem = random_problem(rng, int(rng.integers(1, 4)))
@@ -71,13 +73,15 @@ def test_the_rest_is_one(sample):
         assert not isinstance(rest, NotApplicable)
         rates = rest.loop.derivative(rest.state, rest.signals)
         terms = np.abs(np.concatenate([rest.state, rest.signals])).max()
-        assert np.abs(rates).max() < 1e-7 * max(1.0, terms) ** 3  # products of three: e, x, and what Gamma and P make of them
+        assert (
+            np.abs(rates).max() < 1e-7 * max(1.0, terms) ** 3
+        )  # products of three factors: e, x, and a combination of Gamma and P
         e = rest.loop.outputs(rest.state, rest.signals).e
         assert np.abs(e).max() < 1e-6 * terms
 
 
 def test_the_step_is_where_a_mode_is_amplified(problems):
-    """Eigenvalues of central differences of the right-hand side, against the method's stability polynomial."""
+    """The eigenvalues of central differences of the right-hand side, inserted into the method's stability polynomial."""
     problem = problems[2]
     found = certify(problem, [Plain(8.0)], SIMULATION)["plain"].values["step_max"]
     rest = rest_of(problem, ClosedLoop.of(problem, Plain(8.0)), frozen=False)
@@ -87,14 +91,14 @@ def test_the_step_is_where_a_mode_is_amplified(problems):
         for unit in np.eye(rest.loop.size)
     ]).T / (2 * d)  # fmt: skip
     modes = np.linalg.eigvals(J)
-    modes = modes[np.abs(modes) > 1e-6]  # the direction in which nothing moves
+    modes = modes[np.abs(modes) > 1e-6]  # the direction in which the loop is stationary
     R = SIMULATION.solver.amplification
     assert (np.abs(R(0.98 * found * modes)) < 1).all()
     assert (np.abs(R(1.02 * found * modes)) > 1).any()
 
 
 def test_a_loop_without_estimates_is_its_linear_loop(problems):
-    """u = k_0 r - K x, by hand."""
+    """u = k_0 r - K x has the loop written by hand."""
     plant, K = problems[2].plant, np.array([1.0, 1.5])
     found = certify(problems[2], [Proportional(K)], SIMULATION)["proportional"]
     hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, K, 0.0))
@@ -117,7 +121,7 @@ class OutputGain(Proportional):
 
 
 def test_output_feedback():
-    """u = K (r - y): L = K G."""
+    """u = K (r - y) has L = K G."""
     G = TransferFunction([4.0], [1.0, 3.0, 3.0, 1.0])
     problem = OutputProblem(
         plant=OutputPlant(transfer_function=G),
@@ -154,7 +158,7 @@ def test_sampled_its_linear_loop_is_its_own(problems):
 
 
 def test_known_parameters_have_a_certificate_too(problems):
-    """The same linearisation, by hand and with theta at rest."""
+    """The same linearisation by hand, with theta constant."""
     plant = problems[2].plant
     found = certify(problems[2], [KnownParameters(theta=plant.theta)], SIMULATION)["Known parameters"].values
     hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))
@@ -162,7 +166,7 @@ def test_known_parameters_have_a_certificate_too(problems):
 
 
 class Winding(Proportional):
-    """An integrator whose input never comes to rest."""
+    """An integrator whose input never becomes zero."""
 
     name = "winding"
 
@@ -178,12 +182,14 @@ def test_where_nothing_rests_it_is_said(problems):
     for key in ("delay_margin_adapting", "step_max"):
         entry = found.entry(key)
         assert entry is not None and "no equilibrium of the loop was found" in entry.why
-    assert found.values["delay_margin"] is None or found.values["delay_margin"] > 0  # with its estimate frozen it does rest
+    assert (
+        found.values["delay_margin"] is None or found.values["delay_margin"] > 0
+    )  # with a frozen estimate it has an equilibrium
 
 
 @pytest.mark.parametrize("controller", [Mrac(gamma=5.0), L1Adaptive(gamma=5.0, filter=input_filter(0.05))])
 def test_the_linear_loop_is_that_of_a_scheme_that_is_known(problems, controller):
-    """A predictor and a filter among the states: the whole frequency response."""
+    """With a predictor and a filter among the states, the whole frequency response agrees."""
     problem = problems[2]
     loop = ClosedLoop.of(problem, controller)
     rest = rest_of(problem, loop, frozen=False)
@@ -193,7 +199,8 @@ def test_the_linear_loop_is_that_of_a_scheme_that_is_known(problems, controller)
 
 
 def test_the_margins_of_each_of_several_inputs():
-    """u = -Theta'x with actuators, a lag and the other input closed by hand, by python-control; 1e-6: its polynomials' roots."""
+    """u = -Theta'x with actuators, a lag and the loop of the other input closed by hand with python-control. The tolerance 1e-6
+    is for the roots of its polynomials."""
     rng, T_a, lag = np.random.default_rng(4), (20.0, 35.0), 0.02
     A_m, b, theta = (
         np.array([[0.0, 1.0, 0.0], [-2.0, -2.0, 0.3], [0.4, 0.0, -1.5]]),
@@ -207,7 +214,7 @@ def test_the_margins_of_each_of_several_inputs():
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=np.eye(2)), reference=commands, sensor=Sensor(lag=lag))
     law = KnownParameters(theta=(theta + 4 * b).reshape(-1))
     gains = law.theta.reshape(3, 2).T
-    A = np.zeros((8, 8))  # x, the sensor, what the actuators give
+    A = np.zeros((8, 8))  # x, the sensor, the actuators' outputs
     A[:3, :3], A[:3, 6:], A[3:6, :3], A[3:6, 3:6] = A_m + b @ theta.T, b, np.eye(3) / lag, -np.eye(3) / lag
     A[6:, 3:6], A[6:, 6:] = -np.diag(T_a) @ gains, -np.diag(T_a)
     found = certify(problem, [law], SIMULATION)[law.name].values
@@ -233,7 +240,7 @@ class TwoLayers(NamedTuple):
 
 @dataclass(frozen=True)
 class HighOrderTuner:
-    """theta_hat follows xi, which follows the gradient: both rest wherever xi = theta_hat and theta_hat'x = theta'x."""
+    """theta_hat follows xi, which follows the gradient. Both are constant wherever xi = theta_hat and theta_hat'x = theta'x."""
 
     xi_0: float
     name: str = "two layers"
@@ -270,10 +277,10 @@ DRIVE = Problem(
 
 
 def test_a_law_with_two_layers_is_linearised_where_its_estimates_are_right():
-    """For any start of the second layer the loop with frozen estimates is that of the known parameters."""
+    """For any initial value of the second layer, the loop with frozen estimates is that of the known parameters."""
     found = [certify(DRIVE, [HighOrderTuner(xi_0)], SIMULATION)["two layers"] for xi_0 in (0.0, 1.0, -5.0, 20.0)]
     adapting = [one.values["delay_margin_adapting"] for one in found]
-    assert adapting == pytest.approx([adapting[0]] * 4, rel=1e-9)  # Newton's steps end within 1e-9 of the rest
+    assert adapting == pytest.approx([adapting[0]] * 4, rel=1e-9)  # Newton's steps end within 1e-9 of the equilibrium
     assert "theta_hat = theta" in found[0].entry("delay_margin_adapting").of
     plant = DRIVE.plant
     hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))
@@ -287,7 +294,7 @@ class WithGain(NamedTuple):
 
 @dataclass(frozen=True)
 class GrowingGain(_Bound):
-    """A gain that grows while there is an error, and rests at any value: the linear loop differs with it."""
+    """A gain that grows while there is an error and can have any value at equilibrium. The linear loop depends on it."""
 
     name: str = "growing gain"
 
@@ -308,4 +315,4 @@ def test_no_margin_where_another_state_rests_anywhere():
     assert not entry.applies
     assert "many" in entry.why
     assert "theta_hat = theta" in entry.why
-    assert found.entry("delay_margin").kind == "exact"  # with the estimates frozen the gain acts on nothing
+    assert found.entry("delay_margin").kind == "exact"  # with frozen estimates the gain has no effect

@@ -1,4 +1,4 @@
-"""Limits of the numerics beyond phi(x) = x and one input: bounds against samples, modes against whole matrices, runs."""
+"""Limits of the numerics beyond phi(x) = x and one input: bounds compared with samples, modes with full matrices, and runs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ REGRESSORS = {
 
 @pytest.mark.parametrize("name", REGRESSORS)
 def test_the_bound_holds_and_is_tight(name):
-    """Against 500 points of each of ten boxes, and their corners."""
+    """The bound is compared with 500 points of each of ten boxes and with their corners."""
     regressor, n = REGRESSORS[name]
     random = np.random.default_rng(4)
     for _ in range(10):
@@ -42,14 +42,14 @@ def test_the_bound_holds_and_is_tight(name):
         values = np.array([np.sum(np.asarray(regressor(point), dtype=float) ** 2) for point in points])
         bound = largest_square(regressor, low, high)
         assert bound >= values.max()
-        assert bound <= 1.1 * TIGHTNESS_RATIO * values.max()  # inside, 500 points miss the largest value by that much
+        assert bound <= 1.1 * TIGHTNESS_RATIO * values.max()  # 500 points in the interior miss the largest value by this much
 
 
 @pytest.mark.parametrize(
     ("regressor", "low", "high", "exact"),
     [
         (Terms(terms=("sin(x1)",)), [-10.0], [10.0], 1.0),
-        (Terms(terms=("sin(x1)",)), [-1e12], [1e12], 1.0),  # a ball around zero itself, however the box is cut
+        (Terms(terms=("sin(x1)",)), [-1e12], [1e12], 1.0),  # a ball around zero itself, whatever the cuts of the box
         (Terms(terms=("sin(x1)**3",)), [-1e12], [1e12], 1.0),
         (Terms(terms=("x1*x1", "x1")), [-2.0], [1.0], 20.0),
         (GaussianRBF(centers=[[3.0, 0.0]], width=1.0), [-2.0, -1.0], [2.0, 1.0], np.exp(-1.0)),
@@ -62,7 +62,7 @@ def test_known_maxima(regressor, low, high, exact):
 
 
 def test_balls_compute_what_numbers_compute():
-    """Every operation a formula may have, at a point: the ball is the value within a rounding."""
+    """For every operation of a formula at a point, the ball equals the value up to a rounding."""
     from flint import arb
 
     formula = Terms(terms=("(x1 - 2)/(3 - x1)**2 + abs(-x1)*2 - 1/x1 + sqrt(x1) + 2**2*tanh(x1) - exp(sin(x1)*cos(x1))",))
@@ -78,7 +78,7 @@ def test_what_balls_cannot_bound_is_infinite():
 
 
 def test_modes_of_several_inputs_are_those_of_the_whole_error_system():
-    """(x_tilde, theta_tilde) with a frozen Phi (p m, m): the part that moves has the modes of n + m states."""
+    """For (x_tilde, theta_tilde) with a frozen Phi (p m, m), the part that is not stationary has the modes of n + m states."""
     problem = load_case("lateral-aircraft").problem
     known, gamma = problem.known, 3.0
     phi = np.random.default_rng(1).normal(size=problem.plant.regressor.size(known.n))
@@ -95,7 +95,7 @@ def test_modes_of_several_inputs_are_those_of_the_whole_error_system():
 
 
 def problems():
-    """Nonlinear, with an unknown gain, with two inputs."""
+    """Problems with nonlinear regressors, with an unknown gain and with two inputs."""
     nonlinear = Problem(
         plant=Plant(
             A_m=[[0.0, 1.0], [-2.0, -3.0]],
@@ -121,7 +121,7 @@ def problems():
 @pytest.mark.parametrize("name", ["nonlinear", "gain", "inputs"])
 @pytest.mark.parametrize("gamma", [5.0, 500.0])
 def test_no_run_is_faster_than_its_certificate_says(name, gamma):
-    """The frequency from the regressor along the run, at every recorded instant, and the label at the printed step."""
+    """The test checks the frequency by the regressor at every recorded instant of the run, and the label at the printed step."""
     problem, controller = problems()[name], Mrac(gamma=gamma)
     found = certify(problem, (controller,), Simulation(t_end=8.0, dt=1e-3))["MRAC"].values
     (run,) = simulate(problem, [controller], Simulation(t_end=8.0, dt=1e-3)).values()
@@ -137,7 +137,7 @@ def test_no_run_is_faster_than_its_certificate_says(name, gamma):
 @pytest.mark.parametrize("name", ["nonlinear", "gain", "inputs"])
 @pytest.mark.parametrize("scheme", ["mrac", "l1"])
 def test_gain_and_step_say_the_same(name, scheme):
-    """At the largest gain for a step, the largest step is that step: the two are found along g and along h."""
+    """At the largest gain for a step, the largest step is that step. One search varies g, the other h."""
     problem, h = problems()[name], 2e-4
 
     def controller(gamma):
@@ -152,7 +152,7 @@ def test_gain_and_step_say_the_same(name, scheme):
 
 
 def test_robust_mrac_on_a_nonlinear_plant_has_no_nu_0():
-    """As with phi(x) = x: the constants of Lemma 1 are not Theorem 1's."""
+    """As with phi(x) = x, the constants of Lemma 1 are not those of Theorem 1."""
     case = load_case("wing-rock")
     found = certify(case.problem, case.controllers, case.simulation)["Robust MRAC"]
     assert "nu_0" not in found.values

@@ -1,4 +1,5 @@
-"""The gain from which oscillations are predicted, beyond the plain law on phi(x) = x, against labels of runs on both sides."""
+"""The gain from which oscillations are predicted, beyond the plain law on phi(x) = x, compared with labels of runs on both
+sides."""
 
 import numpy as np
 import pytest
@@ -48,14 +49,14 @@ def test_runs_are_quiet_below_and_leave_the_region_above(name):
 
 
 def test_the_law_that_takes_euler_steps_has_the_side_too():
-    """At the limit, its map from sample to sample along the model's motion, written out by hand, just begins to grow."""
+    """At the limit, its map from sample to sample along the model's motion, written by hand, just begins to grow."""
     given = problem()
     (found,) = certify(given, held(10.0), AT).values()
     least, due = found.values["gamma_max"], found.values["gamma_max_at_model"]
     assert due > 4 * least
     assert next(iter(simulate(given, held(1.5 * due), AT).values())).label is not None
     known, h = given.known, AT.dt
-    s = 0.9j  # the command's; with x0 = 0 the response overshoots the steady motion by little
+    s = 0.9j  # that of the command; with x0 = 0 the response hardly overshoots the steady motion
     x = np.linalg.solve(s * np.eye(2) - known.A_m, known.b * 2.0 * 1.3)
     steady = np.sqrt((np.sum(np.abs(x) ** 2) + abs(np.sum(x**2))) / 2)  # the largest |x_m| of a period
     radii = [_radius(known, factor * due * steady**2, h) for factor in (0.7, 1.4)]
@@ -63,7 +64,7 @@ def test_the_law_that_takes_euler_steps_has_the_side_too():
 
 
 def _radius(known, g, h):
-    """Exact for the plant by a fine Euler product; the law takes one Euler step."""
+    """The spectral radius. The plant's motion is a product of short Euler steps, and the law takes one Euler step."""
     pieces = 2000
     step = np.eye(3)
     flow = np.zeros((3, 3))

@@ -31,7 +31,7 @@ MOST_PARAMETERS = 63
 LONGEST_NAME = 16 - len("CC3_")
 """Longest name of a parameter, after the frontend's prefix."""
 LONGEST_LABELS, LONGEST_FORMAT = 64, 16
-"""Largest lengths of the description of a line of the log: its entries' names with commas, and a letter for each."""
+"""Largest lengths of the description of a line of the log: of its entries' names with commas, and of their type letters."""
 TOLD = """
 Parameters that the controller refuses leave it unchanged and are reported once. They are tried again with each update, so that
 two bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in
@@ -102,12 +102,12 @@ def parameters(printed: Printed) -> list[str]:
         last = max(i for i, key in enumerate(one.path.keys) if isinstance(key, str))
         index = "_".join(str(int(key) + 1) for key in one.path.keys[last + 1 :])
         key = re.sub(r"[^A-Z0-9]+", "_", str(one.path.keys[last]).upper())
-        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # leaves room for the part that distinguishes two names
+        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # leaves space for the part that distinguishes two names
     return distinct(["AXIS", "ANGLE", "FADE", "SCALE", *names])[OWN:]
 
 
 def _settable(printed: Printed, names: list[str]) -> dict[str, str]:
-    """The parts of the files for the parameters; they are empty if there are none."""
+    """The parts of the files for the parameters; empty without parameters."""
     if not names:
         return dict.fromkeys(("infos", "members", "built", "apply", "applied", "told", "rows"), "")
     given = {"name": printed.name, "macro": printed.macro, "count": len(names)}
@@ -181,7 +181,7 @@ def _units(printed: Printed) -> dict[str, str]:
 
 
 def _axis(printed: Printed) -> int:
-    """The default axis: the one that the export's name contains, or else the case's labels; pitch if they name none or
+    """The default axis: the one in the export's name or else in the case's labels; pitch if they contain none or
     several."""
     labels = printed.contents.problem.measured_labels
     for words in (printed.name.split("_"), [] if labels is None else " ".join(labels.names).replace("_", " ").split()):

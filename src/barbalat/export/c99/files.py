@@ -60,7 +60,7 @@ def sources(
     place: int = 0,
     warning: Callable[[], str] = lambda: "",
 ) -> tuple[Printed, dict[str, str]]:
-    """The same files, and the export from which they are printed, for wrappers around the C."""
+    """The same files, together with the export from which they are printed, for wrappers around the C."""
     require_case(problem, simulation)
     contents = made_of(problem, controller, simulation, FLOAT if float32 else DOUBLE, parameters=parameters, place=place)
     printed = Printed(contents, name)
@@ -97,7 +97,7 @@ def made_of(
 
 
 FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\.md)\b")
-"""Files of an export, by their names in its texts; the user makes controller.cpp for Arduino."""
+"""Files of an export, by their names in its texts; for Arduino, the user renames controller.c to controller.cpp."""
 
 
 def named(files: dict[str, str], name: str) -> dict[str, str]:
@@ -199,7 +199,7 @@ def _units(printed: Printed) -> str:
 
 
 def _counted(printed: Printed, y: int) -> str:
-    """What is measured, in a few words."""
+    """The measured quantities in a few words."""
     if printed.measured == "x":
         return counted(y, "state")
     return "the output" if y == 1 else counted(y, "output")
@@ -237,7 +237,7 @@ PREDICTS = {
     "with_what": "what the observer predicts from this u",
     "settle": "go on with\n  the observer's prediction, which for an unstable plant grows without bound",
 }
-"""What the models and filters use at a lost measurement, without and with an observer."""
+"""The input of the models and filters at a lost measurement, without and with an observer."""
 GAP = """ The prediction error accumulated over m samples is divided by m; otherwise the law would respond to all of it as if
 one sample had caused it."""
 

@@ -58,7 +58,7 @@ class Archive:
     stop: float
 
     def bytes(self, *, compiled: bool) -> bytes:
-        """The archive; InputError if it must be compiled but can't be."""
+        """The archive; InputError if it must be compiled but cannot be."""
         token, texts = self._sources()
         names = [name for name in texts if name.endswith(".c")]
         whole: dict[str, bytes] = {f"sources/{name}": text.encode("ascii") for name, text in texts.items()}
@@ -247,7 +247,7 @@ _FMI3_OF_NONE = {
 
 
 def refused(version: int) -> str:
-    """C text of all of them, for FMI 2 or 3."""
+    """The C text of all functions that are not offered, for FMI 2 or 3."""
     if version == 2:
         of_state = [
             _function(2, name, f"const fmi2StatusKind kind, {kind} *value", "fmi2Discard") for name, kind in _FMI2_STATUS.items()
@@ -348,7 +348,7 @@ def _general(unit: Unit) -> dict[str, str]:
 
 
 def _common(root: xml.Element, unit: Unit, stop: float) -> None:
-    """Sections common to both versions."""
+    """The sections that are common to both versions."""
     units = xml.SubElement(root, "UnitDefinitions")
     for name in unit.variables.units:
         defined = xml.SubElement(units, "Unit", name=name)

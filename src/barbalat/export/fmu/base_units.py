@@ -25,7 +25,7 @@ NAMED: dict[str, tuple[float, dict[str, int]]] = {name: (1.0, {name: 1}) for nam
     "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}),
     "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
 }
-"""The factors from which the units of cases are made. Other units are not declared, nor is g, which may mean gram or
+"""The factors of which the units of cases consist. Other units are not declared, and neither is g, which may mean gram or
 gravity."""
 PART = re.compile(r"(/?)\s*([A-Za-z%°]+|1)(?:\^?(-?\d+)|([²³]))?\s*[·*]?\s*")
 

@@ -44,7 +44,7 @@ class Unit:
 
     @property
     def step_size(self) -> float:
-        """The step [s] of which a communication step is a whole multiple."""
+        """The time [s] of which a communication step is a whole multiple."""
         if self.controller or self.made is None:
             return self.printed.contents.sample_time
         return self.made.plant.opened.members.simulation.dt
@@ -171,7 +171,7 @@ class Unit:
         return [part for part in layout.parts if part not in (layout.u, layout.theta_hat, layout.started)]
 
     def refusals(self) -> list[str]:
-        """C: checks of parameters against their own bounds and against each other."""
+        """C text that checks parameters against their bounds and against each other."""
         opened, contents = self.printed.contents.opened, self.printed.contents
         assert opened is not None
         here = {one.name for one in self.variables.reals if one.causality == "parameter"}
@@ -191,7 +191,7 @@ class Unit:
         return [f'if (!({test})) {{ return "{text}"; }}' for test, text in tests] or ["(void)m;"]
 
     def start(self) -> list[str]:
-        """C: from the variables to the initial state."""
+        """C text that computes the initial state from the variables."""
         name, lines = self.printed.name, []
         if self.controller:
             contents = self.printed.contents
@@ -207,7 +207,7 @@ class Unit:
         return lines
 
     def step(self) -> list[str]:
-        """C: one step of the unit; the value is one of FMU_OK, FMU_WARNING, FMU_ERROR."""
+        """C text of one step of the unit; the value is one of FMU_OK, FMU_WARNING, FMU_ERROR."""
         name, macro, lines = self.printed.name, self.printed.macro, []
         if self.made is not None:
             lines += [f"{name}_plant_input given;", *([f"double y[{macro}_PLANT_OUTPUTS];"] if self.controller else [])]
@@ -248,7 +248,7 @@ class Unit:
         return [*lines, "        return FMU_ERROR;", "    }", "}"]
 
     def give(self) -> list[str]:
-        """C: the plant's input, ``in``, from the variables."""
+        """C text that computes the plant's input, ``in``, from the variables."""
         assert self.made is not None
         plant, lines = self.made.plant, []
         names = entries("u", plant.inputs, scalar=plant.inputs == 1)
@@ -259,7 +259,7 @@ class Unit:
         return lines if any("m->" in line for line in lines) else [*lines, "(void)m;"]
 
     def outputs(self) -> list[str]:
-        """C: the variables that are computed from the state."""
+        """C text of the variables that are computed from the state."""
         contents, lines = self.printed.contents, []
         if self.made is not None:
             macro, name = self.printed.macro, self.printed.name

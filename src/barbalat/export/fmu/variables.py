@@ -17,10 +17,10 @@ class Variable:
     name         structured: "theta_hat[1]", "plant.x[2]"
     causality    "input", "output", "parameter", "local"
     variability  "discrete", "continuous", "tunable", "fixed"
-    start        None for what is calculated
+    start        None for a calculated variable
     kind         "real", "truth" or "whole"
-    path         its place in the case's symbols, "x[1]", where the name is another one; else empty
-    bounds       of the parameter that depend on no other one: "> 0", "< 1"
+    path         its place in the case's symbols, "x[1]", if the name differs; else empty
+    bounds       of the parameter, if they depend on no other parameter: "> 0", "< 1"
     """
 
     name: str
@@ -36,9 +36,7 @@ class Variable:
     @property
     def settable(self) -> str:
         """When a real variable may be set, for ``fmu_instance.h``: i: always, to any value; t: always; s: before the start; n:
-        never.
-
-        T and S are t and s for positive numbers only.
+        never. T and S are t and s for positive numbers only.
         """
         if self.causality == "input":
             return "i"

@@ -82,7 +82,7 @@ static int is_limited(const ${name}_output *out)
     return 1;
 }
 
-/* The bits of these numbers mixed into a digest, which shows every single difference. */
+/* The bits of these numbers mixed into a digest, which reveals every single difference. */
 static uint64_t mixed(uint64_t digest, const ${real} *numbers, int count)
 {
     int i;
@@ -100,7 +100,7 @@ static uint64_t digest_of(const ${name}_controller *c)
 ${digest_calls}    return found;
 }
 
-/* Samples 0 to count - 1 from a fresh state; the first that differs from the simulation. */
+/* Runs samples 0 to count - 1 from a fresh state; returns the first that differs from the simulation. */
 static int replay(${name}_controller *c, int count)
 {
     int k;
@@ -144,7 +144,7 @@ ${state_tests}    c.fade = -1L;
     require(replay(&c, SAMPLES < 50 ? SAMPLES : 50) == (SAMPLES < 50 ? SAMPLES : 50), "reset is not a fresh start");
 }
 
-/* Samples are lost, also before the first good one: u and the state agree with the computation with the same losses. */
+/* Lost samples, also before the first good one: u and the state agree with the simulation with the same losses. */
 static void test_losses(void)
 {
     ${name}_controller c;
@@ -203,7 +203,7 @@ ${mirror_command}        require(same(out.u, expected.u, ${macro}_INPUTS), "a wr
     }
 }
 
-/* A first sample that would lead out of range, here because of the fade: nothing moves. */
+/* A first sample that would lead out of range, here because of the fade: nothing changes. */
 static void test_result(void)
 {
     ${name}_controller c, before;
