@@ -19,7 +19,7 @@ from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Square
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import Bracket, delay_margins_ensemble, gains_scanned, margins_ensemble
-from barbalat.study.finer_step import PlainRun, delays_confirmed, gains_confirmed
+from barbalat.study.finer_step import PlainRun, delays_confirmed, different, gains_confirmed
 from barbalat.study.ideal_benchmark import Ideals, Judging
 from barbalat.study.simulated_margins import with_simulated_margins
 from foreign import PlainState
@@ -155,3 +155,12 @@ class Gain:
 
     def limit(self, state):
         return state
+
+
+def test_an_infinite_figure_differs_from_a_finite_one() -> None:
+    """A tuning that was lost at the finer step was once confirmed by it."""
+    assert different(1.0, np.inf)
+    assert different(np.inf, 1.0)
+    assert not different(np.inf, np.inf)
+    assert not different(1.0, 1.05)
+    assert different(1.0, 1.2)

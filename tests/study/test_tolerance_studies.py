@@ -5,15 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Mrac, Simulation
+from barbalat import Mrac, Simulation, load_case, simulate
 from barbalat.cases.load import parse_case
 from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.judge.settings import Judge
+from barbalat.judge.verdict import Class
 from barbalat.studies import delay_margins, trade_off, tune
 from barbalat.study.finer_step import refined
 from barbalat.study.ideal_benchmark import shortest_delay
 from barbalat.study.resolved import resolved
+from barbalat.study.verdicts import Verdicts, verdict_of
 from case_texts import DRIVE
 from independent import refusal
+from relay import Relay
 
 STEPPED = DRIVE.replace("tolerance = 1e-6", "dt = 4e-4")
 GIVEN = {"t_end": 4.0, "dt": None, "solver": "auto", "tolerance": 1e-6}
@@ -83,3 +87,13 @@ def test_what_stands_for_a_step() -> None:
 def test_a_delay_below_the_resolution_is_no_delay_that_is_tried() -> None:
     said = refusal(lambda: tune(CASE, "rms_e", subject_to=["delay_margin_measured >= 1e-5"], plants=1))
     assert "requires less than can be simulated, 0.0004 s" in said
+
+
+def test_the_verdict_on_a_run_that_stalls_is_that_of_a_lost_one() -> None:
+    simulation = Simulation(4.0, tolerance=1e-6)
+    problem = load_case("paper").problem
+    assert verdict_of(problem, Relay(2.0), simulation, Judge()).kind is Class.LOST
+    (run,) = simulate(problem, Relay(0.0), simulation).values()
+    assert str(verdict_of(problem, Relay(0.0), simulation, Judge())) == str(run.verdict)
+    found = Verdicts.run([(problem, Relay(size)) for size in (0.0, 2.0)], simulation, Judge())
+    assert found.lost.tolist() == [False, True]

@@ -24,7 +24,7 @@ from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import LEAST_TOLERANCE, Simulation
 from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, DelayMargins, gains_scanned, longest_delay
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed, quiet
-from barbalat.study.verdicts import Member
+from barbalat.study.verdicts import Member, verdict_of
 from barbalat.validate import Array
 
 FINER_BY = 4
@@ -68,6 +68,9 @@ class PlainRun:
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None = None) -> PlainRun:
         """Simulate the loop and examine the run."""
+        if simulation.tolerance is not None:
+            verdict = verdict_of(quiet(problem), controller, simulation, judge or Judge())
+            return cls(h_lambda_max=None, limits=None, label=None, damping=None, verdict=verdict, settles=True)
         (run,) = simulate(quiet(problem), [controller], simulation, judge=judge).values()
         solver, settles = simulation.solver, True
         if run.label is not None:
@@ -76,8 +79,8 @@ class PlainRun:
         assert run.verdict is not None
         return cls(
             settles=settles,
-            h_lambda_max=run.stiffness.h_lambda_max if simulation.tolerance is None else None,
-            limits=(solver.imaginary_limit, solver.real_limit) if simulation.tolerance is None else None,
+            h_lambda_max=run.stiffness.h_lambda_max,
+            limits=(solver.imaginary_limit, solver.real_limit),
             label=run.label,
             damping=None if run.damping is None else run.damping.sentence,
             verdict=run.verdict,
@@ -216,5 +219,7 @@ def _confirmed(
 
 
 def different(coarse: float, fine: float) -> bool:
-    """Whether a figure differs at the finer step."""
-    return not abs(fine - coarse) <= EQUAL_FIGURES_SHARE * max(abs(fine), abs(coarse))
+    """Whether a figure differs at the finer step; an infinite one, of a run that was lost, differs from all others."""
+    if coarse == fine:
+        return False
+    return not np.isfinite(fine - coarse) or abs(fine - coarse) > EQUAL_FIGURES_SHARE * max(abs(fine), abs(coarse))

@@ -14,12 +14,16 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.budget import Progress
-from barbalat.judge.judged import CLASSES
+from barbalat.judge.judged import CLASSES, Judged
 from barbalat.judge.settings import Judge
-from barbalat.judge.verdict import Class
+from barbalat.judge.verdict import Class, Verdict
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.engine.by_tolerance import Observation
 from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.judging import watched_in_runs
+from barbalat.run.engine.motion import StalledError
+from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
@@ -41,6 +45,30 @@ class Criterion(Enum):
         if not isinstance(given, cls) and given not in known:
             raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
         return cls(given)
+
+
+def verdict_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge) -> Verdict:
+    """The judge's verdict on a single run, whose error is not measured; with a tolerance that of a lost one for a run that
+    stalls."""
+    if simulation.tolerance is None:
+        (run,) = simulate(problem, [controller], simulation, judge=judge).values()
+        assert run.verdict is not None
+        return run.verdict
+    judge = judge.named(problem)
+    try:
+        observed = Observation.of(problem, controller, simulation, watched_in_runs(judge, problem))
+        observed.run()
+        found = observed.result(judge, measured=False).verdict
+    except StalledError:
+        members = simulate_ensemble([(problem, controller)], simulation, judge=judge, estimated=True)
+        return _only(members.judged)
+    assert found is not None
+    return found
+
+
+def _only(judged: Judged | None) -> Verdict:
+    assert judged is not None
+    return judged.verdict(0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -176,7 +176,8 @@ def _work(settling: Settling, before: _Chosen) -> Work:
     if reruns:
         figures = yield [one.part for one in reruns]
         for rerun, (fine,) in zip(reruns, figures, strict=True):
-            found[f"{study.controllers[rerun.controller]}/{AGAIN}"][rerun.places] = True
+            stalled = np.isinf(fine.finer_by) if study.example.simulation.tolerance is not None else np.zeros(1, dtype=bool)
+            found[f"{study.controllers[rerun.controller]}/{AGAIN}"][rerun.places] = ~stalled
             (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
             ring = RINGS if f"{study.controllers[rerun.controller]}/{RINGS}" in found else OSCILLATED  # from an old store
             for name, values in (columns_of(fine.metrics) | {VERDICT: fine.kinds, ring: rings}).items():

@@ -90,10 +90,13 @@ class SweepResult:
         for name in self.controllers if self.judged else ():
             needed = self.column(f"{name}/{FINER_BY}")[self.column(f"{name}/{SETTLED}") != 1]
             finite = needed[np.isfinite(needed)]
+            infinite = "have an oscillation that no step tried resolves"
+            if self.audit.tolerance:
+                infinite = "stall: no step is short enough where their motion slides along a jump, give simulation.dt"
             factors = " to ".join(f"{factor:g}" for factor in np.unique([finite.min(), finite.max()])) if len(finite) else ""
             why = {
                 f"need a step {factors} times smaller, which was too expensive or did not settle them": len(finite),
-                "have an oscillation that no step tried resolves": int(np.isinf(needed).sum()),
+                infinite: int(np.isinf(needed).sum()),
                 "have too many states for monitoring their oscillations": int(np.isnan(needed).sum()),
             }
             if len(needed):

@@ -21,6 +21,7 @@ from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged
+from barbalat.run.engine.observed_group import ObservedBatch
 from barbalat.run.engine.refining import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, finer_by, needed_by_modes
 from barbalat.run.engine.side_by_side import expected_attempts, run_members
 from barbalat.run.kernel import delay, template
@@ -116,7 +117,7 @@ MOST_SETTINGS = 64
 
 class Figured(NamedTuple):
     """The results of M runs of one controller: figures, (M,) numbers of the judge's classes, and how much finer a step they
-    need."""
+    need; infinite for one that no step tried resolves, or that stalls with a tolerance."""
 
     metrics: Metrics
     kinds: Array
@@ -280,7 +281,8 @@ class Study:
             width = known_width(problem, controller)
             swings = rings(one, width, motion.crossings).astype(float)
             unknown = len(width) == 0 or not np.isfinite(width).all()
-            found.append(np.where(np.isfinite(one.diverged_at) | unknown, np.nan, swings))
+            ended_early = np.isnan(one.rms_e).any(axis=1)  # it diverged or stalled
+            found.append(np.where(ended_early | unknown, np.nan, swings))
         return found
 
     @cached_property
@@ -408,11 +410,10 @@ def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | N
     else:  # with a tolerance, which resolves every oscillation
         simulation, needed = simulation.grid, np.zeros(batch.states.shape[1])
     resolved = ~(needed > 0)
-    return Figured(
-        batch.metrics(simulation),
-        judged(batch, simulation, terms, among=resolved, frequencies=False, excused=True, threads=threads).kinds,
-        needed,
-    )
+    kinds = judged(batch, simulation, terms, among=resolved, frequencies=False, excused=True, threads=threads).kinds
+    if isinstance(batch, ObservedBatch):
+        needed = np.where(batch.stalled, np.inf, needed)
+    return Figured(batch.metrics(simulation), kinds, needed)
 
 
 def columns_of(metrics: Metrics) -> Columns:

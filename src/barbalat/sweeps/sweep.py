@@ -22,6 +22,7 @@ from barbalat.protocols import Controller
 from barbalat.run.engine.by_tolerance import Observation
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import tail_is_short
+from barbalat.run.engine.motion import StalledError
 from barbalat.run.engine.simulate import result_of
 from barbalat.run.engine.stability_label import MOST_WINDOWS
 from barbalat.run.kernel.members import Members
@@ -339,18 +340,26 @@ def replay(study: Study, member: int, *, threads: int | None = None, progress: P
 def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) -> dict[str, tuple[int, Result]]:
     """The worst member of each controller and its recorded run, with the step that settled it.
 
-    Among the members of the worst class: the one that was lost first, or else the one with the largest error in the tail.
+    Among the members of the worst class: the one that was lost first, or else the one with the largest error in the tail. With a
+    tolerance only members that do not stall: the others have no run. A controller with which all members stall is left out, and
+    so is one whose worst member stalls when it is recorded.
     """
     settling, runs = Settling(study), {}
     for i, name in enumerate(study.controllers):
         kinds = found.column(f"{name}/{VERDICT}")
         tail = np.max([found.column(one) for one in found.rows.names if one.startswith(f"{name}/tail_max_abs_e[")], axis=0)
         diverged = found.column(f"{name}/diverged_at")
+        stalled = np.isnan(tail) & np.isnan(diverged)
+        if stalled.all():
+            continue
         badness = np.where(np.isfinite(diverged), np.inf, np.nan_to_num(tail, nan=np.inf))
-        (worst, *_) = np.lexsort((np.nan_to_num(diverged, nan=np.inf), -badness, kinds))
+        (worst, *_) = np.lexsort((np.nan_to_num(diverged, nan=np.inf), -badness, kinds, stalled))
         (factor,) = settled_by(found.column, name)[[worst]]
         own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
-        runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
+        try:
+            runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
+        except StalledError:  # a single run has other rounding errors, which may decide whether it slides
+            continue
     return runs
 
 

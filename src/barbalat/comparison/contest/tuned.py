@@ -24,11 +24,10 @@ from barbalat.judge.verdict import Verdict
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
-from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins
 from barbalat.study.ideal_benchmark import Judging
-from barbalat.study.verdicts import Criterion
+from barbalat.study.verdicts import Criterion, verdict_of
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
@@ -149,8 +148,6 @@ def qualify(
     controller = entrant.controller(found.row)
     equations = bound(problem, controller)
     margins = _probed(trials, plants, controller, rule, simulation, judge)
-    (run,) = simulate(problem, [controller], simulation, judge=judge).values()
-    assert run.verdict is not None
     return Qualified(
         entrant=entrant,
         controller=controller,
@@ -167,7 +164,7 @@ def qualify(
         start=start_of(problem, controller),
         step=best.check,
         refused=tuple(best.refused),
-        verdict=run.verdict,
+        verdict=verdict_of(problem, controller, simulation, judge),
     )
 
 

@@ -21,7 +21,7 @@ from barbalat.comparison.tradeoff.tradeoff import pareto_front
 from barbalat.judge.verdict import Verdict
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
-from barbalat.run.engine.simulate import simulate
+from barbalat.study.verdicts import verdict_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -212,9 +212,7 @@ def _verdict(trial: Trial, controller: int) -> Verdict:
     """The judge's verdict on the case's own plant."""
     assert trial.case is not None
     case = trial.case
-    (run,) = simulate(case.problem, case.controllers[controller], case.simulation, judge=case.judge).values()
-    assert run.verdict is not None
-    return run.verdict
+    return verdict_of(case.problem, case.controllers[controller], case.simulation, case.judge)
 
 
 class Best(NamedTuple):

@@ -42,6 +42,7 @@ class EnsembleResult(Plotted):
     quarters  (M, 4, n) the largest |e| in each quarter of the run, without t_end, if requested; NaN for a member that diverged
     lost      the effect of jumps and corners inside steps on all members, as in a single run's ``Result``
     judged    the verdicts, if a judge was given
+    stalled   (M,) with a tolerance: the members that no step was short enough for. Their figures are NaN, and they count as lost
     """
 
     simulation: Simulation
@@ -50,13 +51,16 @@ class EnsembleResult(Plotted):
     quarters: Array | None = None
     lost: LostOrder | None = None
     judged: Judged | None = None
+    stalled: Array | None = None
 
     def __repr__(self) -> str:
         diverged, M = int(np.isfinite(self.metrics.diverged_at).sum()), len(self)
         e = self.metrics.tail_max_abs_e
-        worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
+        worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if np.isfinite(e).any() else "-"
         size = f"{validate.counted(M, 'member')}, {validate.counted(self.varied, 'number')} varied"
-        return f"<EnsembleResult: {size}, {diverged} diverged; worst |e| in the tail {worst}>"
+        stalled = 0 if self.stalled is None else int(self.stalled.sum())
+        lost = f"{diverged} diverged" + (f", {stalled} stalled" if stalled else "")
+        return f"<EnsembleResult: {size}, {lost}; worst |e| in the tail {worst}>"
 
     def plot(self, *, shown: bool = True) -> Figure:
         """The share of the members with at most a given error, in the whole run and in the tail, as a Matplotlib figure.
@@ -71,8 +75,10 @@ class EnsembleResult(Plotted):
             for title, e in (("largest |e|", found.max_abs_e), ("largest |e| in the tail", found.tail_max_abs_e))
         ]
         diverged = int(np.isfinite(found.diverged_at).sum())
+        without = int(np.isnan(found.max_abs_e).any(axis=1).sum())
+        why = "diverged" if without == diverged else "diverged or stalled"
         note = validate.counted(M, "run") + (
-            f"; {diverged} diverged and have no error, so the share stays below 1" if diverged else ""
+            f"; {without} {why} and have no error, so the share stays below 1" if without else ""
         )
         return draw(panels, note, shown=shown)
 
@@ -104,7 +110,8 @@ def simulate_ensemble(
     quarters        also keep the largest |e| of each quarter of the run; needs at least eight steps
     judge           judges every member; None (default) for no verdicts. Model, signals and labels are the first member's
     frequencies     whether to measure those of limit cycles, which doubles the time if members are in limit cycles
-    With a tolerance each member has its own steps, and the members' errors are not measured, since there is no second run.
+    With a tolerance each member has its own steps, and the members' errors are not measured, since there is no second run. A
+    member whose steps become too short to advance it stalls, and ends alone: see ``EnsembleResult.stalled``.
 
     threads, lanes  affect only the speed; the results are the same bit for bit
     progress        reading members counts as part of the work if their number is known beforehand
@@ -139,13 +146,14 @@ def simulate_ensemble(
         np.ceil(simulation.steps / (4 * CHUNK_STEPS))
     )  # each quarter has a whole number of blocks if there are enough steps
     blocks = replace(simulation, record_points=points) if quarters else simulation
-    found, verdicts = [], []
+    found, verdicts, stalled = [], [], []
     for first in range(0, len(read), MEMBERS_AT_ONCE):
         which = slice(first, min(first + MEMBERS_AT_ONCE, len(read)))
         done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
         told = part_of(progress, done, width)
         if by_tolerance:
-            batch: Batch = run_members(read, which, threads=threads, lanes=lanes, progress=told)
+            batch: Batch = (observed := run_members(read, which, threads=threads, lanes=lanes, progress=told))
+            stalled.append(observed.stalled)  # the judge adds to it
         else:
             batch = Batch.part(read, which, record=quarters, lanes=lanes)
             run([batch], read.signals, blocks, threads=threads, progress=told)
@@ -162,6 +170,7 @@ def simulate_ensemble(
         quarters=np.concatenate(by_quarters) if quarters else None,
         lost=None if by_tolerance else _lost(read, simulation, None if len(read.parameters) else largest),
         judged=Judged.together(verdicts) if verdicts else None,
+        stalled=np.concatenate(stalled) if stalled else None,
     )
 
 

@@ -16,12 +16,12 @@ from barbalat.budget import Progress, carried
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import LoopShape
-from barbalat.run.engine.motion import LOOKED_AT_EVERY, Motion
+from barbalat.run.engine.motion import LEAST_PROGRESS_AMONG_OTHERS, LOOKED_AT_EVERY, Motion, StalledError
 from barbalat.run.kernel.attempt import DIVERGED, STALLED
 from barbalat.run.kernel.observed import Observed
 from barbalat.run.kernel.past import with_room
 from barbalat.run.kernel.step import CompiledLoop
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array
 
 FEWEST_AT_ONCE, MOST_AT_ONCE = 16, 128
 """Attempts per call of the kernel. After each call every lane is examined, which takes as long as some ten attempts; a lane
@@ -36,14 +36,10 @@ def compiled_lanes(program: Program, begin: Program, shape: LoopShape, lanes: in
 
 @dataclass(eq=False)
 class Turns:
-    """The queue of M members: each takes the next free lane of any thread.
-
-    errors  of members that stall, by their numbers; only members before the first of them are still needed
-    """
+    """The queue of M members: each takes the next free lane of any thread."""
 
     members: int
     progress: Progress | None = None
-    errors: dict[int, InputError] = field(default_factory=dict)
     _begun: int = 0
     _done: int = 0
     _lock: Lock = field(default_factory=Lock)
@@ -51,26 +47,18 @@ class Turns:
     def next(self) -> int | None:
         """The number of the next member to begin; None if there is none."""
         with self._lock:
-            if self.errors or self._begun == self.members:
+            if self._begun == self.members:
                 return None
             self._begun += 1
             return self._begun - 1
 
-    def ended(self, error: tuple[int, InputError] | None = None) -> None:
-        """Record that a member has ended, or can't be continued."""
+    def ended(self) -> None:
+        """Record that a member has ended."""
         with self._lock:
             self._done += 1
-            if error is not None:
-                self.errors[error[0]] = error[1]
             done = self._done / self.members
         if self.progress is not None:
             self.progress(done)
-
-    def require_no_errors(self, first: int) -> None:
-        """InputError for the first member that can't be continued; they are counted from ``first``."""
-        if self.errors:
-            number = min(self.errors)
-            raise InputError(f"member {first + number + 1}: {self.errors[number]}") from self.errors[number]
 
 
 class Side(Protocol):
@@ -94,7 +82,8 @@ class Side(Protocol):
         ...
 
     def goes_on(self, number: int, motion: Motion, column: Array, records: Array | None) -> bool:
-        """Process a member that has paused, ended or diverged; return whether it continues, with this column."""
+        """Take the results of a member that has paused, ended, diverged or stalled; returns whether it continues, with this
+        column."""
         ...
 
 
@@ -231,20 +220,18 @@ class Lanes:
         motion.state = self.state[: side.observed.attempts.carried.size, lane].copy()
         try:
             self._require_progress(motion, lane)
-        except InputError as error:
-            side.turns.ended((number, error))
-            self._fill(lane)
-            return
+        except StalledError:
+            motion.stop()
         records = None if self.records is None else self.records[lane]
         if not side.goes_on(number, motion, self.state[:, lane], records):
             side.turns.ended()
             self._fill(lane)
 
     def _require_progress(self, motion: Motion, lane: int) -> None:
-        """InputError for a member that does not advance."""
+        """StalledError for a member that does not advance."""
         motion.rejected += self.attempts[lane]
         self.attempts[lane] = 0
         if motion.state[self.row("status")] == STALLED:
             motion.require_step()
-        motion.require_progress()
+        motion.require_progress(LEAST_PROGRESS_AMONG_OTHERS)
         self.state[self.row("status"), lane] = motion.state[self.row("status")]

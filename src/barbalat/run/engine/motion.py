@@ -32,8 +32,13 @@ FIRST_STEP = 1e-6
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
 """Number of attempts per call of the kernel, whose output then stays in the cache."""
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
-"""Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 attempts, a
-day."""
+"""Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 of them, a day."""
+LEAST_PROGRESS_AMONG_OTHERS = 1e-4
+"""The same for one of many members, and for a motion most of whose steps end at a jump of its equations: a slower one would take
+2e8 attempts, a minute. Oscillations of a million radians in a run are faster."""
+SLIDES = 0.5
+"""Share of the steps that end at a jump of the equations, above which a motion slides along it: one that crosses a jump twice in
+a period makes several steps between."""
 RESOLVED = 1e-9
 """A tolerance above the rounding errors of Section V at a gain of 1e4, which reach 1e-10 of the estimates."""
 
@@ -55,6 +60,10 @@ class Delay:
 
     time: float
     history: Array
+
+
+class StalledError(InputError):
+    """A motion for which no step is short enough, or whose steps no longer advance it."""
 
 
 @dataclass(eq=False)
@@ -84,7 +93,12 @@ class Motion:
     rejected: int = 0
     choices: int = 0
     longest: float = 0.0
-    looked: tuple[int, float] = (0, 0.0)  # attempts and time [s] at the last check of its progress
+    looked: tuple[int, float, int, int] = (
+        0,
+        0.0,
+        0,
+        0,
+    )  # attempts, time [s], steps and choices at the last check of its progress
 
     @classmethod
     def of(
@@ -123,7 +137,7 @@ class Motion:
         """The same motion from t = 0 with another tolerance, in steps of at most ``most`` [s]."""
         state = self.attempts.initial(self.start, FIRST_STEP * t_end, most)
         again = replace(
-            self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, longest=0.0, looked=(0, 0.0)
+            self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, longest=0.0, looked=(0, 0.0, 0, 0)
         )
         return again._before_its_start()
 
@@ -180,6 +194,15 @@ class Motion:
         return bool(self.state[self._at("status")] == DIVERGED)
 
     @property
+    def stalled(self) -> bool:
+        """Whether it can't be continued: no step is short enough."""
+        return bool(self.state[self._at("status")] == STALLED)
+
+    def stop(self) -> None:
+        """Mark the motion as stalled."""
+        self.state[self._at("status")] = STALLED
+
+    @property
     def over(self) -> bool:
         """Whether it has reached its end, where a controller may sample once more, or diverged."""
         return self.diverged or (self.state[self._at("piece")] == len(self.rows) - 1 and self.state[self._at("renew")] == 0)
@@ -224,27 +247,36 @@ class Motion:
         self.records = records[first:last].copy()
         self.state[rows] -= first
 
-    def require_progress(self) -> None:
-        """Raise InputError for a motion that moves back and forth across a jump of its equations because of rounding."""
-        (before, t), attempts, t_end = self.looked, self.steps + self.rejected, float(self.rows[-1, 0])
+    def require_progress(self, least: float = LEAST_PROGRESS) -> None:
+        """StalledError for a motion that rounding moves back and forth across a jump of its equations, or that slides along it,
+        and advances by less than this share of its horizon."""
+        (before, t, steps, choices), attempts, t_end = self.looked, self.steps + self.rejected, float(self.rows[-1, 0])
         if attempts - before < LOOKED_AT_EVERY:
             return
-        if not self.over and self.t - t < LEAST_PROGRESS * t_end and not self._escapes():
+        slides = self.choices - choices > SLIDES * (self.steps - steps)
+        if slides and self.t - t < LEAST_PROGRESS_AMONG_OTHERS * t_end and not self.over and not self._escapes():
+            raise StalledError.of(
+                "simulation.tolerance",
+                f"= {self.tolerance:g} can't be used from t = {self.t:.6g} s on: the motion slides along a jump of its equations"
+                f", and {attempts - before} attempted steps advanced it by {self.t - t:.2g} s; use a larger one, or give "
+                "simulation.dt",
+            )
+        if not self.over and self.t - t < least * t_end and not self._escapes():
             larger = max(10 * self.tolerance, RESOLVED)
             instead = f"use a larger one, such as {larger:g}, or " if self.tolerance < RESOLVED else ""
-            raise InputError.of(
+            raise StalledError.of(
                 "simulation.tolerance",
                 f"= {self.tolerance:g} is finer than 64-bit numbers resolve the motion at t = {min(self.t, t_end):.6g} s: "
                 f"{attempts - before} attempted steps advanced it by {self.t - t:.2g} s, since only rounding decides which side "
                 f"of a jump of its equations it is on; {instead}give simulation.dt",
             )
-        self.looked = attempts, self.t
+        self.looked = attempts, self.t, self.steps, self.choices
 
     def require_step(self) -> None:
-        """InputError for a stalled motion that no tolerance can follow; a finite escape is a divergence."""
+        """StalledError for a stalled motion that no tolerance can follow; a finite escape is a divergence."""
         if self._escapes():
             return
-        raise InputError.of(
+        raise StalledError.of(
             "simulation.tolerance",
             f"= {self.tolerance:g} leaves no step at t = {self.t:.6g} s"
             ": the motion slides along a jump of its equations, or exceeds the resolution of numbers; give simulation.dt",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,10 +15,18 @@ from barbalat.validate import Array
 
 @dataclass(eq=False)
 class ObservedBatch(Batch):
-    """Members, each observed at the nodes of its motion. ``remembered``: number of entries of the kernel's state after the
-    judge's memory."""
+    """Members, each observed at the nodes of its motion.
+
+    remembered  number of entries of the kernel's state after the judge's memory
+    stalled     (M,) which members no step was short enough for, in their run or in its continuation by the judge
+    """
 
     remembered: int = 0
+    stalled: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.stalled = np.zeros(self.states.shape[1], dtype=bool)
 
     def metrics(self, simulation: Simulation) -> Metrics:
         """See ``Batch.metrics``; the divergence time is that of the motion."""

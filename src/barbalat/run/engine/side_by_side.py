@@ -16,7 +16,7 @@ from barbalat.lowering.llvm.machine import vector_width
 from barbalat.run.engine.continued import Continued, Continuing, Seen
 from barbalat.run.engine.engine import Group
 from barbalat.run.engine.lanes import Lanes, Turns, advance
-from barbalat.run.engine.motion import Delay, Motion, Nodes, compiled_attempts
+from barbalat.run.engine.motion import Delay, Motion, Nodes, StalledError, compiled_attempts
 from barbalat.run.engine.observed_group import ObservedBatch, ObservedGroup
 from barbalat.run.kernel.grid import Segment
 from barbalat.run.kernel.members import Members
@@ -40,8 +40,7 @@ def run_members(
 ) -> ObservedBatch:
     """Some of the members after their runs.
 
-    The results are the same bit for bit for any threads, lanes and other members. Raises InputError, with its number, for the
-    first member that stalls.
+    The results are the same bit for bit for any threads, lanes and other members. A member that stalls has no figures.
     """
     workers = threads or os.cpu_count() or 1
     runs = Runs(members, which, workers, lanes or vector_width(), progress)
@@ -54,7 +53,6 @@ def expected_attempts(members: Members) -> float:
     runs = Runs(members, slice(0, 1), 1, vector_width())
     lanes = Lanes(runs, runs.width, 1)
     made = lanes.run(COUNTED)
-    runs.turns.require_no_errors(0)
     share = 1.0 if lanes.motions[0] is None else lanes.state[lanes.row("t"), 0] / members.simulation.t_end
     return float(made / share)
 
@@ -83,9 +81,8 @@ class Runs:
         self.turns = Turns(len(self.batch.groups), self.progress)
 
     def advance(self) -> None:
-        """Run from 0 to t_end; InputError for the first member that stalls."""
+        """Run from 0 to t_end."""
         advance(self, self.workers, self.width)
-        self.turns.require_no_errors(self.which.start)
 
     @cached_property
     def grid(self) -> Simulation:
@@ -119,7 +116,7 @@ class Runs:
 
     def goes_on(self, number: int, motion: Motion, column: Array, records: Array | None) -> bool:
         """See ``Side``: from the head to the tail."""
-        if motion.diverged or motion.t >= self.stop:
+        if motion.diverged or motion.stalled or motion.t >= self.stop:
             self._end(number, motion, column, records)
             return False
         if motion.t >= column[self.observed.row("pause")]:
@@ -161,7 +158,8 @@ class Runs:
         """The member's results, and its group at the end of the motion."""
         grid, group = self.grid, self._group(number, motion, column)
         self._merge(number, column, in_tail=group.before_tail is not None)
-        if motion.diverged:
+        self.batch.stalled[number] = motion.stalled
+        if motion.diverged or motion.stalled:
             instants = grid.time(np.arange(grid.steps + 1)) * (1 - SAME_INSTANT)
             self.batch.totals.diverged_step[number] = np.searchsorted(instants, motion.t, side="right")
         motion.state[self.observed.row("pause")] = np.inf
@@ -225,23 +223,27 @@ class ContinuedMembers:
         self.step += steps
         side = Window(runs.observed, chosen, self.held, float(self.simulation.time(self.step)), Turns(len(chosen)))
         advance(side, runs.workers, runs.width)
-        first = runs.which.start
-        side.turns.require_no_errors(first)
         low, high, turned = (np.full(shape, np.nan) for _ in range(3))
         largest, lost = np.full((shape[0], self.batch.loop.errors), np.nan), np.zeros(shape[0], dtype=bool)
         after = np.array([group.state[size:, 0] for group in chosen])
         low[members], high[members], largest[members] = (after[:, at[name]] for name in ("low", "high", "largest y"))
         turned[members], lost[members] = after[:, at["reversals"]] - before, side.lost
+        self.batch.stalled[self.columns[members]] |= np.array([one.motion is not None and one.motion.stalled for one in chosen])
         return Seen(low, high, turned, lost, largest)
 
     def traced(self, steps: int, samples: int, members: Array) -> tuple[Array, Array]:
-        """See ``Continuation``; the members are computed one after the other."""
-        found, only = [], np.zeros(1, dtype=int)
+        """See ``Continuation``: one after the other; NaN for a member that stalls."""
+        memory = self.batch.program.memory
+        assert memory is not None
+        t, found, only = np.zeros(1), dict[int, Array](), np.zeros(1, dtype=int)
         for i in members:
             alone = Continued(self.groups[int(i)], self.simulation, self.held, self.step)
-            t, path = alone.traced(steps, samples, only)
-            found.append(path)
-        return t, np.concatenate(found, axis=1)
+            try:
+                t, found[int(i)] = alone.traced(steps, samples, only)
+            except StalledError:
+                self.batch.stalled[self.columns[i]] = True
+        unknown = np.full((len(t), 1, memory.inputs), np.nan)
+        return t, np.concatenate([found.get(int(i), unknown) for i in members], axis=1)
 
 
 @dataclass(eq=False)
@@ -277,11 +279,11 @@ class Window:
 
     def goes_on(self, number: int, motion: Motion, column: Array, records: Array | None) -> bool:
         """See ``Side``."""
-        if not motion.diverged and motion.t < self.stop:
+        if not (motion.diverged or motion.stalled) and motion.t < self.stop:
             return True
         group, size = self.groups[number], self.observed.attempts.loop.size
         group.state[:size, 0], group.state[size:, 0] = motion.x, column[self.observed.places["kept"]]
-        self.lost[number] = motion.diverged
+        self.lost[number] = motion.diverged or motion.stalled
         motion.take(records)
         group.motion = motion
         return False

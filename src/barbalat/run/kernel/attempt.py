@@ -58,6 +58,9 @@ LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
 """Smallest step relative to the time; a shorter step does not advance the time."""
 BEYOND = 2.0
 """Multiple of that movement beyond which a choice is certain."""
+BARELY = 16 * BEYOND
+"""Multiple of it up to which a change of choice can't be located more closely: the search, which shortens a step by up to three,
+would end in a step that is not certain to have changed."""
 SECANTS = 4
 """Number of secant steps in the search for the time of a change of choice; after these the step is halved instead."""
 LOOKS = (5, 9, 10)
@@ -288,14 +291,11 @@ class Attempts:
             x = ca.if_else(renew != 0, self._joined(x, found.limiters, parts, tolerance), x)
             found = self._switched(x, s, None)
         conditions = found.conditions
-        given = self._switched(x, s, parts["choices"]).conditions  # after the change, another condition may be undetermined
-        old = ca.vertsplit(parts["choices"])
-        chosen = [
-            ca.if_else(
-                everything, one.truth, ca.if_else(ca.logic_and(renew != 0, ca.fabs(now.margin) == np.inf), now.truth, before)
-            )
-            for one, now, before in zip(conditions, given, old, strict=True)
-        ]
+        given = self._switched(x, s, parts["choices"]).conditions  # after the change, another condition may have no choice left,
+        old, chosen = ca.vertsplit(parts["choices"]), []
+        for one, now, before, was in zip(conditions, given, old, ca.vertsplit(parts["margins"]), strict=True):
+            open_now = ca.logic_or(ca.fabs(now.margin) == np.inf, ca.fabs(was) == np.inf)  # or have one for the first time
+            chosen.append(ca.if_else(everything, one.truth, ca.if_else(ca.logic_and(renew != 0, open_now), now.truth, before)))
         choices = ca.vertcat(ca.SX(0, 1), *chosen)
         after = self._switched(x, s, choices)
         margins = ca.vertcat(ca.SX(0, 1), *(one.margin for one in after.conditions))
@@ -514,7 +514,7 @@ class Attempts:
         old = ca.vertsplit(parts["choices"])
         before = ca.vertsplit(parts["margins"])
         place, moved, first_try = [], [], parts["tries"] == 0
-        seen = [ca.SX(0.0)] * len(inside)
+        seen, barely = [ca.SX(0.0)] * len(inside), ca.SX(1.0)
         for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
             least = ca.fmin(SAME * one.size, LARGEST)  # of the switching quantity; infinite margins are excluded
             way = 1 - 2 * chosen  # a margin times this is positive if its side has changed
@@ -529,6 +529,8 @@ class Attempts:
             share = ca.if_else(ca.logic_and(share > 0, share < 1), ca.fmax(share, NEAREST), 0.5)
             place.append(ca.if_else(other, ca.if_else(at_start, np.inf, share), np.inf))
             moved.append(ca.logic_and(at_start, ca.logic_or(other, there[0])))
+            for margin in (one.margin, *(conditions_there[i].margin for _, conditions_there in inside)):
+                barely = ca.logic_and(barely, ca.logic_not(way * margin > BARELY * least))
         earlier = ca.SX(np.inf)
         for (node, _), found_there in zip(reversed(inside), reversed(seen), strict=True):
             earlier = ca.if_else(found_there, node, earlier)
@@ -537,7 +539,7 @@ class Attempts:
         due = ca.if_else(ca.logic_or(at_once, first < np.inf), 1.0, 0.0)
         near = MEETS / ca.fmax(ca.mmax(ca.fabs(slope) / scale), 1e-300)
         near = ca.fmax(near, LEAST_ROUNDINGS * ca.fabs(t))
-        close = ca.logic_or(ca.logic_and((1 - first) * h <= near, earlier > 1), h <= near)
+        close = ca.logic_or(ca.logic_or(ca.logic_and((1 - first) * h <= near, earlier > 1), h <= near), barely)
         ready = ca.logic_or(ca.logic_not(due), ca.logic_and(close, ca.logic_not(at_once)))
         aim = first * h + 0.3 * near
         margins = ca.vertcat(*(one.margin for one in conditions))
