@@ -59,6 +59,8 @@ FINER = (1, 4, 16, 64)
 """Steps at which a bound is compared: one that is broken at the case's step by the solver holds at a finer one."""
 REDUCTIONS = 60
 """Attempts at leaving a key out of a failing case."""
+BY_TOLERANCE = 0.3
+"""Share of the cases with a tolerance in place of a step."""
 EARLY = 1500
 """Solver steps of a bundled case."""
 
@@ -104,20 +106,31 @@ class Tally:
 
 
 def drawn(seed: int, given: dict[str, Any] | None, folder: Path) -> dict[str, Any]:
-    """Draw the case of a seed: new in seven of ten, otherwise a changed bundled case; a changed ``given`` if there is one."""
+    """Draw the case of a seed: new in seven of ten, otherwise a changed bundled case; a changed ``given`` if there is one.
+
+    Three of ten have a tolerance in place of a step.
+    """
     rng = random.Random(seed)
     if given is not None:
-        return plausible.changed(rng, given, folder)
-    if rng.random() < 0.7:
-        return plausible.Draw(rng, folder).case()
-    case = tomllib.loads(rng.choice(sorted(bundled().values())).read_text("utf-8"))
-    return plausible.changed(rng, early(case), folder)
+        case = plausible.changed(rng, given, folder)
+    elif rng.random() < 0.7:
+        case = plausible.Draw(rng, folder).case()
+    else:
+        bundle = tomllib.loads(rng.choice(sorted(bundled().values())).read_text("utf-8"))
+        case = plausible.changed(rng, early(bundle), folder)
+    return by_tolerance(rng, case) if rng.random() < BY_TOLERANCE and "dt" in case["simulation"] else case
+
+
+def by_tolerance(rng: random.Random, case: dict[str, Any]) -> dict[str, Any]:
+    """The same case with a tolerance in place of a step and a solver."""
+    kept = {key: value for key, value in case["simulation"].items() if key not in ("dt", "solver")}
+    return case | {"simulation": kept | {"tolerance": rng.choice((1e-4, 1e-6, 1e-9))}}
 
 
 def early(case: dict[str, Any]) -> dict[str, Any]:
     """The same for a few steps."""
     simulation = case["simulation"]
-    simulation["t_end"] = min(simulation["t_end"], EARLY * simulation["dt"])
+    simulation["t_end"] = min(simulation["t_end"], EARLY * simulation.get("dt", 1e-3))
     return case
 
 
@@ -289,7 +302,7 @@ def _exceeding(case: dict[str, Any], folder: Path, run: Any, name: str, key: str
         if not _exceeding(case, folder, run, name, key, bound, 1):
             return None
         again = copy.deepcopy(case)
-        again["simulation"]["dt"] /= finer
+        again["simulation"]["dt" if "dt" in again["simulation"] else "tolerance"] /= finer
         file = folder / "finer.toml"
         file.write_text(text_of(again), encoding="utf-8")
         ended, run = judged(call(["run", str(file), "--no-plots"], SEARCH_SECONDS), ["run"])

@@ -449,7 +449,7 @@ def changed(rng: random.Random, case: Table, folder: Path) -> Table:
         draw.output, draw.share, draw.n, draw.p = False, 0.1, len(plant["A_m"]), len(plant["theta"])
         draw.m = len(plant["b"][0]) if isinstance(plant["b"][0], list) else 1
         draw.theta = [x for row in plant["theta"] for x in (row if isinstance(row, list) else [row])]
-        draw.known, draw.dt = case.get("uncertainty", {}), case["simulation"]["dt"]
+        draw.known, draw.dt = case.get("uncertainty", {}), case["simulation"].get("dt", 1e-3)
         draw.sample_time = 5 * draw.dt
         for home, key, name in ((plant, "input", "PlantInput"), (case, "sensor", "Sensor")):
             if rng.random() < 0.3 and key not in home:
