@@ -87,6 +87,18 @@ def test_every_member_has_its_own_delay(path) -> None:
         assert figure == pytest.approx(alone.figures["max_abs_e"][0], rel=1e-9)
 
 
+@pytest.mark.parametrize("faults", [(), (Dropout(share=0.2), Jitter(time=0.001, seed=1))], ids=["regular", "jitter"])
+def test_a_sampled_controller_without_fused_sums_is_the_same(faults) -> None:
+    """The kernel then takes all numbers as arguments, but its samples have instants."""
+    problem, found = replace(CASE.problem, faults=faults), []
+    for fused in (True, False):
+        simulation = Simulation(1.0, tolerance=1e-9, fused=fused)
+        case = replace(CASE, problem=problem, controllers=(Sampled(SLOW[0], 0.02),), simulation=simulation)
+        rows = sweep(case, vary={"plant.theta[0]": "2:4:3"}, bounds=False, audit=0).rows
+        found.append(rows.column(f"{case.controllers[0].name}/max_abs_e[0]"))
+    assert found[0] == pytest.approx(found[1], rel=1e-7)
+
+
 def test_the_budget_counts_what_the_tolerance_costs() -> None:
     """L1 to 20 s at its gain of 1e4 takes half a million attempts, 0.2 s for each member: once 0.03 ms were counted."""
     l1 = tuple(c for c in CASE.controllers if c.name == "L1")

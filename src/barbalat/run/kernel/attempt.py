@@ -138,12 +138,19 @@ class Attempts:
 
     parameters  the column of the loop's symbols, which are arguments of the kernel before the tolerance and the delay, if there
                 is one; None if there are none
+    numbered    the loop with its numbers, which fix the instants of samples, where ``loop`` has symbols for some of them
     """
 
     loop: ClosedLoop
     signals: TimeSignals
     fused: bool = True
     parameters: Any = None
+    numbered: ClosedLoop | None = None
+
+    @property
+    def sampling(self) -> ClosedLoop:
+        """The loop whose sample time and shell are numbers."""
+        return self.loop if self.numbered is None else self.numbered
 
     @cached_property
     def past(self) -> DelayedInput | None:
@@ -170,9 +177,9 @@ class Attempts:
     @cached_property
     def calls(self) -> Callable[[float], np.ndarray]:
         """See ``Around.calls``; all members of these attempts share it."""
-        assert self.loop.around is not None
+        assert self.sampling.around is not None
         faults = [one for one in self.signals.signals if isinstance(one, FaultSignal)]
-        return cache(partial(self.loop.around.calls, faults))
+        return cache(partial(self.sampling.around.calls, faults))
 
     def initial(self, x: np.ndarray, h: float, most: float = np.inf) -> np.ndarray:
         """The kernel's state at t = 0, for a loop that begins with x."""

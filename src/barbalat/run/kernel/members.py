@@ -294,7 +294,7 @@ class Reader:
         """The members that were read, with the programs of attempts with a tolerance and of their observer."""
         simulation, problem, template = self.simulation, self.problem, Template.of(self.columns, opened=not self.simulation.fused)
         loop, column, fused = template.loop, template.column, simulation.fused
-        attempts, grid = Attempts(loop, TimeSignals.of(problem.signals), fused, column), simulation.grid
+        attempts, grid = Attempts(loop, TimeSignals.of(problem.signals), fused, column, self.loop), simulation.grid
 
         def trace() -> tuple[StepProgram, int, dict[str, Any], dict[str, Any]]:
             program, remembered = observer_program(loop, grid.dt, self.watched, fused=fused, parameters=column)

@@ -56,7 +56,7 @@ class Pieces:
 
     def _samples(self, first: float, last: float) -> Array:
         """The instants from ``first`` to ``last`` [s] at which the controller samples."""
-        loop = self.attempts.loop
+        loop = self.attempts.sampling
         if loop.sample_time is None:
             return np.zeros(0)
         if loop.around is None or not loop.around.jitters:
