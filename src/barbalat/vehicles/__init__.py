@@ -1,2 +1,2 @@
-"""Vehicles, each in a folder, flown by sampled controllers: their simulators are other packages, and each flight has its own
+"""Vehicles that sampled controllers fly, each in a folder. Their simulators are other packages, and each flight has its own
 process."""

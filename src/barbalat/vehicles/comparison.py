@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HELD_BLANK = "\0"
-"""It stands for a non-breaking space."""
+"""A character that stands for a non-breaking space."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -27,9 +27,9 @@ class FlightComparison:
 
     vehicle   the vehicle
     model     the trimmed flight condition with its linear model: an ``Axis`` of the F-16, the ``Axes`` of the quadrotor
-    version   of its simulator
-    flights   for each controller its flights through all failures, in their order
-    delays    the largest added delay with which each kept control [s], by name; None if it was not requested
+    version   the version of its simulator
+    flights   for each controller its flights through all failures, in the failures' order
+    delays    the largest added delay with which each controller kept control [s], by name; None if it was not requested
     exported  whether the exported C was flown
     """
 
@@ -47,15 +47,15 @@ class FlightComparison:
 
     @property
     def headline(self) -> str:
-        """What flew, and by which error flights are ranked."""
+        """The title: what flew, and the error by which flights are ranked."""
         return self.vehicle.headline(self.model)
 
     def facts(self) -> list[tuple[str, str]]:
-        """The flight condition, the linear model, and the computation."""
+        """Return labelled facts on the flight condition, the linear model and the computation."""
         return self.vehicle.facts(self.model, self.version)
 
     def details(self) -> dict[str, Any]:
-        """The flight condition, the linear model and the computation, for the document of ``--json``."""
+        """Return the flight condition, the linear model and the computation, for the document of ``--json``."""
         return self.vehicle.details(self.model, self.version)
 
     @property
@@ -64,14 +64,14 @@ class FlightComparison:
         return self.vehicle.delays.most * self.vehicle.delays.step
 
     def figure(self, failure: Failing, *, narrow: bool = False, shown: bool = False) -> Figure:
-        """Time histories of all controllers through a failure; those of lost ones are drawn as far as the others' ranges
-        reach."""
+        """Draw time histories of all controllers through a failure. Those of lost controllers are drawn within the range of the
+        others."""
         from barbalat.vehicles.picture import figure_of
 
         return figure_of(self.vehicle, self.all_through(failure), narrow=narrow, shown=shown)
 
     def scene(self, failure: Failing, controllers: Sequence[str]) -> Scene | None:
-        """The flights of these controllers through a failure in space; None if none of them left the start."""
+        """Return the flights of these controllers through a failure in space; None if none of them left the start."""
         chosen = [
             (i, one) for i, one in enumerate(self.all_through(failure)) if one.controller in controllers and len(one.record) > 1
         ]
@@ -93,8 +93,7 @@ class FlightComparison:
 
     @cached_property
     def agreements(self) -> dict[str, Agreement] | None:
-        """The agreement of each controller's exported C with the simulated list, over all its flights; None if the list itself
-        flew."""
+        """The agreement of each controller's exported C with the simulation over all its flights; None if no C flew."""
         if not self.exported:
             return None
         return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}
@@ -112,18 +111,18 @@ class FlightComparison:
         return "\n".join(lines).replace(HELD_BLANK, " ")
 
     def plot(self, failure: str | None = None) -> Figure:
-        """Time histories of all controllers through one failure, by its name; the last one by default."""
+        """Draw time histories of all controllers through one failure, given by its name; the last one by default."""
         return self.figure(self.failure_of(failure), shown=True)
 
     def plot_paths(self, failure: str | None = None) -> Figure:
-        """The paths of all controllers through one failure, in space; InputError if the records have no path."""
+        """Draw the paths of all controllers through one failure in space. InputError if the records have no path."""
         from barbalat.vehicles.picture import paths_figure
 
         return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)
 
     def film(self, failure: str | None = None) -> bytes:
-        """A GIF of the first controller and the best of the others; by default through the failure with the largest
-        difference."""
+        """Return a GIF of the first controller and the best of the others. By default it shows the failure with the largest
+        difference between them."""
         from barbalat.vehicles.film import film
 
         chosen = self.most_telling if failure is None else self.failure_of(failure)
@@ -138,7 +137,7 @@ class FlightComparison:
         return found
 
     def failure_of(self, name: str | None) -> Failing:
-        """The failure with this name, the last one for None; InputError for one that was not flown."""
+        """Return the failure with this name, or the last one for None. InputError for one that was not flown."""
         found = [one for one in self.failures if name in (None, one.name)]
         if not found:
             raise InputError(
@@ -147,12 +146,12 @@ class FlightComparison:
         return found[-1]
 
     def all_through(self, failure: Failing) -> Sequence[Flight]:
-        """The flights of all controllers through one failure, in the controllers' order."""
+        """Return the flights of all controllers through one failure, in the controllers' order."""
         return [flight for several in self.flights for flight in several if flight.failure == failure]
 
     def through(self, failure: Failing) -> Sequence[Flight]:
-        """The flights of all controllers through one failure: ordered by error, with lost ones last, the earliest loss at the
-        end."""
+        """Return the flights of all controllers through one failure, ordered by error. Lost flights are last, the earliest loss
+        at the end."""
         return sorted(
             self.all_through(failure),
             key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error),
@@ -160,19 +159,19 @@ class FlightComparison:
 
     @cached_property
     def losses(self) -> dict[str, int]:
-        """The number of lost flights of each controller, the best first."""
+        """Return the number of lost flights of each controller, the best first."""
         counted = {several[0].controller: sum(bool(flight.lost) for flight in several) for several in self.flights}
         return dict(sorted(counted.items(), key=lambda item: item[1]))
 
     def pair(self, failure: Failing) -> list[str]:
-        """The first controller, and the best of the others through the failure, which a film shows together."""
+        """Return the first controller and the best of the others through the failure, which a film shows together."""
         first = self.controllers[0]
         return [first, *[one.controller for one in self.through(failure) if one.controller != first][:1]]
 
     @property
     def most_telling(self) -> Failing:
-        """The failure with the largest difference between these two: one that the first lost and the other kept, or the
-        largest ratio."""
+        """The failure with the largest difference between these two: one that the first lost and the other survived, or the one
+        with the largest ratio of errors."""
 
         def told(failure: Failing) -> tuple[bool, float]:
             several = {one.controller: one for one in self.through(failure)}

@@ -1,7 +1,7 @@
-"""Many flights: every controller through every failure on vehicles that are drawn, kept in a store.
+"""Campaigns of flights: every controller flies through every failure on randomly drawn vehicles.
 
-A vehicle's ``Drawing`` defines what is drawn. The store is like that of a sweep: Parquet, a row for each draw, resumed by the
-same call however the last one ended.
+A vehicle's ``Drawing`` defines what is drawn. Results are kept in a store like that of a sweep, in Parquet with a row for each
+draw. The same call resumes a campaign, however the last one ended.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
 MEMBERS, PROCESSES = 200, 2
 """Default numbers of draws and of processes."""
 MOST_DRAWS = 25
-"""The largest share of one process, so that all have work."""
+"""Largest share of the draws that one process takes, so that all processes have work."""
 CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
-"""Seconds of the flights of a drawing's ``chunk``, and bytes of the figures of one flight."""
+"""Duration of the flights of a drawing's ``chunk`` in seconds, and size of the figures of one flight in bytes."""
 DIFFERENCES = {
     "case": "another flight, or of other --schemes or --failures",
     "plan": "more --dispersions, or another --seed",
     "equations": "other equations",
 }
-"""The words for what differs in another store, by the keys of ``Campaign.identity``."""
+"""Words for the differences of another store, by the keys of ``Campaign.identity``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """A campaign: schemes through failures on the draws of a plan. It is pickled into the processes that fly.
+    """A campaign of schemes through failures, on the draws of a plan. It is pickled into the processes that fly.
 
     models  the vehicle at each of its conditions
-    aboard  the controllers there
+    aboard  the controllers at each condition
     """
 
     vehicle: AnyVehicle
@@ -75,21 +75,21 @@ class Campaign:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """The flight conditions of the draws, in turn."""
+        """The flight conditions, which the draws use in turn."""
         return tuple(self.vehicle.drawing.conditions)
 
     @property
     def chunk(self) -> int:
-        """Draws that one process flies."""
+        """The number of draws that one process flies."""
         return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def cost(self, members: float, processes: int) -> Estimate:
-        """The cost of flying this number of draws in parallel processes."""
+        """Return the cost of flying this number of draws in parallel processes."""
         flights = members * len(self.controllers) * len(self.failures)
         return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.vehicle.drawing.chunk * flights / processes)
 
     def require(self, members: int, processes: int) -> None:
-        """InputError if this number of draws exceeds the budget."""
+        """Raise InputError if this number of draws exceeds the budget."""
         drawn = counted(members, "draw")
         budget.require(
             "the campaign", members, lambda count: self.cost(count, processes), given=f"of {drawn}",
@@ -97,7 +97,7 @@ class Campaign:
         )  # fmt: skip
 
     def identity(self) -> dict[str, object]:
-        """The data with which a store must have been made in order to be continued."""
+        """Return the data with which a store must have been made in order to be continued."""
         case = {
             "flight": self.name,
             "conditions": list(self.conditions),
@@ -108,7 +108,7 @@ class Campaign:
         return {"case": json.dumps(case), "plan": self.plan.as_json(), "equations": self._equations()}
 
     def _equations(self) -> str:
-        """SHA-256 of the controllers' operations, the linear models, and the simulator's version."""
+        """Return the SHA-256 of the controllers' operations, the linear models and the simulator's version."""
         digest = hashlib.sha256(metadata.version(self.vehicle.simulator).encode())
         for model, several in zip(self.models, self.aboard, strict=True):
             for part in self.vehicle.contents(model, several):
@@ -120,7 +120,7 @@ class Campaign:
 class DispersedComparison:
     """The results of a campaign.
 
-    rows     a row for each draw: what was drawn, and ``KEPT`` for each controller and failure
+    rows     a row for each draw, with the drawn numbers, and the figures ``KEPT`` for each controller and failure
     resumed  number of draws that were already stored
     """
 
@@ -133,7 +133,7 @@ class DispersedComparison:
         return len(self.campaign.plan)
 
     def column(self, controller: str, failure: str, figure: str) -> Array:
-        """(members,) one figure of a controller's flights through a failure, one for each draw; KeyError if there is none."""
+        """Return one figure of a controller's flights through a failure for each draw (members,). KeyError if there is none."""
         name = column_name(controller, failure, figure)
         if name not in self.rows.names:
             raise validate.unknown_name("column", name, self.rows.names)
@@ -141,13 +141,13 @@ class DispersedComparison:
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Losses, errors and comparisons of controllers, with intervals."""
+        """The losses, errors and comparisons of controllers, with intervals."""
         failures = tuple(one.name for one in self.campaign.failures)
         return evidence_of(self.column, self.campaign.controllers, failures)
 
 
 def column_name(controller: str, failure: str, figure: str) -> str:
-    """The store's column name for a controller, a failure and a figure."""
+    """Return the store's column name for a controller, a failure and a figure."""
     return f"{controller}, {failure}/{figure}"
 
 
@@ -162,15 +162,15 @@ def fly_dispersed(
     processes: int = PROCESSES,
     progress: Progress | None = None,
 ) -> DispersedComparison:
-    """Fly schemes through failures on randomly drawn vehicles; needs the extra ``flight`` and, for a store, ``study``.
+    """Fly schemes through failures on randomly drawn vehicles. This needs the extra ``flight`` and, for a store, ``study``.
 
     name, schemes, failures  as for ``fly``
-    members    number of draws, each flown by every scheme through every failure; several conditions alternate
-    seed       of the draws and of their gusts
-    store      a folder that keeps every row, from which the same call, or one for more draws, continues
+    members    number of draws; every scheme flies each of them through every failure, and several conditions alternate
+    seed       seed of the draws and of their gusts
+    store      a folder that keeps every row; the same call, or one for more draws, continues from it
     processes  number of processes that fly at the same time
 
-    Raises InputError for anything that can't be flown, and SimulatorFailed if the simulator fails; stored rows remain.
+    Raises InputError for anything that cannot be flown, and SimulatorFailed if the simulator fails. Stored rows remain.
     """
     validate.whole("processes", processes, least=1)
     vehicle = vehicle_of(name)
@@ -205,7 +205,7 @@ def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | UnstoredCh
 
 
 def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterator[tuple[Chunk, Columns]]:
-    """Yield each chunk when it is done; each has its own process, with this number in parallel."""
+    """Yield each chunk when it is finished. Each has its own process, and this number of processes run in parallel."""
     seconds = STARTING_SECONDS + campaign.chunk * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
     pool = ThreadPoolExecutor(processes)
     try:
@@ -217,9 +217,9 @@ def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterat
 
 
 def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str, Mapping[str, float | None]]]]:
-    """The function that flies a numbered draw with every controller through every failure; made once in a process.
+    """Return the function that flies a numbered draw with every controller through every failure.
 
-    Yields controller, failure and at least the figures ``KEPT`` of each flight.
+    It is made once in a process, and it yields controller, failure and at least the figures ``KEPT`` of each flight.
     """
     vehicle = campaign.vehicle
     pilots = [
@@ -238,7 +238,7 @@ def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str
 
 
 def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
-    """All columns of these draws, in this process."""
+    """Fly these draws in this process and return all their columns."""
     fly, turns = _flying(campaign), len(campaign.models)
     found: Columns = {"member": np.arange(chunk.first, chunk.first + chunk.size)}
     values = campaign.plan.values(*chunk)
@@ -257,13 +257,15 @@ def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """A controller compared with another through the same failure on the same draws; a lost flight is worse than any other.
+    """The comparison of a controller with another through the same failure on the same draws.
 
-    better   draws on which it had the smaller error, of those on which they differ: both lost says nothing;
-             None where there are none
-    spared   draws on which the other alone was lost, of those on which one of them was lost alone; None if there are none
-    follows  1 if its error is significantly smaller, -1 if significantly larger, else 0, for all comparisons together
-    keeps    the same for its losses: 1 if they are fewer
+    A lost flight is worse than any other, and draws on which both are lost are not counted.
+
+    better   share of draws on which the controller has the smaller error, among those on which the two differ; None if there
+             are none
+    spared   share of draws on which only the other was lost, among those on which one of them was lost; None if there are none
+    follows  1 if its error is significantly smaller, -1 if it is significantly larger, else 0, over all comparisons together
+    keeps    the same for its losses, with 1 if they are fewer
     """
 
     other: str
@@ -275,7 +277,7 @@ class Pairing:
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """One controller through one failure, on all draws."""
+    """The results of one controller through one failure on all draws."""
 
     controller: str
     lost: Share
@@ -286,12 +288,13 @@ class Flown:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """The evaluation of the flights for each failure, with the controllers ordered by losses and then by error, and for all
-    failures.
+    """The evaluation of the flights, for each failure, with the controllers ordered by losses and then by error, and for all
+    failures together.
 
-    lost         of all flights of each controller, the fewest first: draws are independent, flights on one draw are not, so
-                 that they have no interval
-    comparisons  of two controllers through one failure by error or by losses that some draw decides, which share one confidence
+    lost         number of lost flights of each controller, the fewest first; it has no interval, because flights on the same
+                 draw are not independent
+    comparisons  number of comparisons of two controllers through one failure, by error or by losses, that some draw decides;
+                 they share one level of confidence
     """
 
     by_failure: dict[str, tuple[Flown, ...]]
@@ -303,7 +306,7 @@ ERROR, LOSS = "error", "loss"
 
 
 def evidence_of(column: Callable[[str, str, str], Array], controllers: Sequence[str], failures: Sequence[str]) -> Evidence:
-    """From ``column(controller, failure, figure)``."""
+    """Evaluate the flights from ``column(controller, failure, figure)``."""
     errors = {(failure, one): column(one, failure, "rms_e") for failure in failures for one in controllers}
     gone = {(failure, one): int(np.isfinite(column(one, failure, "lost_at")).sum()) for failure, one in errors}
     shares = {

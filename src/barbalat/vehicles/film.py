@@ -1,4 +1,4 @@
-"""A film of a scene: the vehicles' frames, their trails, and their commanded positions. A GIF, drawn by Matplotlib."""
+"""Draws a film of a scene with Matplotlib, as a GIF: the vehicles' frames, their trails, and their commanded positions."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from barbalat.vehicles.picture import box_of, frame, inside
 from barbalat.vehicles.scene import Mover, Scene
 
 FRAME_SIDE, PIXELS_PER_INCH = 4.8, 100
-"""Side of a frame [in] and resolution: 480 pixels a side, of which a phone shows 390."""
+"""Side of a frame [in] and resolution. A frame has 480 pixels per side, which a phone shows as 390."""
 FRAMES_PER_SECOND = 10
 SECONDS_BEFORE = 3.0
-"""Time before a flight's failure that is shown [s]."""
+"""Shown time before a flight's failure [s]."""
 TITLE_WIDTH = 66
-"""Characters of a line of the title."""
+"""Largest number of characters in a line of the title."""
 TRAIL_SECONDS = 3.0
-"""Time for which a vehicle's path stays in sight [s]."""
+"""Time for which a vehicle's path stays visible [s]."""
 LARGEST_FILM_BYTES = 2_000_000
-"""Bytes of a film; a larger one is drawn again with half the frames."""
+"""Largest size of a film in bytes. A larger one is drawn again with half the frames."""
 SHADES = 12
-"""Number of shades between each colour and the ground's, for the smoothed edges of lines."""
+"""Number of shades between each colour and the background's, for the smoothed edges of lines."""
 
 
 def film(scene: Scene) -> bytes:
-    """From ``SECONDS_BEFORE`` the failure on, in real time; the same scene gives the same bytes."""
+    """Return the film in real time, beginning ``SECONDS_BEFORE`` the failure. The same scene gives the same bytes."""
     rate = FRAMES_PER_SECOND
     while True:
         found = _film(scene, max(0.0, scene.fails - SECONDS_BEFORE), rate)
@@ -58,7 +58,7 @@ def _film(scene: Scene, start: float, rate: int) -> bytes:
 
 
 class Canvas(Protocol):
-    """The parts of Matplotlib that are used, which have no types."""
+    """The parts of Matplotlib that are used here. They have no types of their own."""
 
     def draw(self) -> None: ...
 
@@ -70,7 +70,7 @@ class Canvas(Protocol):
 
 
 def _palette(scene: Scene) -> Image:
-    """The colours of the drawing: the vehicles', ink, greys."""
+    """Return the palette of the drawing: the vehicles' colours, ink and greys."""
     theme, shares = Theme(), np.linspace(0, 1, SHADES)[:, None]
     named = np.array([to_rgb(one) for one in (*(theme.colour(mover.colour) for mover in scene.movers), INK, QUIET_INK)])
     shades = np.concatenate([(1 - shares) * one + shares for one in named])
@@ -80,7 +80,7 @@ def _palette(scene: Scene) -> Image:
 
 
 def _frames(scene: Scene, instants: range) -> Iterator[Image]:
-    """The box is drawn once, and the moving parts on top of it."""
+    """Yield the frames. The box is drawn once, and the moving parts are drawn on top of it."""
     figure = new_figure(FRAME_SIDE, FRAME_SIDE, shown=False)
     figure.set_dpi(PIXELS_PER_INCH)
     figure.set_facecolor(GROUND)
@@ -115,7 +115,7 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
 
 
 def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> list[Line2D]:
-    """A vehicle at an instant, or the mark of a lost one."""
+    """Draw a vehicle at an instant, or the mark of a lost one."""
     at, colour, dash = min(k, len(mover.path) - 1), theme.colour(mover.colour), dash_of(mover.colour)
     since = max(0, k - round(TRAIL_SECONDS / float(scene.t[1] - scene.t[0])))
     found: list[Line2D] = []
@@ -130,12 +130,12 @@ def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> lis
 
 
 def _clipped(scene: Scene, points: Array) -> Array:
-    """Points outside are moved to the box's wall."""
+    """Move points outside the box to its wall."""
     return np.asarray(np.clip(points, *scene.box))
 
 
 def _told(scene: Scene, k: int) -> str:
-    """The time, and each vehicle's distance from its commanded position."""
+    """Return the title: the time, and each vehicle's distance from its commanded position."""
     since = float(scene.t[k]) - scene.fails
     failed = f", {since:.1f} s after the failure" if scene.failing and since >= 0 else ""
     lines = [f"{scene.t[k]:.1f} s{failed}"]

@@ -1,4 +1,4 @@
-"""One flight: its record at each sample, why it was lost, and its figures."""
+"""One flight: its record at each sample, the reason for a loss of control, and its figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.validate import Array, Named
 from barbalat.vehicles.verdicts import Followed, verdict_of
 
 NO_NUMBER = "its controller gave a command that is not a number"
-"""The reason for a loss of control if a flight's controller overflowed but its simulator did not."""
+"""The reason for a loss of control if the controller overflowed but the simulator did not."""
 
 
 class Failing(Protocol):
@@ -40,9 +40,9 @@ class Timing:
 class Flight(ABC):
     """A flight of some vehicle.
 
-    record     (K, columns), a row for each sample, beginning with its time [s]; up to the loss of control
-    lost       why control was lost, empty if it was not
-    agreement  of the exported C that flew with the simulated list; None if the list itself flew
+    record     (K, columns), a row for each sample up to a loss of control; the first column is the time [s]
+    lost       the reason why control was lost, empty if it was not
+    agreement  the agreement of the exported C that flew with the simulation; None if no C flew
     """
 
     controller: str
@@ -55,45 +55,45 @@ class Flight(ABC):
     @property
     @abstractmethod
     def columns(self) -> dict[str, str]:
-        """The columns of the record, in this order, with units."""
+        """The columns of the record in this order, with units."""
 
     @property
     @abstractmethod
     def units(self) -> dict[str, str]:
-        """The names of its figures with their units, "rms_e" and "max_abs_e" among them."""
+        """The names of its figures with their units. They include "rms_e" and "max_abs_e"."""
 
     @property
     @abstractmethod
     def error(self) -> Array:
-        """(K,) the error to be kept small, at the samples."""
+        """The error that should be small, at the samples (K,)."""
 
     @abstractmethod
     def measured(self, after: Array) -> tuple[float, ...]:
-        """Its figures in the order of ``units``, from the samples (K,) for which ``after`` is true."""
+        """Return the figures in the order of ``units``, from those of the samples (K,) for which ``after`` is true."""
 
     @property
     @abstractmethod
     def path(self) -> Array:
-        """(K, 3): its position, forward, left and up, in the vehicle's unit of length."""
+        """The position forward, left and up (K, 3), in the vehicle's unit of length."""
 
     @property
     @abstractmethod
     def attitude(self) -> Array:
-        """(K, 3, 3), its columns the body's axes."""
+        """The attitude (K, 3, 3). Its columns are the body's axes."""
 
     @property
     def target(self) -> Array | None:
-        """(K, 3): the commanded position; None if none is commanded."""
+        """The commanded position (K, 3); None if no position is commanded."""
         return None
 
     @property
     def followed_by_judge(self) -> Followed | None:
-        """The signals for the judge; None if its class provides none."""
+        """The signals for the judge; None if the class provides none."""
         return None
 
     @cached_property
     def verdict(self) -> Verdict | None:
-        """The judge's verdict on it, including the vehicle's own criteria for being lost; None without signals."""
+        """The judge's verdict on the flight, including the vehicle's own criteria for a loss; None without signals."""
         seen = self.followed_by_judge
         return None if seen is None else verdict_of(seen, self.record[:, 0], self.timing.duration, self.lost)
 
@@ -103,28 +103,28 @@ class Flight(ABC):
         return self.timing.fails_at
 
     def column(self, name: str) -> Array:
-        """One of ``columns`` over the samples; KeyError for another name."""
+        """Return one of ``columns`` over the samples. KeyError for another name."""
         places = {one: place for place, one in enumerate(self.columns)}
         return np.asarray(self.record[:, Named.of("column", places)[name]])
 
     @property
     def duration(self) -> float:
-        """The last sample's time [s]."""
+        """The time of the last sample [s]."""
         return float(self.record[-1, 0])
 
     @property
     def lost_at(self) -> float | None:
-        """The time at which control was lost [s]; None if it was not."""
+        """The time at which control was lost [s], or None."""
         return self.duration if self.lost else None
 
     @property
     def rms_error(self) -> float:
-        """The root mean square of the error from the failure on."""
+        """The root mean square of the error after the failure."""
         return float(np.sqrt(np.mean(self.error[self._after] ** 2)))
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """From the failure on, by the names of the JSON; null if control was lost."""
+        """The figures after the failure, by their names in the JSON. They are null if control was lost."""
         after, names = self._after, self.units
         if self.lost or not after.any():
             return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(names)})

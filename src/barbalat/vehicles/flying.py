@@ -1,4 +1,4 @@
-"""``fly``: controllers through failures on one vehicle, each in its own process."""
+"""``fly`` flies controllers through failures on one vehicle, each controller in its own process."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ def fly(
     software_in_the_loop: Maker | None = None,
     progress: Progress | None = None,
 ) -> FlightComparison:
-    """Fly controllers on a flight model, each through every failure; JSBSim and MuJoCo come with the extra ``flight``.
+    """Fly controllers on a flight model, each through every failure. JSBSim and MuJoCo come with the extra ``flight``.
 
     name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command; "quadrotor": a figure
                  of eight in MuJoCo, by a geometric controller and the schemes' additions to it; or another installed vehicle
     schemes      from ``vehicles.registry.vehicles()[name].schemes``; all by default, "hinf" if the extra ``robust`` is installed
-    controllers  sampled controllers of your own in addition, bound to the ``adaptive_problem`` of the F-16's axis, or of the
+    controllers  further, your own sampled controllers, bound to the ``adaptive_problem`` of the F-16's axis or of the
                  quadrotor's roll, pitch and yaw
     failures     from ``vehicles.registry.vehicles()[name].failures``; all by default
-    condition    a ``FlightCondition``, where the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
+    condition    a ``FlightCondition`` at which the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
     equipment    an ``Equipment``, the hardware between controller and surface of the F-16; the axis's own by default
-    delays       whether the delay is also raised until control is lost: some ten more flights for each controller
-    software_in_the_loop  ``exported_c``: each controller flies as its exported C, compiled by this machine's compiler, in
-                          parallel with the simulated list, with which u and state are compared bit for bit; by default only the
-                          list flies
+    delays       whether the delay is also increased until control is lost, which takes some ten more flights per controller
+    software_in_the_loop  ``exported_c`` flies the exported C of each controller, compiled by this machine's compiler, in
+                          parallel with the simulated controller, and compares u and the state of both bit for bit; by default
+                          only the simulated controller flies
 
-    Raises InputError for what can't be flown, and SimulatorFailed if the simulator fails before any flight.
+    Raises InputError for anything that cannot be flown, and SimulatorFailed if the simulator fails before any flight.
     """
     vehicle, maker = vehicle_of(name), software_in_the_loop
     if maker is not None and not callable(maker):
@@ -76,14 +76,14 @@ def fly(
 
 
 def chosen_schemes(vehicle: AnyVehicle, names: Sequence[str] | None) -> list[str]:
-    """Each scheme once, by default all that can be designed here; InputError for one that the vehicle does not offer."""
+    """Return each scheme once, by default all that can be designed here. InputError for one that the vehicle does not offer."""
     wanted = list(dict.fromkeys(available(vehicle.schemes) if names is None else names))
     require_offered(wanted, vehicle.schemes)
     return wanted
 
 
 def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[Failing, ...]:
-    """All failures by default; InputError for one that the vehicle does not have."""
+    """Return the failures, by default all. InputError for one that the vehicle does not have."""
     known = {one.name: one for one in vehicle.failures}
     unknown = [one for one in names or () if one not in known]
     if unknown:
@@ -92,7 +92,7 @@ def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[F
 
 
 def on_loop(vehicle: AnyVehicle, loop: Loop, scheme: str) -> OnLoop:
-    """A scheme with the numbers found for a loop."""
+    """Return a scheme with the numbers that were found for a loop."""
     return vehicle.schemes[scheme].make(loop, vehicle.numbers[loop.like][scheme])
 
 
@@ -103,7 +103,8 @@ def aboard(
     controllers: Sequence[Controller] = (),
     maker: Maker = SampledList.of,
 ) -> list[Aboard]:
-    """Schemes, then your own controllers, as what flies; InputError for what does not fit the vehicle's computer."""
+    """Return the controllers to be flown: first the schemes, then your own. InputError for one that does not fit the vehicle's
+    computer."""
     found = [
         *(scheme_aboard(vehicle, model, name, maker) for name in schemes),
         *(_own(vehicle, model, one, maker) for one in controllers),
@@ -116,13 +117,13 @@ def aboard(
 
 
 def scheme_aboard(vehicle: AnyVehicle, model: Any, name: str, maker: Maker = SampledList.of) -> Aboard:
-    """A scheme on all loops of a vehicle."""
+    """Return a scheme on all loops of a vehicle."""
     several = [on_loop(vehicle, loop, name) for loop in vehicle.loops(model)]
     return Aboard(name=several[0].controller.name, loops=tuple(maker(*one) for one in several))
 
 
 def _own(vehicle: AnyVehicle, model: Any, controller: Controller, maker: Maker) -> Aboard:
-    """A user's own controller on its loops; the others use the vehicle's plain feedback."""
+    """Return a user's own controller on its loops. The other loops use the vehicle's plain feedback."""
     loops = list(vehicle.loops(model))[: vehicle.own_loops]
     own = tuple(maker(loop.adaptive_problem, controller) for loop in loops)
     for loop, one in zip(loops, own, strict=True):
@@ -137,12 +138,12 @@ def _own(vehicle: AnyVehicle, model: Any, controller: Controller, maker: Maker) 
 def flown(
     vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Failing], timing: Timing | None = None
 ) -> list[Flight]:
-    """Fly one controller through the failures, in this process, for the default duration of the vehicle's flights."""
+    """Fly one controller through the failures in this process, for the default duration of the vehicle's flights."""
     return list(vehicle.fly(model, vehicle.pilot(model, one), failures, vehicle.dispersion(), timing or vehicle.timing))
 
 
 def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Failing]) -> list[Flight]:
-    """All flights in one process; if that fails, each in its own, so that only the failing one is lost."""
+    """Fly all flights in one process. If it fails, fly each in its own process, so that only the failing one is lost."""
     try:
         return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, vehicle, model, one, failures)
     except SimulatorFailed as error:
@@ -152,10 +153,10 @@ def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Fail
 
 
 def delay_borne(vehicle: AnyVehicle, model: Any, one: Aboard, timing: Timing | None = None) -> float:
-    """The largest added delay [s] with which control is kept to the end: by trials upwards, then by bisection.
+    """Return the largest added delay [s] with which control is kept to the end, found by trials upwards and then by bisection.
 
-    It is at least one stride of the vehicle's ``DelaySearch`` below a delay that lost control, or 0.0; it is the longest one
-    tried if none did.
+    The result is at least one stride of the vehicle's ``DelaySearch`` below a delay with which control was lost, or 0.0. If
+    control was never lost, it is the longest delay tried.
     """
     pilot, search = vehicle.pilot(model, one), vehicle.delays
 

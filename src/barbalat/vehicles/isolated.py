@@ -1,7 +1,7 @@
-"""A function called in a separate process with a time limit: a simulator's crash there becomes one sentence here.
+"""Calls a function in a separate process with a time limit, so that a simulator's crash there becomes one sentence here.
 
-On some errors of its files JSBSim ends the whole process, and it prints freely; both stay in that process. The function, its
-arguments and its result are pickled, between a process and its own child.
+On some errors in its files JSBSim ends the whole process, and it prints freely. Both effects are confined to the separate
+process. The function, its arguments and its result are pickled between a process and its own child.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 ASKED, ANSWERED = "asked.pickle", "answered.pickle"
 LONGEST_REASON = 200
-"""Characters of a simulator's last output."""
+"""Largest number of characters of a simulator's last output that are shown."""
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
-"""Time limits: a simulator and compiled controllers start in two seconds and fly in one and a half; a shared machine takes many
-times that."""
+"""Time limits [s]. A simulator and compiled controllers start in two seconds and fly in one and a half; a shared machine takes
+many times as long."""
 
 
 class SimulatorFailed(RuntimeError):
-    """The simulator's process ended without an answer, or did not end in time."""
+    """The simulator's process ended without an answer or did not end in time."""
 
 
 def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
-    """``function(*given, **named)`` in another process; the function is at the top level of a module.
+    """Call ``function(*given, **named)`` in another process. The function must be at the top level of a module.
 
-    Raises InputError as the function does, SimulatorFailed if the process crashes or takes longer than this number of seconds.
+    Raises InputError if the function does, and SimulatorFailed if the process crashes or takes longer than ``seconds``.
     """
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made)
@@ -59,7 +59,7 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
 
 @contextmanager
 def _held_open() -> Iterator[int]:
-    """The read end of a pipe, which closes when this process ends in any way."""
+    """Yield the read end of a pipe, which closes when this process ends in any way."""
     reading, writing = os.pipe()
     try:
         yield reading
@@ -79,15 +79,15 @@ def _crash(code: int, said: str) -> str:
 
 
 def _end_with_parent(folder: Path) -> None:
-    """In the child, in parallel with its work: wait for the parent's end; if the parent was killed, clean up in its place and end
-    too."""
+    """Wait in the child, in parallel with its work, for the end of the parent. If the parent was killed, clean up in its place
+    and end as well."""
     os.read(sys.stdin.fileno(), 1)
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
 
 def _answer(folder: Path) -> None:
-    """In the child: call the requested function, and keep its result or its error."""
+    """Call the requested function in the child, and keep its result or its error."""
     threading.Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
     function, given, named = pickle.loads((folder / ASKED).read_bytes())
     try:

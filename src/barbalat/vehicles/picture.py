@@ -1,4 +1,4 @@
-"""Flights over time: the panels that their vehicle declares, each with all controllers through one failure."""
+"""Draws flights over time and in space, each picture with all controllers through one failure."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 DRAWN_STRIDE = 10
-"""Samples from one drawn point to the next: a tenth of a second at 100 Hz is three pixels of a page."""
+"""Number of samples from one drawn point to the next. At 100 Hz this is a tenth of a second, three pixels of a page."""
 
 
 def figure_of(vehicle: Vehicle[Any, Any, Any], flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
-    """All controllers through one failure; lost ones are drawn within the others' ranges.
+    """Draw the vehicle's panels with all controllers through one failure. Lost ones are drawn within the others' ranges.
 
-    narrow, shown  as of a run's picture
+    narrow, shown  as for a run's picture
     """
     return draw([_panel(one, flights) for one in vehicle.panels], vehicle.timing.duration, narrow=narrow, shown=shown)
 
@@ -51,25 +51,25 @@ def _panel(of: Shown[Any], flights: Sequence[Flight]) -> Panel:
 
 
 def thinned(values: Array) -> Array:
-    """Every n-th row of a record, and its last one."""
+    """Return every n-th row of a record, and its last one."""
     rows = np.unique([*range(0, len(values), DRAWN_STRIDE), len(values) - 1])
     return np.asarray(values[rows])
 
 
 PATH_POINTS = 250
-"""Number of points of a drawn path; successive ones are a pixel and a half apart on a phone."""
+"""Number of points of a drawn path. Successive points are a pixel and a half apart on a phone."""
 MARKED_EVERY = 25
-"""Points of a path from one mark to the next, where its line has marks."""
+"""Number of points of a path from one mark to the next, if its line has marks."""
 ELEVATION, AZIMUTH = 24.0, -58.0
-"""[deg], the viewing direction."""
+"""The viewing direction [deg]."""
 PAD = 0.1
 """Space around a picture, and between its legend and its box [in]."""
 WIRE_SHARE = 0.05
-"""Size of a vehicle's frame, as a share of the box's longest side; it is drawn larger than to scale."""
+"""Size of a vehicle's frame, as a share of the box's longest side. It is drawn larger than to scale."""
 
 
 def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """All paths, with each vehicle at the end of its own; a cross where one was lost."""
+    """Draw all paths, with each vehicle at the end of its path and a cross where one was lost."""
     width, height = (NARROW, 4.2) if narrow else (8.0, 4.6)
     figure = new_figure(width, height, shown=shown)
     axes = box_of(figure, scene, font=8.0 if narrow else 9.0)
@@ -93,13 +93,14 @@ def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> 
 
 
 def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
-    """The box as large as fits below the legend, and the figure no higher than both: the flight determines the box's shape."""
+    """Make the box as large as fits below the legend, and the figure no higher than both. The flight determines the box's
+    shape."""
     width, height = figure.get_size_inches()
     (legend,) = figure.legends
     top = height - legend.get_window_extent().y0 / figure.dpi
     room = np.array([width - 2 * PAD, height - top - PAD])
     side = height
-    for _ in range(3):  # numbers and labels keep their size
+    for _ in range(3):  # repeated, because numbers and labels keep their size
         axes.set_position((0, 0, side / width, side / height))
         low, high = _drawn(figure, axes, scene)
         side *= float((room / (high - low)).min())
@@ -112,7 +113,8 @@ def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
 
 
 def _drawn(figure: Figure, axes: Axes3D, scene: Scene) -> tuple[Array, Array]:
-    """[in] from the figure's lower left corner: the least and greatest coordinates of the box with its numbers and labels."""
+    """Return the smallest and largest coordinates of the box with its numbers and labels, from the figure's lower left corner
+    [in]."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
     figure.draw_without_rendering()
@@ -126,7 +128,7 @@ def _drawn(figure: Figure, axes: Axes3D, scene: Scene) -> tuple[Array, Array]:
 
 
 def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
-    """Empty axes around everything to be drawn in a scene."""
+    """Return empty axes around everything that is drawn in a scene."""
     from mpl_toolkits.mplot3d import Axes3D
 
     low, high = scene.box
@@ -141,30 +143,30 @@ def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
     if all(np.ptp(mover.path[:, 1]) == 0 for mover in scene.movers):  # a flight in one plane
         axes.set(yticks=[], ylabel="")
     for side in (axes.xaxis, axes.yaxis, axes.zaxis):
-        side.set_pane_color((1.0, 1.0, 1.0, 0.0))  # the palette then has enough colours for the lines
+        side.set_pane_color((1.0, 1.0, 1.0, 0.0))  # leaves enough colours of the palette for the lines
     return axes
 
 
 def sides(scene: Scene) -> Array:
-    """The drawn length of the box along each axis."""
+    """Return the drawn length of the box along each axis."""
     low, high = scene.box
     return np.asarray((high - low) / (high - low).max()) if scene.equal else np.array([1.0, 0.5, 0.5])
 
 
 def frame(scene: Scene, place: Array, attitude: Array) -> list[Array]:
-    """The lines of a vehicle there, undistorted where the axes' scales differ."""
+    """Return the lines of a vehicle at a place, undistorted even if the axes' scales differ."""
     low, high = scene.box
     scale = WIRE_SHARE * (high - low) / sides(scene)
     return [place + (line @ attitude.T) * scale for line in scene.wire]
 
 
 def inside(scene: Scene, points: Array) -> Array:
-    """The points, those outside of the box cut out: Matplotlib would draw them beside it."""
+    """Return the points without those outside the box, which Matplotlib would draw beside it."""
     low, high = scene.box
     return np.where(((points >= low) & (points <= high)).all(axis=1)[:, None], points, np.nan)
 
 
 def thinned_path(points: Array) -> Array:
-    """About ``PATH_POINTS`` of them, the last among these."""
+    """Return about ``PATH_POINTS`` of the points, including the last."""
     every = max(1, len(points) // PATH_POINTS)
     return np.asarray(np.vstack([points[:-1:every], points[-1:]]))

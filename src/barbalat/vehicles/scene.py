@@ -1,4 +1,4 @@
-"""Flights in space, as data: position and attitude of each vehicle. ``film`` and ``picture`` draw them."""
+"""Flights in space as data: the position and attitude of each vehicle. ``film`` and ``picture`` draw them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Mover:
     label     the controller's name
     colour    from the palette, as in the other pictures
     path      (K, 3), in the scene's unit
-    attitude  (K, 3, 3), its columns the body's axes
+    attitude  (K, 3, 3), whose columns are the body's axes
     lost      whether control was lost at the end
     """
 
@@ -31,12 +31,12 @@ class Mover:
 class Scene:
     """A scene at some instants.
 
-    unit    of all lengths
-    t       (K,) [s]
-    target  (K, 3), where the vehicle should be; None if no place is commanded
+    unit    the unit of all lengths
+    t       (K,) the instants [s]
+    target  (K, 3) the commanded position; None if no position is commanded
     movers  the vehicles
-    wire    lines (P, 3) in the body's axes, of size 1: the vehicle's frame
-    fails   [s], the time of the failure
+    wire    the vehicle's frame: lines (P, 3) in the body's axes, of size 1
+    fails   the time of the failure [s]
     failing whether there is a failure
     equal   whether all axes have the same scale, which is impossible for a flight of miles at one height
     """
@@ -53,7 +53,8 @@ class Scene:
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """The smallest and largest coordinates of the vehicles that kept control, or of all if none did; a span of at least 1."""
+        """The smallest and largest coordinates of the vehicles that kept control, or of all if none did. Each span is at least
+        1."""
         kept = [one.path for one in self.movers if not one.lost] or [one.path for one in self.movers]
         points = np.vstack([*kept, *([] if self.target is None else [self.target])])
         low, high = points.min(axis=0), points.max(axis=0)
@@ -65,7 +66,8 @@ class Scene:
 
 
 def attitudes(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """(K, 3, 3) of angles [deg] about the axis forward, then left, then up, turned in the order yaw, pitch, roll."""
+    """Return the attitudes (K, 3, 3) for angles [deg] about the forward, left and up axes, applied in the order yaw, pitch,
+    roll."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll]), degrees=True).as_matrix())

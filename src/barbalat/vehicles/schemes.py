@@ -1,6 +1,6 @@
-"""The package's schemes on the loops of vehicles: how each is made from a loop and its numbers, and which ones a vehicle offers.
+"""The package's schemes on the loops of vehicles: how each is made from a loop and its numbers, and which a vehicle offers.
 
-This file contains what is the same on all vehicles; a vehicle's own parts, above all linear designs, are in its folder.
+This file contains what is common to all vehicles. A vehicle's own parts, above all its linear designs, are in its folder.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError, show
 
 ROBUST = "hinf"
-"""The scheme whose synthesis takes packages of the extra ``robust``, by its name on every vehicle."""
+"""The name, on every vehicle, of the scheme whose synthesis needs packages of the extra ``robust``."""
 Numbers = Mapping[str, float]
 """The numbers of a scheme, by the names of its knobs, in units of the loop."""
 
 
 class Loop(Protocol):
-    """One loop of a vehicle, as schemes read it: x' = A_m x + b (theta'phi(x) + u).
+    """One loop of a vehicle in the form for schemes, x' = A_m x + b (theta'phi(x) + u).
 
     like              the loop on whose linear model the schemes' numbers were found
-    linear_problem    phi(x) = x
-    adaptive_problem  phi(x) = (1, x)
-    time_unit         [s]: bandwidths are multiples of its inverse
-    frequency_unit    [rad/s]: adaptation frequencies are multiples of it
-    met               (1 + n,), typical magnitudes of (1, x) in flight, by which adaptive gains are scaled
+    linear_problem    the problem with phi(x) = x
+    adaptive_problem  the problem with phi(x) = (1, x)
+    time_unit         a time [s]; bandwidths are multiples of its inverse
+    frequency_unit    a frequency [rad/s]; adaptation frequencies are multiples of it
+    met               (1 + n,) typical magnitudes of (1, x) in flight, by which adaptive gains are scaled
     known_gain        (n,) feedback gains that a predictor knows; None if A_m already contains them
-    theta_hat0        (1 + n,), initial estimates of adaptive schemes; None for zero
+    theta_hat0        (1 + n,) initial estimates of adaptive schemes; None for zero
     """
 
     @property
@@ -69,7 +69,7 @@ class Loop(Protocol):
 
 
 class OnLoop(NamedTuple):
-    """A controller and the problem that it reads."""
+    """A controller and its problem."""
 
     problem: Problem
     controller: Controller
@@ -79,7 +79,7 @@ class OnLoop(NamedTuple):
 class Scheme:
     """A scheme that a vehicle offers.
 
-    make         from a loop and the scheme's numbers to the flown controller
+    make         a function from a loop and the scheme's numbers to the flown controller
     knobs        the tuned numbers, each with the range of the search
     counterpart  the name of the corresponding scheme on other vehicles, if it differs
     """
@@ -90,8 +90,8 @@ class Scheme:
 
 
 def adaptive_gain(loop: Loop, numbers: Numbers) -> Array:
-    """Gamma, (1 + n,): each estimate oscillates at ``adaptation`` with a regressor of the typical magnitude, Gamma_i phi_i^2
-    b'Pb."""
+    """Return Gamma (1 + n,), with which each estimate oscillates at the frequency ``adaptation``, by Gamma_i phi_i^2 b'Pb, if its
+    regressor has the typical magnitude."""
     known, frequency = loop.adaptive_problem.known, numbers["adaptation"] * loop.frequency_unit
     return np.asarray(frequency**2 / (known.b @ known.P @ known.b * loop.met**2))
 
@@ -101,13 +101,13 @@ def _low_pass(loop: Loop, numbers: Numbers) -> TransferFunction:
 
 
 def adrc(loop: Loop, numbers: Numbers) -> OnLoop:
-    """Active disturbance rejection."""
+    """Make active disturbance rejection control."""
     controller = Adrc(bandwidth=numbers["bandwidth"] / loop.time_unit, nominal=loop.known_gain, saturated_predictor=True)
     return OnLoop(loop.linear_problem, Sampled(controller, loop.sample_time))
 
 
 def robust_mrac(loop: Loop, numbers: Numbers) -> OnLoop:
-    """The robust MRAC with least squares."""
+    """Make the robust MRAC with least squares."""
     controller = RobustMrac(
         tau=loop.time_unit / numbers["bandwidth"],
         law=LeastSquares(covariance0=numbers["covariance"]),
@@ -118,7 +118,7 @@ def robust_mrac(loop: Loop, numbers: Numbers) -> OnLoop:
 
 
 def l1(loop: Loop, numbers: Numbers) -> OnLoop:
-    """L1 adaptive control with the gradient law."""
+    """Make L1 adaptive control with the gradient law."""
     controller = L1Adaptive(
         gamma=adaptive_gain(loop, numbers),
         filter=_low_pass(loop, numbers),
@@ -130,12 +130,12 @@ def l1(loop: Loop, numbers: Numbers) -> OnLoop:
 
 
 def l1_piecewise(loop: Loop, numbers: Numbers) -> OnLoop:
-    """L1 adaptive control with the piecewise-constant law."""
+    """Make L1 adaptive control with the piecewise-constant law."""
     return _piecewise(loop, numbers, "L1 piecewise", None)
 
 
 def l1_piecewise_flown(loop: Loop, numbers: Numbers) -> OnLoop:
-    """L1 adaptive control with the piecewise-constant law and the predictor as it was flown."""
+    """Make L1 adaptive control with the piecewise-constant law and the predictor that was flown."""
     return _piecewise(loop, numbers, "L1 piecewise, as flown", AsFlown(nominal=loop.known_gain))
 
 
@@ -147,7 +147,7 @@ def _piecewise(loop: Loop, numbers: Numbers, name: str, as_flown: AsFlown | None
 
 
 def protected(loop: Loop, linear: LinearFeedback, crossover: float) -> OnLoop:
-    """A linear controller, sampled, with its integral protected against windup: the weight of a missing control is the
+    """Make a sampled linear controller whose integral is protected against windup. The weight of a missing control is the
     controller's own gain at the crossover [rad/s]."""
     K = StateSpace.accept("controller", linear.controller)
     gain = float(abs(K.response(np.array([crossover]))[0]))
@@ -158,7 +158,8 @@ Range = Mapping[str, tuple[float, float]]
 
 
 def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range, adaptation: Range) -> dict[str, Scheme]:
-    """The schemes that all vehicles offer: the vehicle's own MRAC, and those that are made from any loop in the same way."""
+    """Return the schemes that all vehicles offer: the vehicle's own MRAC, and those that are made from any loop in the same
+    way."""
     return {
         "adrc": Scheme(adrc, bandwidth),
         "mrac": Scheme(mrac, adaptation),
@@ -170,12 +171,12 @@ def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range
 
 
 def available(offered: Iterable[str]) -> list[str]:
-    """The schemes among these whose packages are installed."""
+    """Return those of the schemes whose packages are installed."""
     return [name for name in offered if name != ROBUST or find_spec("slycot") is not None]
 
 
 def require_offered(names: Sequence[str], offered: Mapping[str, Scheme]) -> None:
-    """InputError for a scheme that is not offered, with the one that may be meant."""
+    """Raise InputError for a scheme that is not offered. The message suggests a similar one."""
     unknown = [name for name in names if name not in offered]
     if unknown:
         name = unknown[0]

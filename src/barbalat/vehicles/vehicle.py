@@ -1,4 +1,4 @@
-"""The declaration of a vehicle, by which the engine flies it, draws random variations of it, and shows the results."""
+"""The declaration of a vehicle. With it the engine flies the vehicle, draws random variations of it, and shows the results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Flew = TypeVar("Flew", bound=Flight)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Aboard:
-    """A scheme on a vehicle: the controllers that close the vehicle's loops, in their order."""
+    """A scheme on a vehicle: the controllers that close the vehicle's loops, in the order of the loops."""
 
     name: str
     loops: tuple[Flyable, ...]
@@ -37,15 +37,15 @@ class Aboard:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drawing:
-    """How a campaign draws variations of a vehicle, how long they fly, and the words for the results.
+    """How a campaign draws variations of a vehicle, the duration of the flights, and the words for the results.
 
     drawn       the distribution of each number, by its name
-    units       the units of these; the others are factors on nominal values
-    conditions  the flight conditions of the draws, in turn: in words, and as ``Vehicle.nominal`` takes them
-    travel      the figure for how far something moves in a second, and its name in a word
-    beside      the scheme with which all are compared if it flies, and a short name for it
+    units       the units of numbers; a number without a unit is a factor of its nominal value
+    conditions  the flight conditions, which the draws use in turn: in words, and in the form for ``Vehicle.nominal``
+    travel      the figure for the distance that something moves per second, and a word for it
+    beside      the scheme with which all others are compared if it flies, and a short name for it
     set_by      the rule by which the schemes' numbers were found
-    chunk       number of flights of a process before their rows are stored: half a minute's
+    chunk       number of flights of a process before their rows are stored, about half a minute's
     """
 
     drawn: Mapping[str, Uniform]
@@ -58,13 +58,13 @@ class Drawing:
     chunk: int
 
     def plan(self, members: int, seed: int = SEED) -> Plan:
-        """Independent draws, so that the intervals of shares are exact."""
+        """Return a plan of independent draws, so that the intervals of shares are exact."""
         draws = {FieldPath(("dispersion", name)): one for name, one in self.drawn.items()}
         return Plan(draws=draws, members=members, design=Design.RANDOM, seed=seed)
 
 
 def draws_of(plan: Plan, first: int, count: int) -> Iterator[tuple[int, Draw]]:
-    """Members from number ``first`` on, each with its number."""
+    """Yield members from number ``first`` on, each with its number."""
     names = [str(path.keys[1]) for path in plan.paths]
     for number, row in enumerate(plan.values(first, count).tolist(), start=first):
         yield number, dict(zip(names, row, strict=True))
@@ -72,7 +72,8 @@ def draws_of(plan: Plan, first: int, count: int) -> Iterator[tuple[int, Draw]]:
 
 @dataclass(frozen=True)
 class DelaySearch:
-    """How the largest added delay is found: to ``step`` [s], by trials ``stride`` steps apart up to ``most`` steps."""
+    """How the largest added delay is found: with a resolution of ``step`` [s], by trials ``stride`` steps apart up to ``most``
+    steps."""
 
     step: float
     stride: int
@@ -81,7 +82,7 @@ class DelaySearch:
 
 @dataclass(frozen=True)
 class Shown(Generic[Flew]):
-    """A panel of the picture of flights: a quantity of each, and columns of the longest record beside it.
+    """A panel of the picture of flights, with a quantity of each flight and columns of the longest record.
 
     beside  (column, label, colour, dash) of each line that is the same for all flights, such as a command
     """
@@ -94,17 +95,17 @@ class Shown(Generic[Flew]):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Vehicle(ABC, Generic[Model, Pilot, Flew]):
-    """A simulated vehicle with one task that sampled controllers fly: a package's module ``vehicle`` lists its own as
-    ``VEHICLES``.
+    """A simulated vehicle with one task for sampled controllers. A package lists its vehicles as ``VEHICLES`` in its module
+    ``vehicle``.
 
-    It is pickled into the processes that fly.
+    A vehicle is pickled into the processes that fly.
 
     name       its name on the command line
     meaning    what flies, in words
     failures   what can fail, "none" first
     schemes    the schemes that can fly it, by their names on the command line
-    numbers    the schemes' numbers, by ``Loop.like`` and schemes
-    timing     of its flights
+    numbers    the schemes' numbers, by ``Loop.like`` and scheme
+    timing     the timing of its flights
     drawing    how a campaign draws variations of it
     """
 
@@ -119,92 +120,94 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     simulator: ClassVar[str]
     """The package that simulates it."""
     dispersion: ClassVar[Callable[..., Any]]
-    """A function from a draw's values, by name, and its ``number`` to the arguments of ``fly``; without arguments it gives the
-    nominal vehicle."""
+    """A function from a draw's values, by name, and its ``number`` to the dispersion for ``fly``. Without arguments it returns
+    that of the nominal vehicle."""
     delays: ClassVar[DelaySearch]
     own_loops: ClassVar[int | None] = None
-    """Number of loops, the first ones, that a user's own controller closes; the scheme ``own_rest`` closes the others. None:
-    all."""
+    """A user's own controller closes this number of loops, counted from the first, and the scheme ``own_rest`` closes the others.
+    None means all loops."""
     own_rest: ClassVar[str] = ""
     headings: ClassVar[tuple[str, ...]]
-    """The heads of a table of figures, after the controller's name."""
+    """The headings of a table of figures, after the controller's name."""
     length: ClassVar[str]
     """The unit of ``Flight.path``."""
     equal_lengths: ClassVar[bool] = True
     """Whether lengths have the same scale on all axes, which is impossible for a flight of miles at one height."""
     wire: ClassVar[tuple[Array, ...]]
-    """Lines (P, 3) in the body's axes forward, left, up, of size 1: its frame in films."""
+    """The vehicle's frame in films: lines (P, 3) in the body's axes forward, left and up, of size 1."""
     shown: ClassVar[str]
     """The contents of its picture, in words."""
     notes: ClassVar[tuple[str, ...]]
     """Notes for readers of the tables of figures."""
 
     def condition(self, given: Mapping[str, float]) -> Any:
-        """The argument of ``require`` and ``nominal``, from the given options ``--altitude`` and ``--mach``."""
+        """Return the argument of ``require`` and ``nominal`` for the options ``--altitude`` and ``--mach``."""
         return given
 
     @abstractmethod
     def require(self, condition: Any, equipment: Any) -> None:
-        """InputError if it can't fly at this condition, or with this equipment; None stands for its own."""
+        """Raise InputError if the vehicle cannot fly at this condition or with this equipment. None stands for its own."""
 
     @abstractmethod
     def nominal(self, condition: Any = None, equipment: Any = None) -> Model:
-        """Trimmed and linearised, by the simulator in its own process; InputError if it is not installed."""
+        """Return the trimmed vehicle with its linear model, computed by the simulator in its own process. InputError if the
+        simulator is not installed."""
 
     @abstractmethod
     def loops(self, model: Model) -> Sequence[Loop]:
-        """The loops that schemes close."""
+        """Return the loops that schemes close."""
 
     @abstractmethod
     def pilot(self, model: Model, aboard: Aboard) -> Pilot:
-        """A scheme's whole controller, made once in each process."""
+        """Return a scheme's whole controller. It is made once in each process."""
 
     @abstractmethod
     def fly(self, model: Model, pilot: Pilot, failures: Sequence[Any], dispersion: Any, timing: Timing) -> list[Flew]:
-        """A flight through each of the failures, with the vehicle that a dispersion gives."""
+        """Fly through each of the failures with the vehicle of a dispersion."""
 
     @abstractmethod
     def delayed(self, seconds: float) -> Failing:
-        """The failure by which commands arrive this much later."""
+        """Return the failure with which commands arrive this much later."""
 
     @abstractmethod
     def broken(self, controller: str, failure: Any, why: str) -> Flew:
-        """The record of a flight in which the simulator failed: one row of zeros."""
+        """Return the record of a flight in which the simulator failed, which is one row of zeros."""
 
     @abstractmethod
     def contents(self, model: Model, aboard: Sequence[Aboard]) -> Iterator[bytes]:
-        """Everything that determines its flights, other than the draws, the failures and the simulator."""
+        """Yield everything that determines the flights, except the draws, the failures and the simulator."""
 
     @property
     @abstractmethod
     def columns(self) -> dict[str, str]:
-        """What a flight's record holds, as ``Flight.columns``."""
+        """The columns of a flight's record, as in ``Flight.columns``."""
 
     @property
     @abstractmethod
     def units(self) -> dict[str, str]:
-        """A flight's figures, as ``Flight.units``."""
+        """The figures of a flight with their units, as in ``Flight.units``."""
 
     @property
     @abstractmethod
     def panels(self) -> Sequence[Shown[Flew]]:
-        """What the picture of its flights shows."""
+        """Return the panels of the picture of its flights."""
 
     @abstractmethod
     def headline(self, model: Model) -> str:
-        """What flies, and by which error flights are ranked."""
+        """Return a title: what flies, and the error by which flights are ranked."""
 
     @abstractmethod
     def cells(self, figures: Mapping[str, float | None]) -> list[str]:
-        """A row of the table of figures, for a flight that kept control."""
+        """Return a row of the table of figures for a flight that kept control."""
 
     @abstractmethod
     def facts(self, model: Model, version: str) -> list[tuple[str, str]]:
-        """The flight condition, the linear model, and how this version of the simulator computes it."""
+        """Return labelled facts on the flight condition, the linear model, and the computation by this version of the
+        simulator."""
 
     @abstractmethod
     def details(self, model: Model, version: str) -> dict[str, Any]:
-        """The flight condition, the linear model and the simulator, for the document of ``--json``."""
+        """Return the flight condition, the linear model and the simulator for the document of ``--json``."""
 
 
 GROUP = "barbalat.vehicles"
@@ -213,8 +216,8 @@ GROUP = "barbalat.vehicles"
 
 @cache
 def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
-    """All vehicles by their names on the command line; InputError if two have the same name, or an entry point can't be
-    imported."""
+    """Return all vehicles by their names on the command line. InputError if two have the same name, or if an entry point cannot
+    be imported."""
     found: dict[str, Vehicle[Any, Any, Any]] = {}
     for module in slices(__package__, GROUP, "vehicle"):
         for vehicle in module.VEHICLES:
@@ -225,7 +228,7 @@ def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
 
 
 def vehicle_of(name: str) -> Vehicle[Any, Any, Any]:
-    """The vehicle of this name; InputError for an unknown one."""
+    """Return the vehicle with this name. InputError for an unknown one."""
     if name not in vehicles():
         raise InputError(f"NAME must be one of {', '.join(vehicles())}, got {show(name)}")
     return vehicles()[name]

@@ -1,7 +1,7 @@
-"""The judge for flight models: its list, evaluated over a flight's record sample by sample.
+"""The judge for flight models, which evaluates its operations over a flight's record sample by sample.
 
-Each vehicle has its own criteria for being lost: an envelope, the ground. Flights are not continued with the command held and
-without gusts and noise, so a limit cycle can only be suspected here, not confirmed.
+Each vehicle has its own criteria for a loss, such as an envelope or the ground. Flights are not continued with the command held
+and without gusts and noise, so a limit cycle can only be suspected here, not confirmed.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from barbalat.judge.verdict import Class, Verdict, percent
 from barbalat.validate import Array, counted
 
 TAIL_SHARE = 0.75
-"""Share of a flight's duration before its tail."""
+"""Share of a flight's duration that precedes its tail."""
 WHOLE_SWING = 0.8
-"""Share of a control's range: a control whose average motion between turns is larger goes from limit to limit."""
+"""Share of a control's range. A control whose average motion between reversals is larger swings from limit to limit."""
 SWINGS = "swings from limit to limit"
 
 
@@ -32,11 +32,11 @@ SWINGS = "swings from limit to limit"
 class Followed:
     """The judge's data for a flight of K samples: n components that follow, m controls with limits, q commands.
 
-    names, units  of the components; unit of the controls
-    y, y_m        (K, n) the following motion and the commanded one
-    u             (K, m) the controls as demanded, and ``limited`` (K, m) as they are
-    limits        (2, m) the ends of their ranges
-    commands      (K, q)
+    names, units  names and units of the components; the unit of the controls
+    y, y_m        (K, n) the actual motion and the commanded one
+    u, limited    (K, m) the demanded controls, and the controls after their limits
+    limits        (2, m) the ends of the controls' ranges
+    commands      (K, q) the commands
     """
 
     names: tuple[str, ...]
@@ -51,7 +51,7 @@ class Followed:
 
     @property
     def samples(self) -> Sample:
-        """By the instants."""
+        """The samples in the form for the judge, over the instants."""
         low, high = self.limits
         at_limit, nothing = ((self.u >= high) | (self.u <= low)).astype(float), np.zeros_like(self.u)
         steps = np.ones((len(self.y), 1))
@@ -59,7 +59,8 @@ class Followed:
 
 
 def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
-    """The verdict on a flight with samples at t (K,) [s] and the planned duration [s]; a given reason means that it was lost."""
+    """Return the verdict on a flight with samples at t (K,) [s] and the planned duration [s]. A nonempty ``lost`` means that the
+    flight was lost."""
     inputs, tail = seen.u.shape[1], int(np.searchsorted(t, TAIL_SHARE * duration))
     memory = Memory(
         components=seen.y.shape[1],
@@ -93,7 +94,7 @@ def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
 
 
 def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
-    """The controls' motion in the tail that no command explains, in words; empty if there is none."""
+    """Return a text on motion of the controls in the tail that no command explains; empty if there is none."""
     if tail >= len(t):
         return ""
     reversals, swings = kept.reversals, kept.swings
@@ -110,7 +111,7 @@ def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
 
 
 def said_of(verdicts: Sequence[Verdict]) -> str:
-    """A controller's flights in one sentence: "follows in 7, is off in 3, is lost in 1 of 11 flights, ..."."""
+    """Summarise a controller's flights in one sentence: "follows in 7, is off in 3, is lost in 1 of 11 flights, ..."."""
     counts = {kind: sum(one.kind is kind for one in verdicts) for kind in (Class.FOLLOWS, Class.OFF, Class.LOST)}
     words = {Class.FOLLOWS: "follows in", Class.OFF: "is off in", Class.LOST: "is lost in"}
     said = ", ".join(f"{words[kind]} {count}" for kind, count in counts.items() if count)

@@ -1,5 +1,5 @@
-"""A rigid aircraft of JSBSim: its state can be set, its rates read, and its motion stepped; in feet and pounds, like its
-tables."""
+"""A rigid aircraft of JSBSim, whose state can be set, whose rates can be read, and whose motion can be stepped. Units are feet
+and pounds, as in its tables."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 RATES_BY, POSITIONS_BY = 4, 4
 """JSBSim's numbers of its integrators: Adams-Bashforth of order 3, for both rotation and translation.
 
-By default it uses Euler steps for the rotation; a test shows that the result agrees at half the step."""
+By default JSBSim uses Euler steps for the rotation. A test shows that results with half the step agree."""
 INTEGRATOR = "Adams-Bashforth of order 3"
 STEP = 1 / 400
-"""The simulator's step [s], four for each sample at 100 Hz."""
+"""The simulator's step [s]. There are four steps per sample at 100 Hz."""
 
 
 @dataclass(frozen=True)
 class FlightCondition:
     """The condition at which level flight is trimmed.
 
-    altitude  [ft]
-    mach      true airspeed over the speed of sound there
+    altitude  above mean sea level [ft]
+    mach      true airspeed divided by the speed of sound at that altitude
     """
 
     altitude: float = 10_013.0
@@ -55,14 +55,14 @@ CONDITIONS = (
     FlightCondition(altitude=0.0, mach=0.45),
     FlightCondition(altitude=30_000.0, mach=0.8),
 )
-"""Three to compare at: that of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and high and fast, where the
-airframe is unstable by itself."""
+"""Three conditions for comparison: that of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and a high and
+fast one, at which the airframe itself is unstable."""
 ABOVE_GROUND = 50_000.0
-"""Height above the ground [ft], at which wheels, wings and ground effect are far from the terrain, even at sea level."""
+"""Height above the terrain [ft]. It keeps wheels and wings clear of the terrain and of ground effect, even at sea level."""
 
 
 class Motion(NamedTuple):
-    """The state of a rigid aircraft without its position: [ft/s], [rad], [rad/s]."""
+    """The state of a rigid aircraft without its position [ft/s], [rad], [rad/s]."""
 
     speed: float
     alpha: float
@@ -84,13 +84,13 @@ PROPERTIES = {
     "p": "velocities/p-rad_sec",
     "r": "velocities/r-rad_sec",
 }
-"""JSBSim's names of a motion's entries."""
+"""JSBSim's names for the entries of a motion."""
 DEGREES = 180 / np.pi
-"""Degrees in a radian."""
+"""Degrees per radian."""
 
 
 class Surfaces(NamedTuple):
-    """[rad], as read by the tables."""
+    """The deflections that the tables read [rad]."""
 
     elevator: float
     aileron: float = 0.0
@@ -98,7 +98,7 @@ class Surfaces(NamedTuple):
 
 
 class Airframe:
-    """The F-16 at a condition. Its data are global in JSBSim: a process can have only one, see ``isolated``."""
+    """The F-16 at a condition. JSBSim's data are global, so a process can have only one; see ``isolated``."""
 
     def __init__(self, condition: FlightCondition, step: float = STEP) -> None:
         self.condition, self.step = condition, step
@@ -116,39 +116,39 @@ class Airframe:
         fdm = self.fdm
         fdm["ic/h-sl-ft"] = self.condition.altitude
         fdm["ic/vt-fps"] = motion.speed
-        fdm["ic/alpha-rad"], fdm["ic/beta-rad"] = motion.alpha, motion.beta  # first: they keep the climb, and turn the attitude
+        fdm["ic/alpha-rad"], fdm["ic/beta-rad"] = motion.alpha, motion.beta  # first: they keep the climb and turn the attitude
         fdm["ic/phi-rad"], fdm["ic/theta-rad"] = motion.phi, motion.theta
         for name in ("p", "q", "r"):
             fdm[f"ic/{name}-rad_sec"] = getattr(motion, name)
         self.move(surfaces)
         fdm["fcs/throttle-cmd-norm"] = throttle
         fdm.run_ic()
-        fdm["propulsion/set-running"] = -1  # all engines, at the speed that belongs to the throttle
+        fdm["propulsion/set-running"] = -1  # all engines, at the speed of this throttle
         fdm.run_ic()
 
     def move(self, surfaces: Surfaces) -> None:
-        """Set the deflections that the aerodynamic tables read from now on."""
+        """Set the deflections that the aerodynamic tables read."""
         for name, value in zip(f16.SURFACES, surfaces, strict=True):
             self.fdm[f"surfaces/{name}-rad"] = value
 
     def surface(self, place: int) -> FGPropertyNode:
-        """A setter for one deflection that the aerodynamic tables read [rad], for repeated use."""
+        """Return a setter for one deflection that the aerodynamic tables read [rad], for repeated use."""
         return self._node(f"surfaces/{f16.SURFACES[place]}-rad")
 
     def seeing(self, states: Iterable[str], trimmed: Sequence[float]) -> Callable[[], list[float]]:
-        """A call that reads these angles and rates, less their trim [deg, deg/s]."""
+        """Return a function that reads these angles and rates, minus their trim [deg, deg/s]."""
         read = [(self._node(PROPERTIES[name]).get_double_value, at) for name, at in zip(states, trimmed, strict=True)]
         return lambda: [DEGREES * value() - at for value, at in read]
 
     def _node(self, name: str) -> FGPropertyNode:
-        """A property of JSBSim for repeated reading or setting."""
+        """Return a property of JSBSim for repeated reading or setting."""
         node = self.fdm.get_property_manager().get_node(name)
         if node is None:
             raise InputError(f"JSBSim's F-16 has no property {name}: is another version of JSBSim installed?")
         return node
 
     def blow(self, down: float, east: float = 0.0) -> None:
-        """Set the velocity of the air from now on [ft/s]; the aircraft flies north."""
+        """Set the velocity of the air [ft/s]. The aircraft flies north."""
         self.fdm["atmosphere/gust-down-fps"] = down
         self.fdm["atmosphere/gust-east-fps"] = east
 
@@ -169,16 +169,16 @@ class Airframe:
 
     @property
     def motion(self) -> Motion:
-        """Where it is now."""
+        """The current motion."""
         return Motion(*(self.fdm[PROPERTIES[name]] for name in Motion._fields))
 
     @property
     def load_factor(self) -> float:
-        """n_z at the centre of gravity, 1 in level flight [g]."""
+        """The load factor n_z at the centre of gravity, which is 1 in level flight [g]."""
         return float(self.fdm["accelerations/Nz"])
 
     def angles(self, states: Iterable[str]) -> Array:
-        """The selected angles and rates of the motion [deg, deg/s]."""
+        """Return the selected angles and rates of the motion [deg, deg/s]."""
         return DEGREES * np.array([self.fdm[PROPERTIES[name]] for name in states])
 
     @property
@@ -188,17 +188,17 @@ class Airframe:
 
     @property
     def heading(self) -> float:
-        """Heading relative to the initial one [deg], positive to the right; from -180 to 180."""
+        """The heading relative to the initial one [deg], from -180 to 180, positive to the right."""
         return float(np.remainder(DEGREES * self.fdm["attitude/psi-rad"] + 180, 360) - 180)
 
     @property
     def ground_velocity(self) -> tuple[float, float]:
-        """North, the initial direction of flight, and east [ft/s]."""
+        """The velocity north, which is the initial direction of flight, and east [ft/s]."""
         return float(self.fdm["velocities/v-north-fps"]), float(self.fdm["velocities/v-east-fps"])
 
     @property
     def rates(self) -> Array:
-        """d/dt of the motion, (8,)."""
+        """The time derivative of the motion (8,)."""
         fdm = self.fdm
         u, v, w = (fdm[f"velocities/{axis}-fps"] for axis in "uvw")
         u_dot, v_dot, w_dot = (fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw")

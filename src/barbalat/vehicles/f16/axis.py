@@ -1,7 +1,7 @@
-"""Following a rate command: the problem of a trimmed aircraft about one of its axes, as the schemes read it.
+"""The problem of a trimmed aircraft that follows a rate command about one of its axes, in the form for schemes.
 
-x are deviations from trim [deg, deg/s], u the surface's deviation from its trim [deg], r the commanded rate [deg/s]. Everything
-is computed from the linearised flight model; the reference model is the loop with linear-quadratic feedback.
+x are deviations from trim [deg, deg/s], u is the surface's deviation from its trim [deg], and r is the commanded rate [deg/s].
+Everything is computed from the linearised flight model. The reference model is the loop with linear-quadratic feedback.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from barbalat.vehicles.f16.trim import Trim
 SAMPLE_TIME = 0.01
 """The controllers' sample time [s]."""
 COMMAND_STARTS = (1.0, 11.0, 21.0)
-"""Times at which commands begin [s], one before the failure and two after it."""
+"""Times at which commands begin [s]: one before the failure and two after it."""
 RESTING_SECONDS = 2.0
 """Time between a command's two pulses [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """Which rate is followed, with which surface.
+    """A rate that follows its command, and the surface that controls it.
 
-    states      of ``Motion``, measured and fed back
-    rate        the one of them that follows the command
-    surface     of ``Surfaces``
-    attitude    of ``Motion``, the angle that the rate changes
-    commanded   [deg/s]
-    pulse       [s], the duration of the command in each direction
-    crossover   [rad/s] of the linear-quadratic loop
-    met         [deg, deg/s], typical magnitudes of the regressors 1 and x in such flights, by which adaptive gains are scaled
-    off         the uncertainty of the surface's trim [deg] and of the gains of x, as known to the schemes
+    states      the entries of ``Motion`` that are measured and fed back
+    rate        the state that follows the command
+    surface     an entry of ``Surfaces``
+    attitude    the entry of ``Motion`` that the rate changes
+    commanded   size of the command [deg/s]
+    pulse       duration of the command in each direction [s]
+    crossover   crossover of the linear-quadratic loop [rad/s]
+    met         typical magnitudes of the regressors 1 and x in such flights [deg, deg/s], by which adaptive gains are scaled
+    off         the uncertainty of the surface's trim [deg] and of the gains of x that the schemes know
     equipment   the hardware between controller and aircraft
     """
 
@@ -61,14 +61,14 @@ class Followed:
 
     @property
     def command(self) -> Steps:
-        """The commanded rate: a pulse and its opposite, each ten seconds."""
+        """The commanded rate, a pulse and its opposite every ten seconds."""
         lags = (0.0, self.pulse, self.pulse + RESTING_SECONDS, 2 * self.pulse + RESTING_SECONDS)
         times = tuple(start + lag for start in COMMAND_STARTS for lag in lags)
         return Steps(times=times, values=(self.commanded, 0.0, -self.commanded, 0.0) * len(COMMAND_STARTS))
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Indices of the states in a ``Motion``."""
+        """The indices of the states in a ``Motion``."""
         return tuple(Motion._fields.index(name) for name in self.states)
 
 
@@ -81,10 +81,11 @@ PITCH = Followed(
     attitude="theta",
     commanded=3.0,  # changes the load factor by about 0.7 g
     pulse=2.0,
-    # the pitch rate reaches 63 % of its command in 0.3 s, and the equipment's lag of 0.09 s takes 15 deg of the phase there
+    # the pitch rate reaches 63 % of its command in 0.3 s; there the equipment's lag of 0.09 s costs 15 deg of phase
     crossover=3.0,
     met=(1.0, 3.0, 3.0),
-    # half an elevator needs 0.6 deg and some tenths, a centre of gravity 5 % of the chord further aft needs 1.3 deg and 0.35
+    # with half the elevator's effectiveness the schemes need 0.6 deg and some tenths; with a centre of gravity 5 % of the chord
+    # further aft they need 1.3 deg and 0.35
     off=(10.0, 0.5, 0.5),
     equipment=Equipment(),
 )
@@ -99,7 +100,8 @@ ROLL = Followed(
     pulse=1.5,
     crossover=3.0,  # as in pitch; the bare roll mode is at 2.4 rad/s
     met=(1.0, 1.0, 20.0, 2.0),
-    # half the ailerons need twice the gains, some hundredths of p's and tenths of beta's; 2000 lb off the middle need 3 deg
+    # with half the ailerons' effectiveness the schemes need twice the gains, some hundredths for p and tenths for beta; with
+    # 2000 lb off the middle they need 3 deg
     off=(10.0, 2.0, 0.2, 0.5),
     equipment=Equipment(rate_limit=80.0, limit=21.5),  # of the ailerons: Stevens and Lewis, as above
 )
@@ -121,28 +123,29 @@ class Axis:
 
     @cached_property
     def model(self) -> tuple[Array, Array]:
-        """A (n, n) and b (n,) of the states for the surface, in degrees as in radians."""
+        """A (n, n) and b (n,) of the states for the surface, which are the same in degrees and in radians."""
         rows = np.array(self.followed.places)
         return self.trim.A[np.ix_(rows, rows)], self.trim.B[rows, self.surface]
 
     @property
     def surface(self) -> int:
-        """Its place in ``Surfaces``."""
+        """The surface's index in ``Surfaces``."""
         return Surfaces._fields.index(self.followed.surface)
 
     @property
     def rate(self) -> int:
-        """The followed rate's index in x."""
+        """The index of the followed rate in x."""
         return self.followed.states.index(self.followed.rate)
 
     @property
     def surface_trim(self) -> float:
-        """The deflection of the axis' surface in trimmed flight [deg]."""
+        """The deflection of the axis's surface in trimmed flight [deg]."""
         return float(np.rad2deg(self.trim.surfaces[self.surface]))
 
     @cached_property
     def gain(self) -> Array:
-        """K, (n,): least integral of rate^2 + rho u^2 with rho = (b_rate/crossover)^2, so that the loop's gain is one there."""
+        """K (n,), which minimises the integral of rate^2 + rho u^2. With rho = (b_rate/crossover)^2 the loop's gain is one at the
+        crossover."""
         from scipy.linalg import solve_continuous_are
 
         A, b = self.model
@@ -159,19 +162,19 @@ class Axis:
 
     @property
     def k_0(self) -> float:
-        """The gain with which the model's rate settles at its command."""
+        """The gain of the command with which the model's rate settles at the command."""
         _, b = self.model
         return float(-1 / np.linalg.solve(self.A_m, b)[self.rate])
 
     @property
     def travel(self) -> tuple[float, float]:
-        """The remaining deflection on either side of the trim [deg]."""
+        """The available deflection on either side of the trim [deg]."""
         limit, trimmed = self.equipment.limit, self.surface_trim
         return -limit - trimmed, limit - trimmed
 
     @property
     def like(self) -> str:
-        """The condition on whose linear model the schemes' numbers were found: its own."""
+        """The condition on whose linear model the schemes' numbers were found, which is the axis's own."""
         return self.followed.name
 
     @property
@@ -181,38 +184,39 @@ class Axis:
 
     @property
     def time_unit(self) -> float:
-        """Bandwidths are in rad/s."""
+        """One second, because bandwidths are in rad/s."""
         return 1.0
 
     @property
     def frequency_unit(self) -> float:
-        """So are adaptation frequencies."""
+        """One rad/s, because adaptation frequencies are in rad/s."""
         return 1.0
 
     @property
     def met(self) -> Array:
-        """(1 + n,), typical magnitudes of 1 and x in such flights."""
+        """Typical magnitudes of 1 and x in such flights (1 + n,)."""
         return np.array(self.followed.met)
 
     @property
     def known_gain(self) -> Array:
-        """(n,) of the linear-quadratic feedback, with which every scheme starts."""
+        """The gain of the linear-quadratic feedback (n,), with which every scheme starts."""
         return self.gain
 
     @property
     def theta_hat0(self) -> Array:
-        """(1 + n,), the initial estimates of adaptive schemes."""
+        """The initial estimates of adaptive schemes (1 + n,)."""
         return self.nominal
 
     @property
     def linear_problem(self) -> Problem:
-        """phi(x) = x, for linear controllers."""
+        """The problem with phi(x) = x, for linear controllers."""
         _, b = self.model
         return self._problem(Plant(A_m=self.A_m, b=b, theta=self.gain, input=self._input))
 
     @property
     def adaptive_problem(self) -> Problem:
-        """phi(x) = (1, x): the trim may also be wrong. The gains of x are known up to ``Followed.off``."""
+        """The problem with phi(x) = (1, x), because the trim may also be wrong. The gains of x are known up to
+        ``Followed.off``."""
         _, b = self.model
         nominal, off = self.nominal, np.array(self.followed.off)
         plant = Plant(A_m=self.A_m, b=b, theta=nominal, input=self._input, regressor=Polynomial(degree=1, constant=True))
@@ -220,7 +224,7 @@ class Axis:
 
     @property
     def nominal(self) -> Array:
-        """theta of phi(x) = (1, x) for the linearised aircraft, (1 + n,)."""
+        """theta (1 + n,) of the linearised aircraft for phi(x) = (1, x)."""
         return np.array([0.0, *self.gain])
 
     @property

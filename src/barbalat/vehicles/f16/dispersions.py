@@ -1,4 +1,4 @@
-"""Other aircraft than a controller was designed for, drawn by a seed: mass, balance, derivatives, start, air, delay."""
+"""Random variations of the aircraft for which controllers are designed: mass, balance, derivatives, start, air and delay."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from barbalat.vehicles.f16.model import SCALED
 
 @dataclass(frozen=True, kw_only=True)
 class Dispersion:
-    """How an aircraft, its start and its air differ from the nominal ones, from the first instant on.
+    """The differences of an aircraft, its start and its air from the nominal ones, during the whole flight.
 
-    load             [lb] more than nominal, where the ballast is
-    ballast_aft      [in], how far aft ``f16.BALLAST_LB`` lie
-    effectiveness    of the axis's surface
+    load             weight in addition to the nominal one, at the ballast's position [lb]
+    ballast_aft      distance of ``f16.BALLAST_LB`` aft of its nominal position [in]
+    effectiveness    factor of the effectiveness of the axis's surface
     lift, pitching_moment, pitch_damping, dihedral, roll_damping, weathercock  factors of the coefficients ``f16.SCALED``
-    speed            at the start, relative to the trimmed one
-    attitude         [deg], by which angle of attack and pitch are off at the start
-    gusts            [ft/s], the standard deviation: vertical ones where a pitch rate is followed, lateral ones for a roll rate
-    delay            [s], added to the commands' way to the actuator
-    number           of the draw; the gusts are drawn by it
+    speed            speed at the start, relative to the trimmed one
+    attitude         error of angle of attack and pitch at the start [deg]
+    gusts            standard deviation of gusts [ft/s], vertical if a pitch rate is followed, lateral for a roll rate
+    delay            delay added between the commands and the actuator [s]
+    number           number of the draw, which is the seed of the gusts
     """
 
     load: float = 0.0
@@ -40,14 +40,14 @@ class Dispersion:
 
     @property
     def scales(self) -> dict[str, float]:
-        """Factors of the coefficients by the names of ``f16.SCALED``."""
+        """The factors of the coefficients, by the names of ``f16.SCALED``."""
         return {name: value for name, value in vars(self).items() if name in SCALED}
 
 
 NOMINAL = Dispersion()
 DRAWN = {
-    "load": Uniform(-1500.0, 3000.0),  # fuel burnt to stores carried; the aircraft weighs 20,000 lb
-    "ballast_aft": Uniform(-28.0, 28.0),  # the centre of gravity by 2 % of the chord
+    "load": Uniform(-1500.0, 3000.0),  # from burnt fuel to carried stores; the aircraft weighs 20,000 lb
+    "ballast_aft": Uniform(-28.0, 28.0),  # moves the centre of gravity by 2 % of the chord
     "effectiveness": Uniform(0.8, 1.2),
     "lift": Uniform(0.9, 1.1),
     "pitching_moment": Uniform(0.8, 1.2),
@@ -60,6 +60,6 @@ DRAWN = {
     "gusts": Uniform(0.0, 5.0),  # calm to light turbulence, MIL-F-8785C
     "delay": Uniform(0.0, 0.02),  # two samples of a busy bus
 }
-"""The distribution of each: the usual uncertainty of wind-tunnel data, a tenth to a third."""
+"""The distribution of each number. Coefficients have the usual uncertainty of wind-tunnel data, a tenth to a third."""
 UNITS = {"load": "lb", "ballast_aft": "in", "attitude": "deg", "gusts": "ft/s", "delay": "s"}
-"""Units of these; the others are factors of nominal values."""
+"""Units of these numbers. The others are factors of nominal values."""

@@ -1,4 +1,4 @@
-"""The hardware between a controller and the aircraft: converter, transport delay, actuator, and the sensors."""
+"""The hardware between a controller and the aircraft: converter, transport delay, actuator and sensors."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """The actuator of an axis' surface and the sensors of what is fed back; by default the elevator's.
+    """The actuator of an axis's surface and the sensors of the feedback. The defaults are those of the elevator.
 
-    actuator_lag     [s] of the first-order actuator: 20.2 rad/s
-    rate_limit       [deg/s]
-    limit            [deg], on both sides
-    sensor_lag       [s] of each sensor, first order
-    transport_delay  [s] from the sample to the actuator's command: two samples of bus and computer
+    actuator_lag     lag of the first-order actuator [s], by default that of 20.2 rad/s
+    rate_limit       largest rate of the surface [deg/s]
+    limit            largest deflection on both sides [deg]
+    sensor_lag       lag of each first-order sensor [s]
+    transport_delay  delay from the sample to the actuator's command [s], by default two samples of bus and computer
 
     Source of the actuator: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after NASA TP-1538.
     """
@@ -35,7 +35,7 @@ class Equipment:
 
 
 class Actuator:
-    """A surface from command to deflection, by steps of the aircraft's solver."""
+    """The response of a surface from command to deflection, in steps of the aircraft's solver."""
 
     def __init__(self, equipment: Equipment, step: float, start: float) -> None:
         self.equipment, self.step, self.deflection = equipment, step, start
@@ -48,15 +48,16 @@ class Actuator:
         return round(delay / self.step)
 
     def delay_more(self, seconds: float) -> None:
-        """From now on commands arrive later by this delay; until the first of them arrives, the last one is held."""
+        """Delay commands by this time from now on. Until the first of them arrives, the last one is held."""
         self._waiting.extendleft([self._waiting[0] if self._waiting else self.deflection] * self._steps(seconds))
 
     def run_away(self, seconds: float) -> None:
-        """For this long it moves to its negative end as fast as it can (an elevator: nose up), whatever the command."""
+        """Move the surface to its negative end (nose up for an elevator) as fast as possible for this time, whatever the
+        command."""
         self._runaway = self._steps(seconds)
 
     def advance(self, command: float) -> float:
-        """Advance by one step; returns the deflection at its end [deg]."""
+        """Advance by one step and return the deflection at its end [deg]."""
         limit = self.equipment.limit
         self._waiting.append(min(max(command, -limit), limit))
         arrived = self._waiting.popleft()
@@ -70,7 +71,7 @@ class Actuator:
 
 
 class Sensors:
-    """First-order lags of what is measured, in deviations from trim."""
+    """First-order lags of the measured quantities, as deviations from trim."""
 
     def __init__(self, equipment: Equipment, step: float, count: int = 2) -> None:
         self._share = -float(np.expm1(-step / equipment.sensor_lag)) if equipment.sensor_lag > 0 else 1.0

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from barbalat.vehicles.f16.model import BALLAST_LB
 
 FAILS_AT = 10.0
-"""Time of the failure [s]; until then the flight is the nominal one."""
+"""Time of the failure [s]. Until then the flight is nominal."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """From ``FAILS_AT`` on.
+    """A failure that acts from ``FAILS_AT`` on.
 
-    effectiveness  of the surface: the aerodynamic tables read this multiple of its deflection, trim included
-    ballast_aft    [in], the distance by which ``f16.BALLAST_LB`` move aft
-    ballast_right  [in], the distance by which they move to the right
-    delay          [s], added between the commands and the actuator
-    runs_away      [s], the time for which the surface moves to its negative end as fast as it can, before it follows again
-    gusts          [ft/s], the standard deviation: vertical ones where a pitch rate is followed, lateral ones for a roll rate
+    effectiveness  the aerodynamic tables read this multiple of the surface's deflection, including its trim
+    ballast_aft    distance by which ``f16.BALLAST_LB`` moves aft [in]
+    ballast_right  distance by which it moves to the right [in]
+    delay          delay added between the commands and the actuator [s]
+    runs_away      time for which the surface moves to its negative end as fast as possible before it follows again [s]
+    gusts          standard deviation of gusts [ft/s], vertical if a pitch rate is followed, lateral for a roll rate
     """
 
     name: str

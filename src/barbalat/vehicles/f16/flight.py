@@ -17,7 +17,7 @@ TIMING = Timing(duration=30.0, fails_at=FAILS_AT)
 
 
 def columns_of(followed: Followed) -> dict[str, str]:
-    """The recorded quantities at each sample, in this order, with units."""
+    """Return the recorded quantities at each sample, in this order, with units."""
     rate, surface = followed.rate, followed.surface
     rates, angles = (f"{rate}_c", f"{rate}_m", rate), ("alpha", "beta")
     surfaces, attitude = (f"{surface}_command", surface), ("pitch", "bank")
@@ -29,12 +29,12 @@ def columns_of(followed: Followed) -> dict[str, str]:
 
 
 T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTITUDE, SPEED, HEADING, NORTH, EAST = range(16)
-"""Places of these columns."""
+"""Indices of these columns."""
 
 
 def figures_of(followed: Followed) -> dict[str, str]:
-    """A flight's figures with units; e is the followed rate minus the model's, travel the distance that the surface moves in a
-    second."""
+    """Return a flight's figures with units. e is the followed rate minus the model's; travel is the distance that the surface
+    moves per second."""
     surface = followed.surface
     return {
         "rms_e": "deg/s",
@@ -50,7 +50,7 @@ def figures_of(followed: Followed) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AxisFlight(Flight):
-    """A flight of one of the F-16's axes; its record is (K, 16), a row for each sample, see ``columns_of``."""
+    """A flight of one of the F-16's axes. Its record (K, 16) has a row for each sample; see ``columns_of``."""
 
     followed: Followed
     timing: Timing = TIMING
@@ -70,7 +70,7 @@ class AxisFlight(Flight):
 
     @property
     def followed_by_judge(self) -> Judged:
-        """The rate, and the surface that controls it."""
+        """The rate and the surface that controls it, in the form for the judge."""
         followed, record, limit = self.followed, self.record, self.followed.equipment.limit
         rate, model, command, surface, asked = (record[:, [place]] for place in (RATE, MODEL, COMMAND, SURFACE, COMMANDED))
         return Judged(
@@ -88,13 +88,13 @@ class AxisFlight(Flight):
 
     @property
     def path(self) -> Array:
-        """North, west, altitude [ft]. In pitch the aircraft stays in one plane, except for the effect of the earth's rotation."""
+        """The position north, west and up [ft]. In pitch the aircraft stays in one plane, except for the earth's rotation."""
         aside = -self.column("east") if self.followed.attitude == "phi" else np.zeros(len(self.record))
         return np.column_stack([self.column("north"), aside, self.column("altitude")])
 
     @property
     def attitude(self) -> Array:
-        """The nose goes up about the axis to the right and right about the axis down, the negative ones of those here."""
+        """The attitude (K, 3, 3). The aircraft's pitch and yaw are about the axes right and down, opposite to those used here."""
         pitch = self.column("pitch")
         if self.followed.attitude == "theta":
             return attitudes(np.zeros(len(pitch)), -pitch, np.zeros(len(pitch)))

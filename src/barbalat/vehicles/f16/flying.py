@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from jsbsim import FGPropertyNode
 
 SUBSTEPS = range(round(SAMPLE_TIME / STEP))
-"""The simulator's steps in a sample."""
+"""Number of the simulator's steps in a sample."""
 
 
 def fly_once(
     axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
 ) -> AxisFlight:
-    """A flight from trim, or from the start that a dispersion gives."""
+    """Fly once from trim, or from the start of a dispersion."""
     aircraft = _Aircraft.at_start(axis, dispersion)
     controller.reset()
     samples, failing = round(timing.duration / SAMPLE_TIME), round(timing.fails_at / SAMPLE_TIME)
@@ -66,11 +66,11 @@ def fly_once(
 class _Aircraft:
     """The flying part of one axis: the airframe and the hardware between it and the controller.
 
-    effectiveness  of the axis's surface, after a dispersion and a failure
-    surface        its deflection as the airframe's tables read it [rad]
+    effectiveness  factor of the surface's effectiveness, after a dispersion and a failure
+    surface        the surface's deflection that the airframe's tables read [rad]
     states         the sensors' inputs, as deviations from trim
-    hold           keeps the pitch axis where it is trimmed while another one is flown; None if pitch itself is
-    place, ground  its distance north and east of the start, and its velocity in these directions [ft, ft/s]
+    hold           the controller that holds the pitch axis at trim while another axis is flown; None if pitch itself is flown
+    place, ground  the distance north and east of the start, and the velocity in these directions [ft, ft/s]
     """
 
     axis: Axis
@@ -86,7 +86,7 @@ class _Aircraft:
 
     @classmethod
     def at_start(cls, axis: Axis, dispersion: Dispersion) -> _Aircraft:
-        """In trim, except for the changes of a dispersion."""
+        """Return the aircraft in trim, except for the changes of a dispersion."""
         trim, equipment, off = axis.trim, axis.equipment, np.deg2rad(dispersion.attitude)
         airframe = Airframe(trim.condition)
         airframe.load(dispersion.load)
@@ -114,14 +114,14 @@ class _Aircraft:
         )
 
     def fail(self, failure: Failure) -> None:
-        """Apply the failure from now on; its gusts are already in the air."""
+        """Apply the failure. Its gusts are already part of the air's motion."""
         self.effectiveness *= failure.effectiveness
         self.airframe.shift_ballast(failure.ballast_aft, failure.ballast_right)
         self.actuator.delay_more(failure.delay)
         self.actuator.run_away(failure.runs_away)
 
     def seen(self, command: float) -> tuple[float, ...]:
-        """The columns from the followed rate on."""
+        """Return the columns of the record from the followed rate on."""
         motion = self.airframe.motion
         rate, alpha, beta = np.rad2deg([motion[self.axis.followed.places[self.axis.rate]], motion.alpha, motion.beta])
         return (
@@ -130,7 +130,7 @@ class _Aircraft:
         )  # fmt: skip
 
     def advance(self, command: float) -> None:
-        """Fly for one sample under the surface's command."""
+        """Fly for one sample with this command of the surface."""
         for _ in SUBSTEPS:
             self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
             if self.hold is not None:
@@ -144,8 +144,8 @@ class _Aircraft:
 
 @dataclass(frozen=True, kw_only=True)
 class _PitchHold:
-    """The linear-quadratic feedback of the pitch axis, without lag: the airframe may be unstable in pitch by itself, and the
-    comparison is about another axis."""
+    """The linear-quadratic feedback of the pitch axis, without lag. It is needed because the airframe itself may be unstable in
+    pitch, and the comparison is about another axis."""
 
     elevator: FGPropertyNode
     states: Callable[[], list[float]]
@@ -171,7 +171,8 @@ class _PitchHold:
 
 
 def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
-    """Down and east at each sample: a dispersion's gusts during the whole flight, a failure's from its time on."""
+    """Return the air's velocity down and east at each sample: a dispersion's gusts during the whole flight, and a failure's gusts
+    from its time on."""
     seeds = SEED + 2 * dispersion.number, SEED + 2 * dispersion.number + 1
     failed, drawn = (
         gusts_met(deviation, axis.trim.speed, SAMPLE_TIME, samples, seed)
@@ -184,11 +185,13 @@ def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, fai
 
 
 MOST_BANK, MOST_BETA = 90.0, 30.0
-"""[deg]; commands ask for 30 deg of bank at most, and beyond 90 the lift pulls down. The tables end at 30 deg of sideslip."""
+"""Largest bank and sideslip [deg]. Commands need at most 30 deg of bank, and beyond 90 the lift points down. The tables end at
+30 deg of sideslip."""
 
 
 def _lost(row: Array) -> str:
-    """Whether the aircraft leaves the range of its tables, the limits of its structure, or the required attitude."""
+    """Return why the aircraft is lost: it leaves the range of its tables, the limits of its structure, or the required attitude.
+    The text is empty if it is not lost."""
     if not np.isfinite(row[COMMAND]):
         return NO_NUMBER
     if not np.isfinite(row).all():
@@ -206,7 +209,7 @@ def _lost(row: Array) -> str:
 
 
 def _model(axis: Axis, commands: Array) -> Array:
-    """The rate of the reference model at the samples."""
+    """Return the rate of the reference model at the samples."""
     _, b = axis.model
     held = HeldSystem.of(axis.A_m, b * axis.k_0, SAMPLE_TIME)
     x, found = np.zeros(len(b)), []
@@ -217,22 +220,23 @@ def _model(axis: Axis, commands: Array) -> Array:
 
 
 TURBULENCE_LENGTH = 1750.0
-"""L [ft], above 2000 ft: MIL-F-8785C, section 3.7.2."""
+"""Scale of turbulence L [ft] above 2000 ft, from MIL-F-8785C, section 3.7.2."""
 SEED = 2013
 
 
 def gusts_met(deviation: float, speed: float, T: float, samples: int, seed: int = SEED) -> Array:
-    """(samples,) velocities T [s] apart with this standard deviation, in its unit, for an aircraft with this airspeed [ft/s].
+    """Return gust velocities (samples,), T [s] apart, with this standard deviation and unit, for an aircraft with this airspeed
+    [ft/s].
 
-    White noise of unit intensity through deviation sqrt(tau) (1 + sqrt(3) tau s)/(1 + tau s)^2 with tau = SCALE/speed: exact at
-    the samples, and stationary from the first one on.
+    They are white noise of unit intensity through deviation sqrt(tau) (1 + sqrt(3) tau s)/(1 + tau s)^2 with tau = SCALE/speed,
+    exact at the samples, and stationary from the first one on.
     """
     return deviation * _of_one(speed, T, samples, seed)
 
 
-@lru_cache(maxsize=8)  # a draw's flights, of all controllers and through all failures, meet the same
+@lru_cache(maxsize=8)  # all flights of a draw have the same gusts
 def _of_one(speed: float, T: float, samples: int, seed: int) -> Array:
-    """Gusts with a standard deviation of 1, (samples,)."""
+    """Return gusts with a standard deviation of 1 (samples,)."""
     tau = TURBULENCE_LENGTH / speed
     A = np.array([[0.0, 1.0], [-1 / tau**2, -2 / tau]])
     C = np.sqrt(tau) * np.array([1 / tau**2, np.sqrt(3) / tau])

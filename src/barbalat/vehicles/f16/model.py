@@ -1,12 +1,12 @@
-"""JSBSim's F-16 with surfaces that this program moves: the installed file, changed in memory and never saved.
+"""JSBSim's F-16 with surfaces that this program moves. The installed file is changed in memory and never saved.
 
-What is changed: the aerodynamic tables read the deflections from properties of ours (``surfaces/...``), so that the actuator, its
-limits and the failures of a surface are modelled here, and no part of the file's own control system acts on them; ``BALLAST_LB``
-of the
-empty weight become a mass of their own at the same place, which a shift of the centre of gravity moves; and the coefficients of
-``SCALED`` are multiplied by properties of ours (``scale/...``), which are one unless another aircraft is drawn. Nothing else is
-changed, neither the tables nor the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of
-attack.
+There are three changes. The aerodynamic tables read the deflections from our own properties (``surfaces/...``), so that the
+actuator, its limits and the failures of a surface are modelled here and the file's own control system does not act on them.
+``BALLAST_LB`` of the empty weight becomes a separate mass at the same place, which moves to shift the centre of gravity. The
+coefficients of ``SCALED`` are multiplied by our own properties (``scale/...``), which are one unless another aircraft is drawn.
+
+Nothing else is changed, neither the tables nor the engine. The leading-edge flaps keep the file's schedule, which jumps at
+5 deg of angle of attack.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 NAME = "f16"
 SURFACES = ("elevator", "aileron", "rudder")
 BALLAST_LB = 2000.0
-"""The movable weight: a tenth of the aircraft's, about that of its two largest stores."""
+"""The movable weight [lb]. It is a tenth of the aircraft's weight and about that of its two largest stores."""
 BALLAST = 1
-"""The ballast's number among the file's point masses; the pilot is the first, 0."""
+"""The ballast's index among the file's point masses. The pilot has index 0."""
 SCALED = {
     "lift": "CLDh",
     "pitching_moment": "CmDh",
@@ -40,13 +40,14 @@ SCALED = {
 }
 """Coefficients of the file that can be scaled, by their effect."""
 REACHED_ALPHA = (-10.0, 45.0)
-"""Angles of attack that the tables for the elevator cover [deg]; beyond them JSBSim holds their last value."""
+"""Angles of attack that the elevator's tables cover [deg]. Beyond them JSBSim holds the last value."""
 LIMIT_LOADS = (-4.0, 9.0)
-"""The limit of the file's own control system [g]."""
+"""The load factor's limits in the file's own control system [g]."""
 
 
 def load(step: float) -> FGFDMExec:
-    """The aircraft, wheels up, fuel frozen, with a solver's step [s]; InputError if JSBSim is missing or has another F-16."""
+    """Return the aircraft with wheels up, a constant amount of fuel and this step [s]. InputError if JSBSim is missing or has
+    another F-16."""
     require_extra("jsbsim", "flight", "a flight model")
     import jsbsim
 
@@ -67,7 +68,7 @@ def load(step: float) -> FGFDMExec:
 
 @contextlib.contextmanager
 def _patched(root: Path) -> Iterator[Path]:
-    """A folder of aircraft that has the changed F-16, for as long as it takes to load it."""
+    """Provide a folder of aircraft with the changed F-16 while it is loaded."""
     original = root / "aircraft" / NAME
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made) / NAME

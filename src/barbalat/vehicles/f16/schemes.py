@@ -1,4 +1,4 @@
-"""The schemes that fly an axis of the F-16, and the numbers that one rule found for each on the linearised aircraft."""
+"""The schemes that fly an axis of the F-16, and their numbers, which one rule found on the linearised aircraft."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _lqr(axis: Axis, _: Numbers) -> OnLoop:
 
 
 def _linear(axis: Axis, numbers: Numbers) -> OnLoop:
-    """SIMC's PI on the model-following error, with a crossover of ``bandwidth``."""
+    """Make SIMC's PI controller on the model-following error, with a crossover of ``bandwidth``."""
     delay = 1 / (2 * numbers["bandwidth"])
     linear = pi_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="LQR with PI")
     return protected(axis, linear, axis.followed.crossover)
@@ -33,16 +33,16 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH_RANGE = {"bandwidth": (0.5, 50.0)}
-"""Range of the bandwidth [rad/s], from a motion that a flight of 15 s hardly shows to half a radian in a sample."""
+"""Range of the bandwidth [rad/s], from one whose effect a flight of 15 s hardly shows to half a radian per sample."""
 ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
-"""Range of the frequency of the estimates [rad/s], up to a radian in a sample."""
+"""Range of the frequency of the estimates [rad/s], up to a radian per sample."""
 SCHEMES: dict[str, Scheme] = {
     "lqr": Scheme(_lqr, {}, counterpart="geometric"),
     "linear": Scheme(_linear, BANDWIDTH_RANGE, counterpart="geometric-integral"),
     ROBUST: Scheme(_hinf, BANDWIDTH_RANGE),
     **on_every_vehicle(_mrac, bandwidth=BANDWIDTH_RANGE, adaptation=ADAPTATION_RANGE),
 }
-"""The registry, by the names of the command line."""
+"""The schemes by their names on the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {
     "f16-pitch": {
         "lqr": {},
@@ -67,5 +67,5 @@ TUNED: dict[str, dict[str, Numbers]] = {
         "l1-piecewise-flown": {"bandwidth": 7.46},
     },
 }
-"""The tunings by flights and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` at 10,013 ft and Mach
-0.525."""
+"""The tunings by flight and scheme, to three digits. They are the result of ``benchmarks/flight_tuning.py`` at 10,013 ft and
+Mach 0.525."""

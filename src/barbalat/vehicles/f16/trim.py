@@ -1,4 +1,4 @@
-"""Level flight at a condition, by Newton's method on the flight model's own rates, and its linearisation there by differences."""
+"""Finds level flight at a condition by Newton's method on the flight model's own rates, and linearises it by differences."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from barbalat.vehicles.f16 import model as f16
 from barbalat.vehicles.f16.airframe import Airframe, FlightCondition, Motion, Surfaces
 
 ELEVATOR_LIMIT = np.deg2rad(25.0)
-"""The limit of the surface, and of the tables [rad]."""
+"""The limit of the elevator and of its tables [rad]."""
 LARGEST_RESIDUAL = 1e-7
-"""[ft/s^2, rad/s^2]; the residual after Newton's steps is a thousand times smaller, and a jump of the tables is far larger."""
+"""Largest residual [ft/s^2, rad/s^2]. After Newton's steps it is a thousand times smaller, but far larger at a jump of the
+tables."""
 CRUISE_GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
-"""alpha, elevator [rad] and throttle of an aircraft at cruise."""
+"""The initial guess: alpha, elevator [rad] and throttle of an aircraft at cruise."""
 DIFFERENCE_STEP = 1e-4
-"""The step of angles and rates [rad, rad/s], and of the speed relative to itself. The tables are linear between points that are
-degrees apart, so that a smaller step gives the same derivative; rounding leaves nine digits."""
+"""The step of the differences in angles and rates [rad, rad/s], and in the speed relative to itself. The tables are linear
+between points that are degrees apart, so a smaller step gives the same derivative. Rounding leaves nine digits."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trim:
-    """Level, unaccelerated flight, and its linear model.
+    """Level, unaccelerated flight and its linear model.
 
-    speed               [ft/s]
-    alpha, elevator     [rad], the tables' positive elevator pitches down
-    throttle            0 to 1
-    A                   (8, 8) of d/dt of the deviations of ``Motion``, in its order and units
-    B                   (8, 3) of elevator, aileron, rudder [rad]
+    speed               the airspeed [ft/s]
+    alpha, elevator     angle of attack and elevator [rad]; a positive elevator pitches down, as in the tables
+    throttle            the throttle, from 0 to 1
+    A                   (8, 8) matrix of the deviations of ``Motion``, in its order and units
+    B                   (8, 3) matrix of elevator, aileron and rudder [rad]
     """
 
     condition: FlightCondition
@@ -49,7 +50,7 @@ class Trim:
         return Surfaces(self.elevator)
 
     def modes(self) -> dict[str, list[complex]]:
-        """The eigenvalues of the two 4 x 4 parts by their names, the faster pair first [1/s]."""
+        """Return the eigenvalues [1/s] of the longitudinal and the lateral 4 x 4 part by the names of the modes."""
         pitching = _by_size(np.linalg.eigvals(self.A[:4, :4]))
         rolling = np.linalg.eigvals(self.A[4:, 4:])
         swinging = _by_size(rolling[rolling.imag != 0])
@@ -64,7 +65,8 @@ class Trim:
 
 
 def trimmed(condition: FlightCondition) -> Trim:
-    """InputError if level flight at the condition is impossible within the ranges of the surfaces, the engine and the tables."""
+    """Return level flight at the condition. InputError if it is impossible within the ranges of the surfaces, the engine and the
+    tables."""
     from scipy.optimize import root
 
     airframe = Airframe(condition)
@@ -99,7 +101,7 @@ def _require_flyable(condition: FlightCondition, residual: float, alpha: float, 
 
 
 def _linearised(airframe: Airframe, motion: Motion, surfaces: Surfaces, throttle: float) -> tuple[Array, Array]:
-    """Central differences of the rates."""
+    """Return A and B as central differences of the rates."""
 
     def column(change: Array, turned: Array, size: float) -> Array:
         ends = []

@@ -1,4 +1,4 @@
-"""JSBSim's F-16 as vehicles: a pitch-rate and a roll-rate command, followed in level flight."""
+"""JSBSim's F-16 as two vehicles, which follow a pitch-rate or a roll-rate command in level flight."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ WIRE = tuple(
         [(-0.8, 0, 0), (-1.3, 0, 0.6), (-1.2, 0, 0)],
     )
 )
-"""A fuselage, a wing, a fin: forward, left, up."""
+"""The frame: a fuselage, a wing and a fin, with the axes forward, left and up."""
 
 
 CAMPAIGN_TIMING = Timing(duration=15.0, fails_at=5.0)
-"""The failure occurs when the first command is reversed; another command follows."""
+"""The failure occurs when the first command is reversed. Another command follows."""
 RATES = {"p": "Roll rate", "q": "Pitch rate"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class F16(Vehicle[Axis, Step, AxisFlight]):
-    """One axis of the F-16. ``followed`` says which rate follows its command, with which surface."""
+    """One axis of the F-16. ``followed`` defines the rate that follows its command, and its surface."""
 
     followed: Followed
 

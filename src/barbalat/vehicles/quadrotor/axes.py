@@ -1,8 +1,9 @@
-"""The six axes on which schemes act, as they read them: three of the attitude, three of the position.
+"""The six axes on which schemes act, three of the attitude and three of the position, in the form for schemes.
 
-x = (e, e') of an axis: e_R [rad] and e_Omega [rad/s], or the error of position [m] and velocity [m/s]. u is an acceleration,
-[rad/s^2] or [m/s^2]. The geometric controller's own feedback, -K x, is always there; what a scheme adds to it is u, so that its
-plant is x' = A_m x + b (theta'phi(x) + u) with A_m = A - b K and a theta that is zero where nothing fails. No command but e = 0.
+The state of an axis is x = (e, e'), which is e_R [rad] and e_Omega [rad/s], or the error of position [m] and of velocity [m/s].
+u is an acceleration [rad/s^2] or [m/s^2]. The geometric controller's own feedback, -K x, is always active, and a scheme adds u to
+it. The scheme's plant is therefore x' = A_m x + b (theta'phi(x) + u) with A_m = A - b K, where theta is zero unless something
+fails. The only command is e = 0.
 """
 
 from __future__ import annotations
@@ -23,38 +24,38 @@ from barbalat.vehicles.quadrotor.body import GRAVITY
 from barbalat.vehicles.quadrotor.hover import Hover
 
 PHASE = np.pi / 6
-"""Phase that the lag costs at the crossover of each loop [rad]: half of the 65 deg of linear-quadratic feedback of a double
-integrator
-then remains for unmodelled effects."""
+"""Phase that the lag costs at the crossover of each loop [rad]. Half of the 65 deg of a double integrator with linear-quadratic
+feedback then remains for unmodelled effects."""
 CROSSOVER = 1.55
-"""Crossover frequency of that feedback over its natural frequency: |sqrt(2) s + 1| = |s|^2 there."""
+"""Crossover frequency of that feedback divided by its natural frequency. At the crossover |sqrt(2) s + 1| = |s|^2."""
 YAW_SHARE = 0.4
-"""Natural frequency of yaw, as a share of that of roll and pitch: rotors yaw only by their drag, which has a tenth of the
-moment of their lift."""
+"""Natural frequency of yaw, as a share of that of roll and pitch. Rotors yaw only by their drag, whose moment is a tenth of that
+of their lift."""
 ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
 """Sample times of the attitude's and the position's controllers [s]."""
 MOMENT_SHARE = 1 / 3
-"""Moment limit of each of roll, pitch and yaw, as a share of the hover thrust: with all three at their limits no rotor is below
-zero at hover."""
+"""Moment limit of each of roll, pitch and yaw, as a share of the hover thrust. With all three at their limits, no rotor's thrust
+is below zero at hover."""
 ADDED_SHARE = 0.5
-"""The share of an axis's authority for the scheme; the feedback has the rest. Neither limits the other, and a predictor knows the
-remaining u. Half of the position's authority lifts another 35 % of the mass."""
+"""The scheme's share of an axis's authority. The feedback has the rest, so that neither limits the other and a predictor knows
+the limit of u. Half of the position's authority lifts another 35 % of the mass."""
 MET_SHARE = 0.5
-"""The disturbance of an axis whose problem is simulated alone or exported, as a share of the scheme's limit; without it nothing
-would move."""
+"""The disturbance of an axis whose problem is simulated alone or exported, as a share of the scheme's limit. Without it the axis
+would stay at rest."""
 TILT = np.deg2rad(35.0)
-"""The largest tilt of the position control relative to the path's demand: g tan of it, and equally up and down."""
+"""Largest tilt of the position control relative to the path's demand. It limits the acceleration to g times its tangent, and by
+the same amount up and down."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Axis:
     """One axis.
 
-    A, b         of x = (e, e') for u
-    frequency    [rad/s], natural, of the feedback
-    lag          [s] between u and its effect, at low frequencies
-    limit        of u, on both sides, and of the feedback
-    size         typical size of the errors
+    A, b         the matrices of x = (e, e') for u
+    frequency    the natural frequency of the feedback [rad/s]
+    lag          the lag between u and its effect at low frequencies [s]
+    limit        the limit of u on both sides, which is also that of the feedback
+    size         the typical size of the errors
     like         the axis with the same linear model, on which settings are found: "roll", "yaw" or "forward"
     """
 
@@ -70,7 +71,7 @@ class Axis:
 
     @cached_property
     def gain(self) -> Array:
-        """K, (2,): least integral of e^2 + u^2/frequency^4, which has a damping of 0.71."""
+        """K (2,), which minimises the integral of e^2 + u^2/frequency^4. The damping ratio is 0.71."""
         from scipy.linalg import solve_continuous_are
 
         rho = self.frequency**-4
@@ -83,34 +84,34 @@ class Axis:
 
     @property
     def range(self) -> Array:
-        """(3,), the known bounds of theta for phi(x) = (1, x): the whole limit, and half of each gain."""
+        """The known bounds of theta for phi(x) = (1, x), (3,): the whole limit and half of each gain."""
         return np.array([self.limit, *(0.5 * self.gain)])
 
     @property
     def time_unit(self) -> float:
-        """Bandwidths are multiples of the lag's inverse [s]."""
+        """The lag [s], because bandwidths are multiples of its inverse."""
         return self.lag
 
     @property
     def frequency_unit(self) -> float:
-        """Adaptation frequencies are multiples of the feedback's natural frequency [rad/s]."""
+        """The feedback's natural frequency [rad/s], of which adaptation frequencies are multiples."""
         return self.frequency
 
     @property
     def met(self) -> Array:
-        """(3,), typical magnitudes of 1 and x in flight."""
+        """Typical magnitudes of 1 and x in flight (3,)."""
         return np.array([1.0, self.size, self.size * self.frequency])
 
     @property
     def known_gain(self) -> None:
-        """A_m already contains the geometric controller's feedback."""
+        """None, because A_m already contains the geometric controller's feedback."""
 
     @property
     def theta_hat0(self) -> None:
-        """Adaptive schemes begin at zero."""
+        """None, because adaptive schemes begin at zero."""
 
     def feedback(self, errors: Array) -> float:
-        """-K x within its limit."""
+        """Return -K x within its limit."""
         return self.limited(-float(self.gain @ errors))
 
     def limited(self, u: float) -> float:
@@ -118,12 +119,12 @@ class Axis:
 
     @cached_property
     def linear_problem(self) -> Problem:
-        """The axis as a tracking problem with phi(x) = x."""
+        """The problem with phi(x) = x."""
         return self._problem(Plant(A_m=self.A_m, b=self.b, theta=np.zeros(2), input=self._input))
 
     @cached_property
     def adaptive_problem(self) -> Problem:
-        """phi(x) = (1, x)."""
+        """The problem with phi(x) = (1, x)."""
         regressor = Polynomial(degree=1, constant=True)
         plant = Plant(A_m=self.A_m, b=self.b, theta=np.zeros(3), input=self._input, regressor=regressor)
         return self._problem(plant, ParameterBox(lower=-self.range, upper=self.range))
@@ -147,9 +148,9 @@ class Axis:
 class Electronics:
     """The hardware between the vehicle and its controllers.
 
-    delay           [s] from a sample to the motors' command
-    rate_lag        [s] of the rate sensors, first order
-    attitude_noise  [rad], and the others' [rad/s, m, m/s]: standard deviations of white noise at the samples
+    delay           delay from a sample to the motors' command [s]
+    rate_lag        lag of the first-order rate sensors [s]
+    attitude_noise  standard deviation of white noise at the samples [rad]; so are the others [rad/s, m, m/s]
     """
 
     delay: float = 0.005
@@ -162,7 +163,7 @@ class Electronics:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Axes:
-    """All six, designed as cascades: the position loop's lag is that of the attitude loop."""
+    """All six axes, designed as cascades. The position loop's lag is that of the attitude loop."""
 
     hover: Hover
     electronics: Electronics = field(default_factory=Electronics)
@@ -187,7 +188,7 @@ class Axes:
     def position(self) -> tuple[Axis, ...]:
         """The axes of forward, left and up, in this order."""
         roll = self.attitude[0]
-        lag = float(roll.gain[1] / roll.gain[0])  # of the attitude's closed loop, whatever its own lag is
+        lag = float(roll.gain[1] / roll.gain[0])  # that of the attitude's closed loop, whatever its own lag is
         limit = ADDED_SHARE * GRAVITY * np.tan(TILT)
         frequency = PHASE / (CROSSOVER * lag)
         return tuple(
@@ -200,12 +201,12 @@ class Axes:
 
     @property
     def all(self) -> tuple[Axis, ...]:
-        """The attitude's, then the position's."""
+        """The axes of the attitude, followed by those of the position."""
         return self.attitude + self.position
 
     def _block(self, *rows: int) -> Array:
         return np.asarray(self.hover.A[np.ix_(rows, rows)])
 
     def _moment(self, column: int) -> float:
-        """The acceleration that reduces a rotor's thrust from hover to zero [rad/s^2]."""
+        """Return the angular acceleration that reduces a rotor's thrust from hover to zero [rad/s^2]."""
         return float(self.hover.thrusts.min() / np.abs(self.hover.mixer[:, column]).max())

@@ -1,4 +1,4 @@
-"""A quadrotor of one kilogram, as numbers and in MuJoCo's file format."""
+"""A quadrotor of one kilogram: its numbers, and its model in MuJoCo's file format."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from barbalat import validate
 from barbalat.validate import InputError, Vector
 
 INTEGRATOR = "RK4"
-"""MuJoCo uses Euler steps by default, with drifting energy; a test compares both."""
+"""The integrator. MuJoCo's default, Euler steps, lets the energy drift; a test compares both."""
 STEP = 1 / 400
-"""[s], the sample of the attitude's controllers; half of it gives the same motion, see the tests."""
+"""The step [s], which is the sample time of the attitude's controllers. A test shows that half of it gives the same motion."""
 AIR_DENSITY = 1.225
-"""[kg/m^3]. MuJoCo's drag is that of a box with the body's mass and inertia, quadratic in the speed through the air."""
+"""Density of air [kg/m^3]. MuJoCo's drag is that of a box with the body's mass and inertia, quadratic in the speed through the
+air."""
 SPINS = (1, -1, 1, -1)
-"""Sense of the rotors' drag torque about the axis that points up: front left, rear left, rear right, front right."""
+"""Sense of the rotors' drag torque about the upward axis, in the order front left, rear left, rear right, front right."""
 PLACES = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-"""Their positions in the same order: forward and left, in units of ``reach``."""
+"""Positions of the rotors in the same order, forward and left in units of ``reach``."""
 LEGS = 0.08
-"""[m], the distance of the feet below the centre of gravity."""
+"""Distance of the feet below the centre of gravity [m]."""
 FOOT = 0.02
-"""[m], a foot's radius."""
+"""Radius of a foot [m]."""
 SLOPE = 5.0
-"""[deg] of the ground where it stands: a start is never level."""
+"""Slope of the ground at the start [deg], because a start is never level."""
 STANDING = LEGS + FOOT
-"""[m], height of the centre of gravity on the ground."""
+"""Height of the centre of gravity on the ground [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quadrotor:
     """Four rotors at the corners of a square.
 
-    mass       [kg]
-    inertia    [kg m^2] about the forward, left and upward axes
-    reach      [m], a rotor's distance from the centre, both forward or back and left or right
-    thrust     [N], the largest of a rotor; the smallest is zero
-    torque     [m], its drag torque over its thrust
-    motor_lag  [s] of thrust behind its command, first order. Identified ones are between 0.02 and 0.07 s
-    centre     [m], the centre of gravity's distance forward and left of the rotors' middle
+    mass       the mass [kg]
+    inertia    the moments of inertia about the forward, left and upward axes [kg m^2]
+    reach      a rotor's distance from the centre, both forward or back and left or right [m]
+    thrust     the largest thrust of a rotor [N]; the smallest is zero
+    torque     a rotor's drag torque divided by its thrust [m]
+    motor_lag  the first-order lag of the thrust [s]; identified values are between 0.02 and 0.07 s
+    centre     the centre of gravity's distance forward and left of the rotors' middle [m]
     """
 
     mass: float = 1.0
@@ -67,9 +68,9 @@ GRAVITY = 9.81
 class SlungMass:
     """A mass on a taut cable, modelled as a massless rod on a ball joint.
 
-    mass    [kg]
-    cable   [m]
-    beside  [m], the hook's distance from the centre, forward and left alike
+    mass    the mass [kg]
+    cable   the length of the cable [m]
+    beside  the hook's distance from the centre, the same forward and left [m]
     """
 
     mass: float = 0.25
@@ -78,9 +79,9 @@ class SlungMass:
 
 
 def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = STEP, integrator: str = INTEGRATOR) -> str:
-    """The model in MuJoCo's format, written entirely here; its axes are forward, left, up.
+    """Return the model in MuJoCo's format. It is written entirely here, and its axes are forward, left and up.
 
-    NaNs are kept: MuJoCo would otherwise reset the vehicle to the ground.
+    NaNs are kept, because MuJoCo would otherwise reset the vehicle to the ground.
     """
     places = [(vehicle.reach * forward, vehicle.reach * left) for forward, left in PLACES]
     sites = "".join(f'<site name="rotor-{i}" pos="{x!r} {y!r} 0"/>' for i, (x, y) in enumerate(places))
@@ -108,11 +109,11 @@ def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = ST
 
 
 SWING_DAMPING = 1e-3
-"""[N m s], of the hook: a swing of half a metre's cable loses a fifth of its height in ten swings."""
+"""Damping of the hook [N m s]. A mass on a cable of half a metre loses a fifth of its height in ten swings."""
 
 
 def _hung(slung: SlungMass) -> str:
-    """The mass is a ball of 4 cm, whose own inertia is a hundredth of that due to the cable."""
+    """Return the slung mass in MuJoCo's format, a ball of 4 cm. Its own inertia is a hundredth of that due to the cable."""
     ball = 0.4 * slung.mass * 0.04**2
     return (
         f'<body name="slung" pos="{slung.beside!r} {slung.beside!r} 0"><joint name="hook" type="ball" damping="{SWING_DAMPING}"/>'

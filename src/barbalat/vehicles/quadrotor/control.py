@@ -1,4 +1,5 @@
-"""The whole controller of a flight: the position loop around the attitude loop, and geometry around each axis's scheme."""
+"""The whole controller of a flight: the position loop around the attitude loop, with geometric control around the schemes of the
+axes."""
 
 from __future__ import annotations
 
@@ -26,11 +27,11 @@ from barbalat.vehicles.quadrotor.trajectory import Path
 from barbalat.vehicles.vehicle import Aboard
 
 OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
-"""Attitude samples for each position sample."""
+"""Number of attitude samples per position sample."""
 
 
 class Memory(NamedTuple):
-    """The state of a whole controller between two samples; it is never changed in place."""
+    """The state of a whole controller between two samples. It is never changed in place."""
 
     states: tuple[Array, ...]
     wanted: Array
@@ -39,10 +40,10 @@ class Memory(NamedTuple):
 
 
 class Control:
-    """From measurements to thrusts. Not for several threads.
+    """The controller from measurements to thrusts. It is not safe for several threads.
 
-    The position controller's demand moves with its measurement noise. The attitude's axes follow a model of it: a body
-    that obeys the geometric controller at once. Their errors are therefore due to the vehicle alone, and they know its command.
+    The position controller's demand contains measurement noise. The attitude's axes therefore follow a model of it, a body that
+    obeys the geometric controller at once. Their errors are then due to the vehicle alone, and its command is known.
     """
 
     def __init__(self, axes: Axes, aboard: Aboard) -> None:
@@ -53,7 +54,7 @@ class Control:
         self.reset(np.eye(3), np.zeros(3))
 
     def reset(self, attitude: Array, rates: Array) -> None:
-        """Reset the laws and put the model at the vehicle's state, when control is handed over."""
+        """Reset the laws and set the model to the vehicle's state, when control is handed over."""
         for _, step in (*self._attitude, *self._position):
             step.reset()
         self._wanted, self._commanded = wanted_thrust(np.zeros(3)), np.eye(3)
@@ -61,7 +62,7 @@ class Control:
 
     @property
     def resumable(self) -> bool:
-        """Whether its state can be set to that of another flight; an exported step's state is inaccessible."""
+        """Whether the controller's state can be set to that of another flight. An exported step's state is inaccessible."""
         return len(self._states) == len(self._attitude) + len(self._position)
 
     @property
@@ -71,7 +72,7 @@ class Control:
 
     @property
     def memory(self) -> Memory:
-        """Everything except the measurement that determines the next sample, for a resumable controller."""
+        """Everything that determines the next sample, except the measurement, for a resumable controller."""
         return Memory(tuple(state.copy() for state in self._states), self._wanted, self._commanded, self._model)
 
     @memory.setter
@@ -81,7 +82,7 @@ class Control:
         _, self._wanted, self._commanded, self._model = memory
 
     def __call__(self, measured: Motion, planned: Path, k: int) -> Array:
-        """Thrusts (4,) [N] at sample k."""
+        """Return the thrusts (4,) [N] at sample k."""
         if k % OUTER_EVERY == 0:
             errors = np.column_stack([measured.position - planned.position[k], measured.velocity - planned.velocity[k]])
             self._wanted = wanted_thrust(planned.acceleration[k] + _asked(self._position, errors))
@@ -93,7 +94,7 @@ class Control:
         return allocated(self._mixer, self._hover, self.vehicle.thrust, float(self._wanted @ (R @ UP)), turning)
 
     def agreement(self) -> Agreement | None:
-        """The agreement of the exported C of all six axes since the last call: the samples of one flight."""
+        """Return the agreement of the exported C of all six axes since the last call, over the samples of one flight."""
         told = [(axis.name, step.agreement()) for axis, step in (*self._attitude, *self._position)]
         named = [
             replace(one, difference=f"{name}: {one.difference}") if one.difference else one
@@ -103,7 +104,7 @@ class Control:
         return Agreement.together(named, flights=1) if named else None
 
     def _follow(self, command: AttitudeCommand) -> None:
-        """The model one sample later, under a held acceleration."""
+        """Advance the model by one sample with a held acceleration."""
         R, Omega, acceleration = self._model
         R, Omega = (
             turned(R, ATTITUDE_SAMPLE * (Omega + 0.5 * ATTITUDE_SAMPLE * acceleration)),
@@ -115,7 +116,7 @@ class Control:
 
 
 def _asked(loops: list[tuple[Axis, Step]], errors: Array) -> Array:
-    """Feedback plus the scheme's control, each within its limit, (3,)."""
+    """Return the feedback plus the scheme's control, each within its limit (3,)."""
     return np.array(
         [axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)]
     )

@@ -1,4 +1,4 @@
-"""Other quadrotors than a controller was designed for, drawn by a seed: body, rotors, sensors, delay, start, air."""
+"""Random variations of the quadrotor for which controllers are designed: body, rotors, sensors, delay, start and air."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from barbalat.vehicles.quadrotor.simulator import ROTORS, Simulator
 
 @dataclass(frozen=True, kw_only=True)
 class Dispersion:
-    """How a vehicle, its start and its air differ from the nominal ones, from the first instant on.
+    """The differences of a vehicle, its start and its air from the nominal ones, during the whole flight.
 
     mass, roll_inertia, pitch_inertia  factors; the inertia about the vertical axis follows from the other two, as for a flat body
-    centre_forward, centre_left        [m], the position of the centre of gravity
-    reach, drag_torque, motor_lag      factors of the vehicle's
-    thrust, rotor_1, ..., rotor_4      factors: of all rotors, and of each of them
-    noise                              a factor of all sensors' noise
-    rate_lag                           [s] of the rate sensors, first order
-    delay                              [s], added between the commands and the motors, in whole samples of the attitude
-    controllers
-    wind, wind_from                    [m/s], the mean of a constant wind with gusts; [deg] from ahead, to the left
-    start_forward, start_left          [m], its position at the start
-    heading                            [deg], its heading there
-    number                             of the draw; noise and gusts are drawn by it
+    centre_forward, centre_left        position of the centre of gravity [m]
+    reach, drag_torque, motor_lag      factors of the vehicle's values
+    thrust, rotor_1, ..., rotor_4      factors of the thrust of all rotors, and of each rotor
+    noise                              factor of the noise of all sensors
+    rate_lag                           lag of the first-order rate sensors [s]
+    delay                              delay added between the commands and the motors [s], in whole samples of the attitude
+        controllers
+    wind, wind_from                    mean of a constant wind with gusts [m/s]; its direction, from ahead to the left [deg]
+    start_forward, start_left          position at the start [m]
+    heading                            heading at the start [deg]
+    number                             number of the draw, which is the seed of noise and gusts
     """
 
     mass: float = 1.0
@@ -55,7 +55,7 @@ class Dispersion:
     number: int = 0
 
     def vehicle(self, nominal: Quadrotor) -> Quadrotor:
-        """The one that was drawn."""
+        """Return the drawn vehicle."""
         x, y, z = nominal.inertia
         roll, pitch = self.roll_inertia * x, self.pitch_inertia * y
         return replace(
@@ -70,11 +70,11 @@ class Dispersion:
 
     @property
     def effectiveness(self) -> Array:
-        """(4,) of the rotors."""
+        """The effectiveness of the rotors (4,)."""
         return self.thrust * np.array([self.rotor_1, self.rotor_2, self.rotor_3, self.rotor_4])
 
     def simulator(self, nominal: Quadrotor) -> Simulator:
-        """On the ground, as it starts."""
+        """Return the simulator of the drawn vehicle, on the ground at its start."""
         found = Simulator(self.vehicle(nominal))
         for rotor, share in zip(range(ROTORS), self.effectiveness, strict=True):
             found.weaken(rotor, share)
@@ -83,7 +83,7 @@ class Dispersion:
         return found
 
     def electronics(self, nominal: Electronics) -> Electronics:
-        """Sensors and delay as drawn, around the nominal ones."""
+        """Return the drawn sensors and delay, which vary around the nominal ones."""
         return replace(
             nominal,
             delay=nominal.delay + self.delay,
@@ -98,13 +98,13 @@ class Dispersion:
 NOMINAL = Dispersion()
 DRAWN = {
     "mass": Uniform(0.9, 1.15),  # another battery, a camera
-    "roll_inertia": Uniform(0.8, 1.2),  # as identified by a swing test or from a drawing
+    "roll_inertia": Uniform(0.8, 1.2),  # identified by a swing test or from a drawing
     "pitch_inertia": Uniform(0.8, 1.2),
-    "centre_forward": Uniform(-0.005, 0.005),  # a battery of a third of the mass, mounted 1.5 cm off its place
+    "centre_forward": Uniform(-0.005, 0.005),  # a battery with a third of the mass, mounted 1.5 cm off its place
     "centre_left": Uniform(-0.005, 0.005),
     "reach": Uniform(0.98, 1.02),  # arms that fold
-    "drag_torque": Uniform(0.7, 1.3),  # of all of a propeller the least known number
-    "motor_lag": Uniform(0.7, 1.5),  # 25 to 52 ms, of identified ones between 20 and 70
+    "drag_torque": Uniform(0.7, 1.3),  # the least known number of a propeller
+    "motor_lag": Uniform(0.7, 1.5),  # 25 to 52 ms; identified values are between 20 and 70 ms
     "thrust": Uniform(0.85, 1.05),  # a battery from full to almost empty, air from sea level to 1000 m
     "rotor_1": Uniform(0.95, 1.05),  # propellers of one make, chipped or not
     "rotor_2": Uniform(0.95, 1.05),
@@ -119,11 +119,11 @@ DRAWN = {
     "start_left": Uniform(-0.2, 0.2),
     "heading": Uniform(-10.0, 10.0),
 }
-"""The distribution of each, with its reason."""
+"""The distribution of each number, with its reason."""
 UNITS = {
     **dict.fromkeys(("centre_forward", "centre_left", "start_forward", "start_left"), "m"),
     **dict.fromkeys(("rate_lag", "delay"), "s"),
     "wind": "m/s",
     **dict.fromkeys(("wind_from", "heading"), "deg"),
 }
-"""Units of these; the others are factors of nominal values."""
+"""Units of these numbers. The others are factors of nominal values."""

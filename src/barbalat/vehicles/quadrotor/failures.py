@@ -11,14 +11,14 @@ from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """A failure acts from the instant in a flight's ``Timing``; ``stale`` applies from the start.
+    """A failure that acts from the instant in a flight's ``Timing``, except that ``stale`` applies from the start.
 
     slung          the attached mass
-    effectiveness  of the front left rotor: a factor of its thrust and of its torque
-    wind           [m/s], the mean of a wind from the left
-    motor_lag      [s], in place of the vehicle's own
-    delay          [s], added between the commands and the motors
-    stale          whether the laws, which also run on the sloping ground, are not reset when control is handed to them
+    effectiveness  factor of the front left rotor's thrust and torque
+    wind           mean of a wind from the left [m/s]
+    motor_lag      lag of the motors that replaces the vehicle's own [s]
+    delay          delay added between the commands and the motors [s]
+    stale          whether the laws, which already run on the sloping ground, are not reset when they take over control
     """
 
     name: str
@@ -31,7 +31,7 @@ class Failure:
     stale: bool = False
 
     def since(self, timing: Timing) -> float:
-        """When it begins [s]."""
+        """Return the time at which the failure begins [s]."""
         return TAKES_OFF if self.stale else timing.fails_at
 
 
@@ -55,4 +55,4 @@ FAILURES = {
         ),
     )
 }
-"""The registry, by the names of the command line."""
+"""The failures by their names on the command line."""

@@ -24,7 +24,7 @@ COLUMNS = {
     **{f"thrust_{i + 1}": "N" for i in range(ROTORS)},
     "limited": "%",
 }
-"""The recorded quantities at each position sample, in this order, with units; true values, not measured ones."""
+"""The recorded quantities at each position sample, in this order, with units. They are true values, not measurements."""
 FIGURES = {
     "rms_e": "m",
     "max_abs_e": "m",
@@ -34,16 +34,16 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""The figures of a flight, with units: e is the distance from the commanded position, sinks the largest distance below it,
-travel the average
-change of the four thrusts in a second, limited the share of the time for which some rotor is at an end of its range."""
+"""The figures of a flight with units. e is the distance from the commanded position, sinks the largest distance below it, travel
+the average change of the four thrusts per second, and limited the share of the time for which some rotor is at an end of its
+range."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class QuadrotorFlight(Flight):
-    """A quadrotor's flight; its record is (K, 18), a row for each sample of position, see ``COLUMNS``.
+    """A quadrotor's flight. Its record (K, 18) has a row for each sample of position; see ``COLUMNS``.
 
-    agreement  of the exported C of all axes with the simulated lists; None if those flew
+    agreement  the agreement of the exported C of all axes with the simulation; None if no C flew
     """
 
     failure: Failure
@@ -59,15 +59,15 @@ class QuadrotorFlight(Flight):
 
     @property
     def error(self) -> Array:
-        """Distance from the commanded position, at the samples [m]."""
+        """The distance from the commanded position at the samples [m]."""
         return np.asarray(np.linalg.norm(self.path - self.target, axis=1))
 
     @property
     def followed_by_judge(self) -> Followed:
-        """The position, and the rotor thrusts of the vehicle for which the controllers are designed."""
+        """The position, and the rotor thrusts of the vehicle for which the controllers are designed, as the judge needs them."""
         thrusts = self.record[:, 13 : 13 + ROTORS]
         most = Quadrotor().thrust
-        near = ARRIVED * most  # a motor's lag approaches the ends of its range
+        near = ARRIVED * most  # with its lag, a motor only approaches the ends of its range
         return Followed(
             names=("x", "y", "z"), units=("[m]",) * 3, y=self.path, y_m=self.target, limited=thrusts,
             u=np.where(thrusts >= most - near, most, np.where(thrusts <= near, 0.0, thrusts)),
@@ -90,7 +90,7 @@ class QuadrotorFlight(Flight):
 
     @property
     def path(self) -> Array:
-        """Forward, left, up [m]."""
+        """The position forward, left and up [m]."""
         return self.record[:, 4:7]
 
     @property
@@ -104,7 +104,7 @@ class QuadrotorFlight(Flight):
 
     @property
     def tilt(self) -> Array:
-        """Angle of its axis from the vertical, at the samples [deg]."""
+        """The angle of the vehicle's axis from the vertical at the samples [deg]."""
         roll, pitch = np.deg2rad(self.column("roll")), np.deg2rad(self.column("pitch"))
         return np.rad2deg(np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1, 1)))
 

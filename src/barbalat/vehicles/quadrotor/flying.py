@@ -21,13 +21,13 @@ from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion
 from barbalat.vehicles.quadrotor.trajectory import CLIMBS, TAKES_OFF, path
 
 LARGEST_DISTANCE, LARGEST_TILT, LEAST_HEIGHT = 3.0, 85.0, STANDING + 0.02
-"""[m] from its path, [deg] of tilt and [m] above the ground: beyond these the vehicle is lost."""
+"""Limits beyond which the vehicle is lost: distance from its path [m], tilt [deg], and smallest height above the ground [m]."""
 
 
 def fly_all(
     axes: Axes, control: Control, failures: Sequence[Failure], dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
 ) -> list[QuadrotorFlight]:
-    """Flights through each failure; the common part before the failure is flown once."""
+    """Fly through each failure. The common part before the failure is flown once."""
 
     def at_failure(*, stale: bool = False) -> _Vehicle:
         found = _Vehicle(axes, control, dispersion, timing, stale=stale)
@@ -51,10 +51,10 @@ def fly_all(
 class _Vehicle:
     """A vehicle in flight.
 
-    stale   whether the laws are not reset when control is handed to them
-    k       the next sample
+    stale   whether the laws are not reset when they take over control
+    k       the index of the next sample
     record  rows of ``flight.COLUMNS``
-    lost    why, empty as long as it is not
+    lost    the reason for the loss, empty as long as the vehicle is not lost
     """
 
     def __init__(self, axes: Axes, control: Control, dispersion: Dispersion, timing: Timing, *, stale: bool = False) -> None:
@@ -76,14 +76,14 @@ class _Vehicle:
         return self.control.memory if self.control.resumable else None
 
     def copied(self) -> _Vehicle:
-        """An independent copy in the same state, with the same controller."""
+        """Return an independent copy in the same state, with the same controller."""
         found = copy.copy(self)
         found.simulator, found.sensing = self.simulator.copied(), copy.copy(self.sensing)
         found.waiting, found.record = self.waiting.copy(), self.record.copy()
         return found
 
     def fail(self, failure: Failure) -> None:
-        """Let the failure act from now on."""
+        """Apply the failure."""
         if failure.slung is not None:
             self.simulator.hook_on(failure.slung)
         if failure.motor_lag is not None:
@@ -93,7 +93,7 @@ class _Vehicle:
         self.air = self.air.failing(failure, self.dispersion, self.samples)
 
     def advance_to(self, seconds: float) -> None:
-        """Fly up to this instant, or until it is lost."""
+        """Fly up to this instant, or until the vehicle is lost."""
         if self.memory is not None:
             self.control.memory = self.memory
         while self.k < round(seconds / ATTITUDE_SAMPLE) and not self.lost:
@@ -102,7 +102,7 @@ class _Vehicle:
         self.memory = self._memory()
 
     def flight(self, failure: Failure) -> QuadrotorFlight:
-        """What it has flown."""
+        """Return the record as a flight."""
         return QuadrotorFlight(
             controller=self.control.name,
             failure=failure,
@@ -142,7 +142,7 @@ class _Vehicle:
 
 
 def _lost(row: list[float], motion: Motion) -> str:
-    """Whether the vehicle strays, tips over, or comes down."""
+    """Return why the vehicle is lost: it strays, tips over or comes down. The text is empty if it is not lost."""
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
     if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > LARGEST_DISTANCE:
@@ -155,18 +155,18 @@ def _lost(row: list[float], motion: Motion) -> str:
 
 
 GUSTS_SHARE = 0.1
-"""Standard deviation of gusts along the wind over its mean: the value of MIL-F-8785C (3.7.3) for vertical gusts near the ground.
-Its value along the wind is 1.9 times as large 10 m above it."""
+"""Standard deviation of gusts along the wind divided by its mean. It is the value of MIL-F-8785C (3.7.3) for vertical gusts near
+the ground. The value there for gusts along the wind is 1.9 times as large at a height of 10 m."""
 GUST_LENGTH = 68.0
-"""[m]: the scale of gusts along the wind 10 m above the ground, from the same section."""
+"""Scale of gusts along the wind at a height of 10 m [m], from the same section."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Air:
     """The motion of the air.
 
-    velocity  (K, 3) [m/s] at the samples of the attitude
-    moves     whether it does at all
+    velocity  (K, 3) the velocity at the samples of the attitude [m/s]
+    moves     whether the air moves at all
     """
 
     velocity: Array
@@ -174,21 +174,22 @@ class Air:
 
     @classmethod
     def drawn(cls, dispersion: Dispersion, samples: int) -> Air:
-        """The constant wind."""
+        """Return the constant wind of a dispersion."""
         away = np.deg2rad(dispersion.wind_from)
         towards = -np.array([np.cos(away), np.sin(away), 0.0])
         speed = _speed(dispersion.wind, samples, SEED + 2 * dispersion.number + 1)
         return cls(velocity=np.outer(speed, towards), moves=dispersion.wind > 0)
 
     def failing(self, failure: Failure, dispersion: Dispersion, samples: int) -> Air:
-        """With the wind of a failure, from the left."""
+        """Return the air with the wind of a failure from the left."""
         speed = _speed(failure.wind, samples, SEED + 2 * dispersion.number)
         added = np.outer(speed, np.array([0.0, -1.0, 0.0]))
         return Air(velocity=self.velocity + added, moves=self.moves or failure.wind > 0)
 
 
 def _speed(mean: float, samples: int, seed: int) -> Array:
-    """[m/s] at the samples: Dryden's longitudinal gusts, a first-order process, around a mean; exact and stationary."""
+    """Return the wind's speed at the samples [m/s]: Dryden's longitudinal gusts, an exact and stationary first-order process,
+    around a mean."""
     if not mean:
         return np.zeros(samples)
     random = np.random.default_rng(seed)
@@ -205,7 +206,7 @@ SEED = 2010
 
 
 class Sensing:
-    """From motions to measurements, sample by sample; copies are independent."""
+    """The sensors, from motions to measurements, sample by sample. Copies are independent."""
 
     def __init__(self, electronics: Electronics, samples: int, number: int) -> None:
         from scipy.spatial.transform import Rotation

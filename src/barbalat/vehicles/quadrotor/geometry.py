@@ -1,7 +1,7 @@
-"""The geometric part of the controller of Lee, Leok and McClamroch. The schemes have the gains and the adaptation.
+"""The geometric part of the controller of Lee, Leok and McClamroch. The schemes provide the gains and the adaptation.
 
-Source: T. Lee, M. Leok, N. H. McClamroch, Geometric tracking control of a quadrotor UAV on SE(3), CDC 2010. Here the axis up and
-the thrust have the same sense, and forces and moments are accelerations: divided by mass and inertia.
+Source: T. Lee, M. Leok, N. H. McClamroch, Geometric tracking control of a quadrotor UAV on SE(3), CDC 2010. Here the upward axis
+and the thrust have the same sense, and forces and moments are accelerations, that is, divided by mass and inertia.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from barbalat.vehicles.quadrotor.body import GRAVITY
 
 UP = np.array([0.0, 0.0, 1.0])
 LEAST_THRUST = 0.2 * GRAVITY
-"""[m/s^2]: the smallest upward thrust demand, since a vanishing thrust has no direction."""
+"""Smallest upward thrust demand [m/s^2], because a vanishing thrust has no direction."""
 
 
 class AttitudeCommand(NamedTuple):
-    """R_d, Omega_d and its rate, both about the commanded axes."""
+    """The commanded R_d, Omega_d and its derivative, both about the commanded axes."""
 
     attitude: Array  # (3, 3)
     rates: Array  # (3,) [rad/s]
@@ -27,13 +27,13 @@ class AttitudeCommand(NamedTuple):
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b of two (3,): NumPy's own takes ten times as long."""
+    """Return a x b for two (3,). NumPy's own function takes ten times as long."""
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def attitude_errors(attitude: Array, rates: Array, command: AttitudeCommand) -> Array:
-    """(3, 2): e_R [rad, for small ones] and e_Omega [rad/s], a row for each of the body's axes."""
+    """Return e_R [rad, if small] and e_Omega [rad/s] (3, 2), with a row for each of the body's axes."""
     turn = command.attitude.T @ attitude  # R_d'R
     e_R = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])  # (10)
     e_Omega = rates - turn.T @ command.rates  # (11)
@@ -41,13 +41,14 @@ def attitude_errors(attitude: Array, rates: Array, command: AttitudeCommand) -> 
 
 
 def carried(attitude: Array, rates: Array, command: AttitudeCommand) -> Array:
-    """(3,) [rad/s^2], from (16): with this term, e_Omega' equals the remaining demand while the command moves and turns."""
+    """Return the term (3,) [rad/s^2] of (16) with which e_Omega' equals the remaining demand while the command moves and
+    turns."""
     turn = attitude.T @ command.attitude  # R'R_d
     return turn @ command.accelerations - cross(rates, turn @ command.rates)
 
 
 def turned(attitude: Array, angles: Array) -> Array:
-    """R exp(angles^), by Rodrigues' formula to the fifth order: angles of one sample are some hundredths."""
+    """Return R exp(angles^) by Rodrigues' formula to the fifth order. The angles of one sample are some hundredths."""
     x, y, z = angles.tolist()
     square = x * x + y * y + z * z
     sine, cosine = 1 - square / 6, 0.5 - square / 24
@@ -56,7 +57,8 @@ def turned(attitude: Array, angles: Array) -> Array:
 
 
 def commanded_attitude(wanted: Array) -> Array:
-    """R_d whose third axis is that of the wanted thrust (3,) [m/s^2], its first as far forward as that allows; (3, 3)."""
+    """Return R_d (3, 3), whose third axis is that of the wanted thrust (3,) [m/s^2] and whose first axis points as far forward as
+    possible."""
     up = wanted / np.sqrt(wanted @ wanted)
     left = np.array([0.0, up[2], -up[1]])  # up x forward
     left /= np.sqrt(left @ left)
@@ -64,16 +66,16 @@ def commanded_attitude(wanted: Array) -> Array:
 
 
 def wanted_thrust(acceleration: Array) -> Array:
-    """The thrust (3,) [m/s^2] that gives this acceleration under gravity."""
+    """Return the thrust (3,) [m/s^2] that gives this acceleration under gravity."""
     wanted = acceleration + GRAVITY * UP
     wanted[2] = max(wanted[2], LEAST_THRUST)
     return wanted
 
 
 def allocated(mixer: Array, hover: Array, most: float, up: float, turning: Array) -> Array:
-    """Thrusts (4,) [N] for a thrust along the axis up and three angular accelerations [m/s^2, rad/s^2].
+    """Return the thrusts (4,) [N] for a thrust along the upward axis and three angular accelerations [m/s^2, rad/s^2].
 
-    Moments have priority: if a rotor reaches its limit, the thrust is reduced so that the moments are as demanded.
+    Moments have priority. If a rotor reaches its limit, the thrust is reduced so that the moments are as demanded.
     """
     thrusts = hover + mixer[:, 0] * (up - GRAVITY) + mixer[:, 1:] @ turning
     low, high = float(thrusts.min()), float(thrusts.max())

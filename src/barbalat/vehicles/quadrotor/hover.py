@@ -1,4 +1,4 @@
-"""Hover, by Newton's method on the flight model's own accelerations, and its linearisation there by differences."""
+"""Finds hover by Newton's method on the flight model's own accelerations, and linearises it by differences."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion, Simulator
 
 HOVER_HEIGHT = 2.0
-"""Height of the hover [m], clear of the ground; nothing else depends on it."""
+"""Height of the hover [m], clear of the ground. Nothing else depends on it."""
 DIFFERENCE_STEP = 1e-4
-"""The step of every number [m, rad, m/s, rad/s, N]: the second-order term is drag, 1e-8 N, and rounding leaves nine digits."""
+"""The step of every variable [m, rad, m/s, rad/s, N]. The second-order term is drag, 1e-8 N, and rounding leaves nine digits."""
 LARGEST_RESIDUAL = 1e-9
 """Largest remaining acceleration at hover [m/s^2, rad/s^2]."""
 
@@ -24,9 +24,9 @@ LARGEST_RESIDUAL = 1e-9
 class Hover:
     """Hover and its linear model.
 
-    thrusts  (4,) [N]
-    A        (12, 12) of d/dt of deviations of position, rotation vector, velocity and body rates [m, rad, s]
-    B        (12, 4) of the rotors' thrusts [N]
+    thrusts  (4,) the rotors' thrusts [N]
+    A        (12, 12) matrix of the deviations of position, rotation vector, velocity and body rates [m, rad, s]
+    B        (12, 4) matrix of the rotors' thrusts [N]
     """
 
     vehicle: Quadrotor
@@ -36,26 +36,26 @@ class Hover:
 
     @property
     def effect(self) -> Array:
-        """(4, 4): of the thrusts on the acceleration up [m/s^2] and on the three of the body's rates [rad/s^2]."""
+        """The effect (4, 4) of the thrusts on the upward acceleration [m/s^2] and on the three angular ones [rad/s^2]."""
         return np.asarray(self.B[8:12])
 
     @property
     def mixer(self) -> Array:
-        """(4, 4): thrusts beyond those at hover [N] from these four accelerations."""
+        """The matrix (4, 4) from these four accelerations to thrusts in addition to those at hover [N]."""
         return np.linalg.inv(self.effect)
 
 
 def hovering(vehicle: Quadrotor) -> Hover:
-    """InputError if the rotors can't hold it."""
+    """Return the hover of a vehicle. InputError if the rotors cannot hold it."""
     simulator = Simulator(vehicle)
 
     def accelerations(change: Array, thrusts: Array) -> Array:
-        """For deviations (12,) from hover."""
+        """Return the accelerations for deviations (12,) from hover."""
         simulator.put(_turned(change), thrusts)
         return simulator.accelerations
 
     thrusts = np.zeros(ROTORS)
-    for _ in range(2):  # the accelerations are linear in the thrusts: one step converges, and the other confirms it
+    for _ in range(2):  # the accelerations are linear in the thrusts, so one step converges and the other confirms it
         B = _differences(partial(_of_thrusts, accelerations, thrusts), ROTORS)
         thrusts = thrusts - np.linalg.pinv(B) @ accelerations(np.zeros(12), thrusts)
     left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())
@@ -82,6 +82,6 @@ def _of_thrusts(accelerations: Callable[[Array, Array], Array], at: Array, chang
 
 
 def _differences(function: Callable[[Array], Array], count: int) -> Array:
-    """Central ones, a column for each of the variables."""
+    """Return central differences, with a column for each variable."""
     moves = DIFFERENCE_STEP * np.eye(count)
     return np.column_stack([(function(move) - function(-move)) / (2 * DIFFERENCE_STEP) for move in moves])

@@ -1,4 +1,4 @@
-"""What the project's schemes add to a geometric controller, axis by axis, with numbers that one rule found for each.
+"""The project's schemes as additions to a geometric controller, axis by axis, with numbers that one rule found.
 
 The numbers are in units of the axis, so that one range suits all axes.
 """
@@ -22,14 +22,15 @@ def _geometric(axis: Axis, _: Numbers) -> OnLoop:
 
 
 def _integral(axis: Axis, numbers: Numbers) -> OnLoop:
-    """Goodarzi, Lee, Leok, Geometric nonlinear PID control of a quadrotor UAV on SE(3), ECC 2013."""
+    """Make the integral of Goodarzi, Lee, Leok, Geometric nonlinear PID control of a quadrotor UAV on SE(3), ECC 2013."""
     integral = TransferFunction([numbers["corner"] * axis.frequency * axis.gain[1]], [1.0, 0.0])
     linear = LinearFeedback(integral, output=axis.gain / axis.gain[1], name="Geometric, integral")
     return OnLoop(axis.linear_problem, Sampled(linear, axis.sample_time))
 
 
 def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
-    """Acts on the integral's output, as on the F-16 on its PI's output, with the same protection against windup."""
+    """Make an H-infinity controller on the integral's output, as on the PI's output of the F-16, with the same protection against
+    windup."""
     linear = hinf_feedback(
         axis.linear_problem.known,
         unmodelled_delay=axis.lag / (2 * numbers["bandwidth"]),
@@ -45,22 +46,22 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH = {"bandwidth": (0.02, 4.0)}
-"""Range of the bandwidth in units of the inverse lag of the axis, from a value that a flight hardly shows to four times the
-limit of a loop of one integrator with that lag."""
+"""Range of the bandwidth in units of the inverse lag of the axis, from a value whose effect a flight hardly shows to four times
+the limit of a loop with one integrator and that lag."""
 DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
-"""The same for H-infinity, from the smallest bandwidth at which every axis has a design: around the feedback loop no controller
-meets the weights for a longer delay."""
+"""The same for H-infinity, from the smallest bandwidth at which every axis has a design. For a longer delay, no controller around
+the feedback loop meets the weights."""
 CORNER = {"corner": (0.01, 2.0)}
-"""Range of the corner, relative to the axis' natural frequency."""
+"""Range of the corner relative to the axis's natural frequency."""
 ADAPTATION = {"adaptation": (0.03, 30.0)}
-"""Frequency of the estimates over the axis's natural one: up to half a radian in a sample and more."""
+"""Range of the frequency of the estimates relative to the axis's natural frequency, up to half a radian per sample and more."""
 SCHEMES: dict[str, Scheme] = {
     "geometric": Scheme(_geometric, {}, counterpart="lqr"),
     "geometric-integral": Scheme(_integral, CORNER, counterpart="linear"),
     ROBUST: Scheme(_hinf, DESIGN_BANDWIDTH),
     **on_every_vehicle(_mrac, bandwidth=BANDWIDTH, adaptation=ADAPTATION),
 }
-"""The registry, by the names of the command line."""
+"""The schemes by their names on the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {
     "roll": {
         "geometric": {},
@@ -96,5 +97,5 @@ TUNED: dict[str, dict[str, Numbers]] = {
         "l1-piecewise-flown": {"bandwidth": 0.0861},
     },
 }
-"""The tunings by ``Axis.like`` and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` on the vehicle at
-hover."""
+"""The tunings by ``Axis.like`` and scheme, to three digits. They are the result of ``benchmarks/flight_tuning.py`` on the vehicle
+at hover."""

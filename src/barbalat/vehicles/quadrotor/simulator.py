@@ -1,4 +1,4 @@
-"""The quadrotor in MuJoCo: its state can be set, its motion stepped, and its accelerations read."""
+"""The quadrotor in MuJoCo, whose state can be set, whose motion can be stepped, and whose accelerations can be read."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from barbalat.vehicles.quadrotor.body import INTEGRATOR, SLOPE, STEP, Quadrotor,
 
 ROTORS = 4
 BODY_COORDINATES = 7
-"""Numbers of a free body's place: three of its position, four of its quaternion."""
+"""How many numbers give a free body's place: three for its position and four for its quaternion."""
 
 
 def _unheard(_: str) -> None:
-    """MuJoCo's warnings concern NaNs, for which a flight checks itself; MuJoCo would write them to a file here."""
+    """Ignore MuJoCo's warnings, which it would write to a file here. They concern NaNs, which a flight checks itself."""
 
 
 class Motion(NamedTuple):
-    """The motion of a rigid body; all but its rates in fixed axes that point forward, left, up at the start."""
+    """The motion of a rigid body. All but its rates are in fixed axes that point forward, left and up at the start."""
 
     position: Array  # (3,) [m]
     attitude: Array  # (3, 3), its columns the body's axes
@@ -56,7 +56,8 @@ class Simulator:
         self.mujoco.mj_forward(self.model, data)
 
     def stand(self, forward: float, left: float, heading: float) -> None:
-        """Place it at rest elsewhere on the ground, which rises to the left, turned about the ground's normal [m, m, deg]."""
+        """Place the vehicle at rest elsewhere on the ground, which rises to the left, and turn it about the ground's normal
+        [m, m, deg]."""
         data, slope, turn = self.data, np.deg2rad(SLOPE), np.deg2rad(heading) / 2
         data.qpos[:3] += forward, left, left * np.tan(slope)
         upright = data.qpos[3:BODY_COORDINATES].copy()
@@ -64,18 +65,18 @@ class Simulator:
         self.mujoco.mj_forward(self.model, data)
 
     def copied(self) -> Simulator:
-        """An independent copy in the same state."""
+        """Return an independent copy in the same state."""
         found = copy.copy(self)
         found.model, found.data = copy.copy(self.model), copy.copy(self.data)
         return found
 
     def advance(self, commands: Array, steps: int = 1) -> None:
-        """Advance by this number of steps with these commanded thrusts, (4,) [N]; a rotor's thrust is limited to its range."""
+        """Advance by this number of steps with these commanded thrusts (4,) [N]. A rotor's thrust is limited to its range."""
         self.data.ctrl[:] = commands
         self.mujoco.mj_step(self.model, self.data, steps)
 
     def hook_on(self, slung: SlungMass) -> None:
-        """From now on a mass hangs vertically below it, with the vehicle's velocity."""
+        """Attach a mass that hangs vertically below the vehicle and initially has its velocity."""
         before, effectiveness, lags = self.data, self.model.actuator_gainprm.copy(), self.model.actuator_dynprm.copy()
         wind = self.model.opt.wind.copy()
         self._load(slung)
@@ -92,7 +93,7 @@ class Simulator:
         self.mujoco.mju_rotVecQuat(turning := np.empty(3), before.qvel[3:6], before.qpos[3:BODY_COORDINATES])
         self.mujoco.mju_rotVecQuat(
             self.data.qvel[6:9], -turning, before.qpos[3:BODY_COORDINATES]
-        )  # and it does not turn with the vehicle
+        )  # the cable does not turn with the vehicle
         self.mujoco.mj_forward(self.model, self.data)
 
     def weaken(self, rotor: int, effectiveness: float) -> None:
@@ -100,34 +101,34 @@ class Simulator:
         self.model.actuator_gainprm[rotor, 0] = effectiveness
 
     def slow_down(self, motor_lag: float) -> None:
-        """All motors have this lag from now on [s]."""
+        """Set the lag of all motors [s]."""
         self.model.actuator_dynprm[:, 0] = motor_lag
 
     def blow(self, wind: Array) -> None:
-        """The air moves at this velocity from now on, (3,) [m/s]."""
+        """Set the velocity of the air (3,) [m/s]."""
         self.model.opt.wind[:] = wind
 
     @property
     def motion(self) -> Motion:
-        """Where it is now."""
+        """The current motion."""
         data, attitude = self.data, np.empty(9)
         self.mujoco.mju_quat2Mat(attitude, data.qpos[3:BODY_COORDINATES])
         return Motion(data.qpos[:3].copy(), attitude.reshape(3, 3), data.qvel[:3].copy(), data.qvel[3:6].copy())
 
     @property
     def thrusts(self) -> Array:
-        """The rotors' thrusts, (4,) [N]."""
+        """The rotors' thrusts (4,) [N]."""
         return np.asarray(self.data.actuator_force.copy())
 
     @property
     def accelerations(self) -> Array:
-        """(6,): of the velocity [m/s^2] and of the body's rates [rad/s^2], for the present state."""
+        """Return the derivatives (6,) of the velocity [m/s^2] and of the body's rates [rad/s^2] in the current state."""
         self.mujoco.mj_forward(self.model, self.data)
         return np.asarray(self.data.qacc[:6].copy())
 
     @property
     def energy(self) -> float:
-        """Kinetic and potential [J]."""
+        """The kinetic plus the potential energy [J]."""
         self.model.opt.enableflags |= self.mujoco.mjtEnableBit.mjENBL_ENERGY
         self.mujoco.mj_forward(self.model, self.data)
         return float(self.data.energy.sum())

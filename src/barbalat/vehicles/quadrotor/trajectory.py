@@ -1,4 +1,5 @@
-"""The commanded path: up from the ground, then a figure of eight; velocity and acceleration by differentiating the formulas."""
+"""The commanded path, a climb from the ground and then a figure of eight. Differentiating its formulas gives velocity and
+acceleration."""
 
 from __future__ import annotations
 
@@ -12,21 +13,22 @@ from barbalat.vehicles.quadrotor.body import GRAVITY, STANDING
 from barbalat.vehicles.quadrotor.geometry import commanded_attitude
 
 TAKES_OFF = 2.0
-"""Time of the take-off [s], when the motors start; until then the vehicle stands on the ground."""
+"""Time of the take-off [s], when the motors start. Until then the vehicle stands on the ground."""
 CLIMBS = 2.5
 """Duration of the climb to ``HEIGHT`` [s]."""
 HEIGHT = 2.0
 """Height above the ground [m]."""
 TURNS_AT, SPEED_UP_SECONDS = 5.0, 3.0
-"""[s]: when the figure of eight begins, and how long it takes to reach its speed."""
+"""Time at which the figure of eight begins, and time that it takes to reach its speed [s]."""
 PERIOD = 8.0
 """Period of a figure of eight [s]."""
 HALF_LENGTH, HALF_WIDTH, RISE = 2.0, 1.0, 0.3
-"""[m]: half its length, half its width, and how far it rises and sinks: up to 2.2 m/s and 3 m/s^2."""
+"""Half the length and half the width of the figure of eight, and the distance by which it rises and sinks [m]. The vehicle moves
+with up to 2.2 m/s and 3 m/s^2."""
 
 
 class Path(NamedTuple):
-    """At the samples, (K, 3) each; also the commanded attitude's rates and their derivatives, which follow from the path."""
+    """The path at the samples, (K, 3) each, and the commanded attitude's rates and their derivatives, which follow from it."""
 
     position: Array  # [m]
     velocity: Array  # [m/s]
@@ -37,7 +39,7 @@ class Path(NamedTuple):
 
 @cache
 def path(T: float, samples: int) -> Path:
-    """At t = 0, T, ... [s]; the same for all flights."""
+    """Return the path at t = 0, T, ... [s]. It is the same for all flights."""
     import casadi as ca
 
     t = ca.SX.sym("t")
@@ -58,19 +60,19 @@ def _position(t: Any, ca: Any) -> Any:
 
 
 def _smooth(s: Any, ca: Any) -> Any:
-    """Goes from 0 to 1 with s, without a jump of its first three derivatives."""
+    """Return a function of s that rises from 0 to 1 without a jump in its first three derivatives."""
     s = ca.fmin(ca.fmax(s, 0), 1)
     return s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
 
 
 def _run_up(t: Any, ca: Any) -> Any:
-    """The integral of ``_smooth(t / SPEED_UP_SECONDS)``: a clock that gradually reaches its full speed."""
+    """Return the integral of ``_smooth(t / SPEED_UP_SECONDS)``, a clock that gradually reaches its full speed."""
     s = ca.fmin(ca.fmax(t / SPEED_UP_SECONDS, 0), 1)
     return SPEED_UP_SECONDS * s**5 * (7 - 14 * s + 10 * s**2 - 2.5 * s**3) + ca.fmax(t - SPEED_UP_SECONDS, 0)
 
 
 def _turning(acceleration: Array, T: float) -> Array:
-    """Body rates (K - 1, 3), from sample to sample, of the attitude whose thrust follows the path."""
+    """Return the body rates (K - 1, 3), from sample to sample, of the attitude whose thrust follows the path."""
     from scipy.spatial.transform import Rotation
 
     wanted = acceleration + np.array([0, 0, GRAVITY])

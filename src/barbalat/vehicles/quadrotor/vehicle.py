@@ -1,4 +1,4 @@
-"""The quadrotor as a vehicle: a figure of eight in MuJoCo."""
+"""The quadrotor as a vehicle that flies a figure of eight in MuJoCo."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ WIRE = (
     *(np.column_stack([x + 0.6 * np.cos(AROUND), y + 0.6 * np.sin(AROUND), 0 * AROUND]) for x, y in PLACES),
     np.array([(0.0, 0.0, 0.0), (1.6, 0.0, 0.0)]),
 )
-"""Two arms, four rotors, and a mark that points forward."""
+"""The frame: two arms, four rotors, and a mark that points forward."""
 
 
 CAMPAIGN_TIMING = Timing(duration=13.0, fails_at=8.0)
-"""The failure occurs when the figure of eight has reached its speed; most of an eight follows."""
+"""The failure occurs when the figure of eight has reached its speed. Most of an eight follows."""
 
 
 def _height(flight: QuadrotorFlight) -> Array:
@@ -47,7 +47,7 @@ def _thrust(flight: QuadrotorFlight) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
-    """The schemes act on all six axes; controllers of one's own on roll, pitch and yaw."""
+    """The quadrotor. The schemes act on all six axes, a user's own controllers on roll, pitch and yaw."""
 
     simulator = "mujoco"
     dispersion = Dispersion
@@ -81,7 +81,7 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
             )
 
     def nominal(self, condition: object = None, equipment: object = None) -> Axes:
-        """The vehicle for which the controllers are designed."""
+        """Return the vehicle for which the controllers are designed."""
         require_extra("mujoco", "flight", "the quadrotor")
         return Axes(hover=isolated(STARTING_SECONDS, hovering, Quadrotor()))
 
