@@ -100,7 +100,7 @@ class Work:
 
     @property
     def _paces(self) -> tuple[float, float]:
-        """Return the fractions of the part that are finished per second, since the first report and recently."""
+        """The fractions of the part that are finished per second, since the first report and recently."""
         if len(self.reports) < FEWEST_REPORTS:
             in_all = self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS)
             return in_all, in_all
@@ -114,7 +114,7 @@ class Work:
 
     @property
     def _stretch(self) -> float:
-        """Return elapsed seconds per second of computing, the factor by which work takes longer than on an idle machine."""
+        """The elapsed seconds per second of computing, the factor by which work takes longer than on an idle machine."""
         if not self.here:
             return 1.0
         computed = time.process_time() - self.computed

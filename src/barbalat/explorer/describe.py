@@ -66,7 +66,7 @@ class Described:
 
     @cached_property
     def variants(self) -> list[Variant]:
-        """Return every controller, and both versions of those whose projection can be switched."""
+        """All controllers, with both versions of those whose projection can be switched."""
         found = [Variant(i, False, Target.of(self.case, i, self.case.simulation)) for i in range(len(self.case.controllers))]
         switched = self.source.at({}, self.toggles)
         return found + [Variant(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]

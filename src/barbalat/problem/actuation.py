@@ -1,4 +1,4 @@
-"""The path from the controller's output to the plant: converter, limits, actuator, delay. It is unknown to every controller."""
+"""The path from the controller's output to the plant: converter, limits, actuator and delay. No controller knows it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from barbalat.validate import Array, InputError, Vector
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlantInput(Settings):
-    """The path of u to the plant: quantised, saturated, rate-limited, through omega (1 + Delta_m(s)), delayed; in this order.
+    """The path of u to the plant. u is quantised, saturated and rate-limited, passes omega (1 + Delta_m(s)), and is then delayed.
 
     quantization    step of a converter's output [unit of u]: u becomes the nearest multiple
     saturation      (lower, upper) limits of u, with lower <= 0 <= upper; one of them may be 0
@@ -86,7 +86,7 @@ class PlantInput(Settings):
 
     @cached_property
     def path(self) -> InputPath | None:
-        """The equations of everything but the delay; ``None`` if u reaches the plant unchanged."""
+        """The equations of the path without the delay; ``None`` if u reaches the plant unchanged."""
         if self.dynamics is None and self.is_linear:
             return None
         return self._path_through(self.dynamics)
@@ -111,9 +111,9 @@ class InputState(NamedTuple):
 class InputPath:
     """The equations of a PlantInput without its delay.
 
-    following  time [s] within which a rate limiter follows its demand as far as the limit allows: a solver's step, which may be a
-               symbol, or infinity if its output rests here because other equations move it; None before the step is known, when
-               only paths without a rate limit have equations
+    following  time [s] within which a rate limiter follows its demand as far as the limit allows. It is a solver's step, which
+               may be a symbol, or infinity if other equations move the limiter's output. It is None before the step is known;
+               then only paths without a rate limit have equations
     """
 
     quantum: float | None
@@ -133,13 +133,13 @@ class InputPath:
         )
 
     def asked(self, u: Value) -> Value:
-        """u after the converter and the limits."""
+        """Return u after the converter and the limits."""
         if self.quantum is not None:
             u = nearest_multiple(u, self.quantum)
         return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
 
     def derivative(self, state: InputState, u: Value) -> InputState:
-        """The derivative of the state."""
+        """Return the derivative of the state."""
         asked = self.asked(u)
         limited, dynamics = state
         if self.rate_limit is not None:
@@ -155,6 +155,6 @@ class InputPath:
         return InputState(limited, dynamics)
 
     def output(self, state: InputState, u: Value) -> Value:
-        """The output of the path, a scalar."""
+        """Return the output of the path, a scalar."""
         passed = self.asked(u) if self.rate_limit is None else state.limited[0]
         return passed if self.dynamics is None else self.dynamics.output(state.dynamics, passed)

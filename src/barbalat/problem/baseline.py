@@ -1,4 +1,4 @@
-"""The existing fixed controller, u_baseline = k_r r - K z: an adaptive law adds to it, and its closed loop is the reference
+"""The existing fixed controller, u_baseline = k_r r - K z. An adaptive law adds to it, and its closed loop is the reference
 model.
 
 z = [x; xi] contains the plant's state and the controller's own, xi' = F xi + G (r - H x), which may be the integral of the error
@@ -6,12 +6,12 @@ or the states of a PID or of any linear system. On the nominal plant x' = A x + 
 
     z' = A_m z + B_m r,    A_m = A_z - b_z K,    A_z = [A 0; -G H F],    b_z = [b; 0],    B_m = [0; G] + b_z k_r,
 
-and on another plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta = K' for the nominal plant: every statement about the
-plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
+and on another plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta = K' for the nominal plant. Therefore every statement
+about the plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
 
 If the input is limited, v = sat(u), anti-windup by back-calculation is available (Astrom and Murray, Feedback Systems, section
-11.4): xi' then also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the control's part -K_i xi
-changes at the rate (v - u)/T_t: the excess beyond the limits decays with the time constant T_t.
+11.4), with which xi' also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the control's part
+-K_i xi changes at the rate (v - u)/T_t, so that the excess beyond the limits decays with the time constant T_t.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, freeze
 
 RESTS_AT_ZERO = 1e-12
-"""An output's gain at rest below this share of the largest state's is rounding: the output comes to rest at 0."""
+"""Share of the largest state's gain at rest below which an output's gain is rounding, so that the output comes to rest at 0."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FixedController:
-    """u = k_r r - K z, xi' = F xi + G (r - H x) + W (v - u), xi(0) = 0: a baseline's matrices for n states and m inputs.
+    """A baseline's matrices for n states and m inputs: u = k_r r - K z, xi' = F xi + G (r - H x) + W (v - u), xi(0) = 0.
 
     Shapes: K (m, n + l), k_r (m, q), F (l, l), G (l, q), H (q, n).
 
     W         (l, m) back-calculation gain of the integrals at the limits; None without anti-windup
     limits    (2, m) limits of v, infinite for an input without limits; None if no input has limits
-    external  whether other code computes its u, which a sampled controller receives in addition to the measurements
-    on_error  whether it acts on r - H x alone, as a PID controller does
+    external  whether other code computes its u, which a sampled controller then receives in addition to the measurements
+    on_error  whether it acts only on r - H x, as a PID controller does
     """
 
     K: Array
@@ -59,7 +59,7 @@ class FixedController:
     on_error: bool = False
 
     def within(self, limits: Sequence[Array | None]) -> FixedController:
-        """The same controller for an input with these limits, (2,) each, which matter only for anti-windup."""
+        """Return the same controller for an input with these limits, (2,) each, which matter only for anti-windup."""
         if self.W is None or all(one is None for one in limits):
             return self
         return replace(self, limits=np.array([(-np.inf, np.inf) if one is None else one for one in limits]).T)
@@ -71,7 +71,7 @@ class FixedController:
 
     @property
     def feedforward(self) -> Array | float:
-        """k_r as the model's k_0: a number for one input."""
+        """k_r in the form of the model's k_0, which is a number for one input."""
         return float(self.k_r[0, 0]) if len(self.K) == 1 else self.k_r
 
     @property
@@ -82,17 +82,17 @@ class FixedController:
 
     @property
     def theta(self) -> Array:
-        """((n + l) m,) theta of the nominal plant, row by row: u = k_r r - theta'z is the baseline."""
+        """theta ((n + l) m,) of the nominal plant, row by row. The baseline is u = k_r r - theta'z."""
         return self.K.T.reshape(-1)
 
     def around(self, A: Array, b: Array) -> tuple[Array, Array]:
-        """A_z and b_z of the state z on a plant with A and b."""
+        """Return A_z and b_z of the state z on a plant with A and b."""
         own = self.order
         A_z = np.block([[A, np.zeros((len(A), own))], [-self.G @ self.H, self.F]])
         return A_z, np.concatenate([b, np.zeros((own, *b.shape[1:]))])
 
     def around_formulas(self, physical: PhysicalPlant) -> PhysicalPlant:
-        """A_z and b_z of a plant whose entries are formulas."""
+        """Return A_z and b_z of a plant whose entries are formulas."""
         count, beside = self.order, (-self.G @ self.H).tolist()
         A = [[*row, *[0.0] * count] for row in physical.A] + [
             [*row, *own] for row, own in zip(beside, self.F.tolist(), strict=True)
@@ -101,16 +101,16 @@ class FixedController:
         return PhysicalPlant(A=A, b=[*physical.b, *[zero] * count], parameters=physical.parameters, input=physical.input)
 
     def control(self, z: Value, r: Value) -> Value:
-        """u = k_r r - K z, (m,)."""
+        """Return u = k_r r - K z (m,)."""
         return self.k_r @ r.reshape(-1) - self.K @ z
 
     def derivative(self, xi: Value, x: Value, r: Value, u: Value) -> Value:
-        """xi' under the total control u."""
+        """Return xi' under the total control u."""
         rate = self.F @ xi + self.G @ (r.reshape(-1) - self.H @ x)
         return rate if self.limits is None else rate + self.W @ self._cut(u)
 
     def advance(self, xi: Value, x_before: Value, x: Value, r: Value, u: Value, T: float) -> Value:
-        """xi one sample of length T [s] later, by the trapezoidal rule, with the command r and the control u held in between."""
+        """Return xi one sample of length T [s] later, by the trapezoidal rule, with the command r and the control u held."""
         half = np.eye(self.order) - T / 2 * self.F
         ahead, driven = np.linalg.solve(half, np.eye(self.order) + T / 2 * self.F), np.linalg.solve(half, T * self.G)
         advanced = ahead @ xi + driven @ (r.reshape(-1) - self.H @ ((x_before + x) / 2))
@@ -119,7 +119,7 @@ class FixedController:
         return advanced + np.linalg.solve(half, T * self.W) @ self._cut(u)
 
     def require_sampled(self, T: float) -> None:
-        """InputError if, at samples of T [s], anti-windup would remove more than the excess beyond the limits."""
+        """Raise InputError if, at samples of T [s], anti-windup would remove more than the excess beyond the limits."""
         if self.W is None:
             return
         fastest = float(np.abs(self.K @ np.vstack([np.zeros((self.H.shape[1], len(self.K))), self.W])).max())
@@ -127,12 +127,12 @@ class FixedController:
             raise InputError.of("baseline.anti_windup", f"must be at least the sample time of {T:g} s, got {1 / fastest:.6g}")
 
     def _cut(self, u: Value) -> Value:
-        """v - u, the part of u that the limits cut off."""
+        """Return v - u, the part of u that the limits cut off."""
         assert self.limits is not None
         return np.clip(u.reshape(-1), self.limits[0], self.limits[1]) - u.reshape(-1)
 
     def around_nominal(self, departure: KnownSet) -> KnownSet:
-        """The known set of theta, from that of the plant's deviation from the nominal one, x' = A x + b (deviation'x + u)."""
+        """Return the known set of theta from that of the plant's deviation from nominal, x' = A x + b (deviation'x + u)."""
         zeros = np.zeros(self.order * len(self.K))
         if isinstance(departure, ParameterBall):
             if self.order:
@@ -143,7 +143,7 @@ class FixedController:
 
 
 class Baseline(ABC, Settings):
-    """Base of all baselines: the gains follow from the nominal plant and from the outputs that are to follow the command."""
+    """Base of all baselines. The gains follow from the nominal plant and from the outputs that should follow the command."""
 
     output: Any
     external: bool
@@ -151,10 +151,10 @@ class Baseline(ABC, Settings):
 
     @abstractmethod
     def controller(self, A: Array, b: Array) -> FixedController:
-        """The controller for the nominal plant x' = A x + b u; InputError if the two don't fit."""
+        """Return the controller for the nominal plant x' = A x + b u. InputError if the two do not fit."""
 
     def on(self, A: Array, b: Array) -> FixedController:
-        """The controller with its external flag and anti-windup set."""
+        """Return the controller with its external flag and its anti-windup."""
         validate.instance("baseline.external", self.external, bool)
         found = replace(self.controller(A, b), external=self.external)
         if self.anti_windup is None:
@@ -162,7 +162,7 @@ class Baseline(ABC, Settings):
         return replace(found, W=_tracking(found, validate.positive("baseline.anti_windup", self.anti_windup)))
 
     def followed(self, A: Array, b: Array) -> tuple[Array, Array]:
-        """b as (n, m) and H (m, n)."""
+        """Return b as (n, m), and H (m, n)."""
         n, B = len(A), np.asarray(b, dtype=float).reshape(len(A), -1)
         if self.output is None:
             raise InputError.of("baseline.output", "is missing: give the row of C of the output that follows the command")
@@ -176,7 +176,7 @@ class Baseline(ABC, Settings):
 
 
 def _tracking(fixed: FixedController, T_t: float) -> Array:
-    """W = -inv(K_i)/T_t on the states that integrate, one for each input; 0 on the others."""
+    """Return W, which is -inv(K_i)/T_t on the states that integrate, one for each input, and 0 on the others."""
     integrals = np.flatnonzero(~fixed.F.any(axis=1))
     K_i = fixed.K[:, fixed.H.shape[1] + integrals]
     if np.linalg.svd(K_i, compute_uv=False).min() <= 1e-9 * np.abs(fixed.K).max():
@@ -187,7 +187,7 @@ def _tracking(fixed: FixedController, T_t: float) -> Array:
 
 
 def _at_rest(A: Array, B: Array, H: Array, K: Array) -> Array:
-    """k_r for which H x settles at a constant command."""
+    """Return the k_r with which H x settles at a constant command."""
     states = np.linalg.solve(B @ K - A, B)  # x at rest, for a constant addition of 1 to each input
     gains = H @ states
     if np.linalg.svd(gains, compute_uv=False).min() <= RESTS_AT_ZERO * np.abs(H).max() * np.abs(states).max():
@@ -205,7 +205,7 @@ def _without_states(A: Array, B: Array, H: Array, K: Array, k_r: Array | None) -
 
 
 def _matrix(field: str, given: Any, rows: int, columns: int) -> Array:
-    """A matrix from a matrix, from a list if it has one row, or from a number if it has one entry."""
+    """Return a matrix from a matrix, from a list if it has one row, or from a number if it has one entry."""
     if validate.dimensions(given) == 0:
         return (
             np.array([[validate.number(field, given)]]) if rows == columns == 1 else validate.array(field, given, (rows, columns))
@@ -286,7 +286,8 @@ class LqiBaseline(Baseline):
 
 
 def _optimal(A: Array, B: Array, Q: Any, R: Any) -> Array:
-    """K of the linear quadratic regulator; InputError for weights of another size, or if the plant can't be stabilised."""
+    """Return K of the linear quadratic regulator. InputError for weights of another size, or if the plant cannot be
+    stabilised."""
     n, m = B.shape
     weights, costs = _weights("baseline.Q", Q, n), _weights("baseline.R", R, m)
     if np.linalg.eigvalsh(weights).min() < -1e-12 * np.abs(weights).max(initial=1.0):
@@ -304,7 +305,7 @@ def _optimal(A: Array, B: Array, Q: Any, R: Any) -> Array:
 
 
 def _weights(field: str, given: Any, size: int) -> Array:
-    """A symmetric matrix of weights, from a matrix, from its diagonal, or from a number if it has one entry."""
+    """Return a symmetric matrix of weights from a matrix, from its diagonal, or from a number if it has one entry."""
     if validate.dimensions(given) == 2:
         matrix = validate.square_matrix(field, given, size)
         if not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0):
@@ -315,11 +316,11 @@ def _weights(field: str, given: Any, size: int) -> Array:
 
 
 class OnTheError(Baseline):
-    """A linear system K(s) that acts on the error of one output: u = K(s)[r - H x]."""
+    """A linear system K(s) that acts on the error of one output, u = K(s)[r - H x]."""
 
     @abstractmethod
     def realised(self) -> StateSpace:
-        """A realisation of K(s)."""
+        """Return a realisation of K(s)."""
 
     def controller(self, A: Array, b: Array) -> FixedController:
         B, H = self.followed(A, b)

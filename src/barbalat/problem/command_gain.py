@@ -1,4 +1,4 @@
-"""The steady state of the reference model for a constant command, which shows whether k_0 was chosen wrongly."""
+"""The steady state of the reference model for a constant command, which shows whether k_0 is wrong."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import Array
 
 FOLLOWS_TO = 1e-3
-"""A gain this close to 1 counts as 1, because coefficients are typed with three or four digits."""
+"""A gain that is this close to 1 counts as 1, because coefficients are typed with three or four digits."""
 
 
 def gains_at_rest(problem: TrackingProblem) -> Array:
-    """The steady-state values of the model's states, or of its output, for commands of 1, (n, q) or (1, 1): the model's gain
-    at s = 0."""
+    """Return the steady-state values of the model's states (n, q), or of its output (1, 1), for commands of 1, which are the
+    model's gains at s = 0."""
     A, B, C = problem.model.matrices
-    return np.asarray(0.0 - C @ np.linalg.solve(A, B))  # avoids a minus sign before a zero in a sentence
+    return np.asarray(0.0 - C @ np.linalg.solve(A, B))  # avoids a minus sign before zero in a sentence
 
 
 def commanded(problem: TrackingProblem) -> list[tuple[int, list[int]]]:
-    """The states that commands act on, each with its commands: the state that is declared to follow the command, or else one that
-    settles at it, or else the first that moves.
+    """Return the states on which commands act, each with its commands.
 
-    With several commands, each without such a state is assigned to the state that it moves most.
+    A command acts on the state that is declared to follow it, or else on one that settles at it, or else on the first state that
+    moves. If there are several commands, the last rule is replaced by the state that the command moves most.
     """
     gains = gains_at_rest(problem)
     scale = np.abs(gains).max(initial=0.0)
@@ -39,7 +39,8 @@ def commanded(problem: TrackingProblem) -> list[tuple[int, list[int]]]:
 
 
 def command_warning(problem: TrackingProblem) -> str | None:
-    """A warning if no state, or not the output, settles at the command; otherwise ``None``, as for several commands."""
+    """Return a warning if no state settles at the command or, with output feedback, if the output does not; otherwise, and for
+    several commands, ``None``."""
     gains = gains_at_rest(problem)
     if gains.shape[1] > 1 or not np.isfinite(gains).all() or (np.abs(gains - 1) <= FOLLOWS_TO).any():
         return None

@@ -1,4 +1,4 @@
-"""Compares the simulated plant with the design plant and its declared sets: lists the differences."""
+"""Compares the simulated plant with the design plant and its declared sets, and lists the differences."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
 
 SAME_TO = 1e-9
-"""Differences below this share of the largest number result from another order of computation."""
+"""Differences below this share of the largest number are attributed to another order of computation."""
 
 
 @dataclass(frozen=True)
 class Departure:
     """One difference, as a sentence about the simulated plant.
 
-    within  whether the declared sets contain it, so that guarantees over the sets hold for it
+    within  whether the declared sets contain the difference, so that guarantees over the sets hold for it
     """
 
     sentence: str
@@ -37,7 +37,7 @@ class Departure:
 
 
 def departures(problem: Problem) -> list[Departure]:
-    """All differences between the simulated plant and the design; empty if they are the same."""
+    """Return all differences between the simulated plant and the design; the list is empty if they are the same."""
     simulated = problem.simulated
     if simulated is None:
         return []
@@ -45,12 +45,13 @@ def departures(problem: Problem) -> list[Departure]:
 
 
 def apart_sentence(found: Sequence[Departure]) -> str:
-    """One sentence on all differences; empty if there are none."""
+    """Return one sentence on all differences, or an empty text if there are none."""
     return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else ""
 
 
 def sets_and_truth(problem: TrackingProblem) -> dict[str, Any]:
-    """Blocks of JSON documents: the sets derived from ranges of parameters, and the differences of the simulated plant."""
+    """Return the blocks of JSON documents on the sets derived from ranges of parameters, and on the differences of the simulated
+    plant."""
     if not isinstance(problem, Problem):
         return {}
     derived = {} if problem.derived is None else {"derived": problem.derived.as_json()}
@@ -59,9 +60,9 @@ def sets_and_truth(problem: TrackingProblem) -> dict[str, Any]:
 
 
 def true_parameters(problem: Problem) -> Array | None:
-    """(p,) theta of the simulated plant, by the weighted projection, followed by the input gains if they are unknown.
+    """Return theta (p,) of the simulated plant, by the weighted projection, followed by the input gains if they are unknown.
 
-    None if the simulated plant has other states.
+    The result is None if the simulated plant has other states.
     """
     simulated = problem.simulated
     if simulated is None:
@@ -73,7 +74,8 @@ def true_parameters(problem: Problem) -> Array | None:
 
 
 def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
-    """theta and omega for the simulated A and b, including the gains of the inputs; a regressor keeps its theta."""
+    """Return theta and omega for the simulated A and b, including the gains of the inputs. With a regressor, theta is
+    unchanged."""
     plant, n = problem.plant, problem.plant.n
     scale = np.ones(n) if plant.scale is None else plant.scale
     A, b = _matrices(problem, simulated)
@@ -82,7 +84,7 @@ def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
 
 
 def _matrices(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
-    """A and b of the simulated plant, with a baseline's states appended."""
+    """Return A and b of the simulated plant, with a baseline's states appended."""
     baseline = problem.plant.baseline
     return (simulated.A, simulated.b) if baseline is None else baseline.around(simulated.A, simulated.b)
 
@@ -107,9 +109,10 @@ def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departu
 
 
 def _of_the_parameters(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
-    """The parameters outside their ranges; with other states, for which theta cannot be compared, also the changed ones inside.
+    """Yield the parameters that are outside their ranges and, if theta cannot be compared because the states differ, also the
+    changed ones inside.
 
-    A theta in the known set does not show the former: a box contains plants that no parameters in the ranges give.
+    theta alone does not show the former, because the known box also contains plants that no parameters in the ranges give.
     """
     for one in () if problem.plant.physical is None else problem.plant.physical.parameters:
         value, (low, high) = simulated.values[one.name], one.range
@@ -137,7 +140,7 @@ def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
 
 
 def _contains(known: KnownSet, values: Array) -> bool:
-    """Whether a set contains the values, up to the rounding errors of their computation."""
+    """Return whether a set contains the values, up to the rounding errors of their computation."""
     beyond = np.abs(known.brought_in(values[None])[0] - values)
     return bool((beyond <= SAME_TO * np.maximum(1.0, np.abs(values))).all())
 
@@ -197,7 +200,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
 
 
 def _apart(true: object, own: object) -> str:
-    """Both values with few digits; with all of them if they differ only there."""
+    """Return both values with few digits, or with all digits if they differ only there."""
     short = [_of(true), _of(own)]
     return ", not ".join(short if short[0] != short[1] else [validate.show(true), validate.show(own)])
 

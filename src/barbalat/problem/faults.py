@@ -1,9 +1,9 @@
 """Faults between the plant and a sampled controller: lost, late, wrong and repeated measurements, at random or at given times.
 
-A fault is a function of time, so that every controller of a case, and every finer step, has the same faults; only the instants
-of a jittered timer are rounded to the solver's steps. Random faults are a
-hash of the seed, of the fault's position in its list and of the time on a grid of nanoseconds: SplitMix64's output function
-(Steele, Lea and Flood, 2014). The result is the same bit for bit on every machine and in every order of evaluation.
+A fault is a function of time, so that every controller of a case, and every finer step, has the same faults. Only the instants
+of a jittered timer are rounded to the solver's steps. Random faults are a hash of the seed, of the fault's position in its list
+and of the time on a grid of nanoseconds, by SplitMix64's output function (Steele, Lea and Flood, 2014). The result is the same,
+bit for bit, on every machine and in every order of evaluation.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, freeze
 
 GRID = 1e-9
-"""Resolution of times [s]: far below any sample time, far above the rounding of a time of hours."""
+"""Resolution of times [s], which is far below any sample time and far above the rounding of a time of hours."""
 LARGEST_SEED = 2**64 - 1
 COMMAND = "command"
 """The name of the command's channel, for dropouts."""
@@ -66,7 +66,7 @@ class Fault(Settings):
             raise InputError(f"a {self.kind} needs share or times, which determine when it is present")
 
     def there(self, t: Array, place: int) -> Array:
-        """Whether the fault at position ``place`` of its case is present at times t [s]."""
+        """Return whether the fault at position ``place`` of its case is present at times t [s]."""
         ticks = np.round(np.asarray(t) / GRID).astype(np.int64)
         if self.share is not None:
             slots = ticks if self.burst is None else ticks // max(1, round(self.burst / GRID))
@@ -77,17 +77,17 @@ class Fault(Settings):
         return np.any([(ticks >= start) & (ticks < end) for start, end in edges], axis=0)
 
     def value(self, t: Array, place: int) -> Array:
-        """The fault signal that the loop receives at times t [s]: 1 while the fault is present, else 0."""
+        """Return the fault signal that the loop receives at times t [s], which is 1 while the fault is present, else 0."""
         return np.where(self.there(t, place), 1.0, 0.0)
 
     @property
     def channels(self) -> str:
-        """The channel that it affects; empty for all measured channels."""
+        """The channel that the fault affects; empty for all measured channels."""
         return str(getattr(self, "channel", ""))
 
     @abstractmethod
     def require(self, names: tuple[str, ...]) -> None:
-        """InputError for an unknown channel; ``names`` are the measured channels."""
+        """Raise InputError for an unknown channel. ``names`` are the measured channels."""
 
 
 class OnChannel:
@@ -96,7 +96,7 @@ class OnChannel:
     channel: str
 
     def require(self, names: tuple[str, ...]) -> None:
-        """InputError for an unknown channel; ``names`` are the measured channels."""
+        """Raise InputError for an unknown channel. ``names`` are the measured channels."""
         if self.channel not in ("", *names):
             raise InputError.of("channel", f"must be one of {', '.join(names)}, got {validate.show(self.channel)}")
 
@@ -112,7 +112,7 @@ class Dropout(OnChannel, Fault):
     kind: ClassVar[str] = "dropout"
 
     def require(self, names: tuple[str, ...]) -> None:
-        """InputError for an unknown channel; ``names`` are the measured channels."""
+        """Raise InputError for an unknown channel. ``names`` are the measured channels."""
         if self.channel not in ("", COMMAND, *names):
             known = ", ".join((*names, COMMAND))
             raise InputError.of("channel", f"must be one of {known}, got {validate.show(self.channel)}")
@@ -135,7 +135,7 @@ class Spike(OnChannel, Fault):
         super().__post_init__()
 
     def value(self, t: Array, place: int) -> Array:
-        """The error that is added to the measurement at times t [s]."""
+        """Return the error that is added to the measurement at times t [s]."""
         ticks = np.round(np.asarray(t) / GRID).astype(np.int64)
         up = uniform(self.seed, place + SIGNS, ticks) < 0.5
         return np.where(self.there(t, place), np.where(up, self.size, -self.size), 0.0)
@@ -169,7 +169,7 @@ class Bias(OnChannel, Fault):
         super().__post_init__()
 
     def value(self, t: Array, place: int) -> Array:
-        """The error that is added to the measurement at times t [s]."""
+        """Return the error that is added to the measurement at times t [s]."""
         return np.where(self.there(t, place), self.size, 0.0)
 
 
@@ -209,10 +209,10 @@ class Jitter(Fault):
         super().__post_init__()
 
     def require(self, names: tuple[str, ...]) -> None:
-        """Nothing to check, because jitter affects no channel."""
+        """Check nothing, because jitter affects no channel."""
 
     def value(self, t: Array, place: int) -> Array:
-        """The deviation of the next call as a fraction of ``time``, from -1 (early) to 1 (late)."""
+        """Return the deviation of the next call as a fraction of ``time``, from -1 (early) to 1 (late)."""
         ticks = np.round(np.asarray(t) / GRID).astype(np.int64)
         return np.where(self.there(t, place), 2 * uniform(self.seed, place + SIGNS, ticks) - 1, 0.0)
 
@@ -220,7 +220,7 @@ class Jitter(Fault):
 FAULTS = {kind.kind: kind for kind in (Dropout, Spike, Stuck, Bias, Jitter, Latency)}
 """The package's faults by their names in case files."""
 SIGNS = 1 << 32
-"""Added to a fault's position for its second random number; no case has that many faults."""
+"""Number that is added to a fault's position for its second random number. No case has that many faults."""
 
 
 @dataclass(frozen=True)
@@ -231,16 +231,16 @@ class FaultSignal:
     place: int
 
     def __call__(self, t: Array) -> Array:
-        """The fault's value at times t [s]."""
+        """Return the fault's value at times t [s]."""
         return self.fault.value(t, self.place)
 
     def before(self, t: Array) -> Array:
-        """The fault's value at times t [s]; it is evaluated only at samples, so that the limit from the left is not needed."""
+        """Return the fault's value at times t [s]. It is evaluated only at samples, so the limit from the left is not needed."""
         return self(t)
 
 
 def uniform(seed: int, place: int, slots: Array) -> Array:
-    """Uniform numbers from 0 to 1 with 53 bits for each slot, by SplitMix64's output function, applied twice."""
+    """Return a uniform number from 0 to 1 with 53 bits for each slot, by SplitMix64's output function, applied twice."""
     with np.errstate(over="ignore"):
         key = _mixed(np.array([seed], dtype=np.uint64) + np.uint64(place + 1) * GOLDEN_GAMMA)
         found = _mixed(_mixed(slots.astype(np.uint64) * GOLDEN_GAMMA + key))
@@ -251,7 +251,7 @@ GOLDEN_GAMMA = np.uint64(0x9E3779B97F4A7C15)
 SHIFTS = 30, 27, 31
 FACTORS = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 UNUSED_BITS = 11
-"""Unused bits of the 64; the other 53 are a double's integer precision."""
+"""Number of unused bits among the 64. The other 53 are a double's integer precision."""
 
 
 def _mixed(z: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Formulas in named variables: parsed, never executed."""
+"""Formulas in named variables. They are parsed and never executed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FUNCTION_NAMES = tuple(_FUNCTIONS)
 
 
 BEND_OF_ABS = "the zero of an abs(...) or sqrt(...) in a formula"
-"""The words by which runs report this corner of a rate."""
+"""The words with which runs report this corner of a rate."""
 
 _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
     ast.Add: lambda a, b: a + b,
@@ -33,19 +33,19 @@ _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
 }
 
 Evaluation = Callable[[Mapping[str, Value]], Value]
-"""A function of the variables' values by name, evaluated in the arithmetic of their type."""
+"""A function of the variables' values by name, which is evaluated in the arithmetic of their type."""
 
 
 @dataclass(frozen=True)
 class FormulaNames:
-    """The names that a formula may use: a regular expression, and their description for messages."""
+    """The names that a formula may use, as a regular expression, and their description for messages."""
 
     pattern: str
     shown: str
 
 
 DEEPEST_NESTING = 400
-"""Deepest nesting of a formula; Python's limit is 1000 nested calls, of which the rest is left for the caller."""
+"""Deepest nesting of a formula. Python's limit is 1000 nested calls, of which the rest is left to the caller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +55,11 @@ class Formula:
     names: frozenset[str]
     evaluate: Evaluation
     bends: bool
-    """Whether it uses abs or sqrt, whose slope jumps or is unbounded at zero."""
+    """Whether the formula uses abs or sqrt, whose slope jumps or is unbounded at zero."""
 
 
 def formula(field: str, text: Any, variables: FormulaNames) -> Formula:
-    """The text as a parsed formula; InputError, with the field, if it is not a formula or uses anything that is not admitted."""
+    """Parse the text of a formula. InputError, with the field, if it is not a formula or uses anything that is not admitted."""
     if not isinstance(text, str):
         raise _refusal(field, text, variables)
     return _parsed(field, text, variables)
@@ -94,7 +94,7 @@ class _Reader:
         self.names: set[str] = set()
 
     def read(self, node: ast.expr, depth: int) -> tuple[Evaluation, bool]:
-        """A part as a function of the variables, and whether it is a constant; a constant must be a finite real number."""
+        """Return a part as a function of the variables, and whether it is a constant, which must be a finite real number."""
         if depth > DEEPEST_NESTING:
             raise InputError.of(
                 self.field, f"must not be nested more than {DEEPEST_NESTING} deep, got {validate.show(self.text)}"
@@ -109,7 +109,7 @@ class _Reader:
         return (lambda _: value), True
 
     def _combined(self, node: ast.expr, depth: int) -> tuple[Evaluation, list[tuple[Evaluation, bool]]]:
-        """The function that combines a part's own parts, and these parts."""
+        """Return the function that combines a part's own parts, and these parts."""
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 return (lambda _: float(value)), []
@@ -142,7 +142,7 @@ class _Reader:
 
 
 def _number(evaluate: Evaluation) -> float | None:
-    """The value of a constant if it is a finite real number; otherwise None."""
+    """Return the value of a constant if it is a finite real number; otherwise None."""
     try:
         with np.errstate(all="ignore"):
             value = evaluate({})

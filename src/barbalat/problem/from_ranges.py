@@ -1,15 +1,14 @@
-"""Bounds on theta, the input gain and the unmatched remainder from ranges of physical parameters, in ball arithmetic.
+"""Computes bounds on theta, the input gain and the unmatched remainder from ranges of physical parameters, in ball arithmetic.
 
 With b = b(nominal), the model's A_m and weights W = diag(1/scale^2) of the states,
 
     A(p) = A_m + b theta'(p) + rest_A(p),      theta' = g (A(p) - A_m),
     b(p) gain(p) = b omega(p) + rest_b(p),     omega = g b(p) gain(p),
 
-with g = (b'W b)^-1 b'W: of all theta and omega these leave the smallest remainders in the weighted norm. Both equations hold
-exactly for the computed g, despite its rounding errors. A wide enclosure is refined by the quantity's fraction of polynomials
-(``rational.py``), and the ranges are subdivided until the width of every enclosure is within 1.05 times the width observed at
-points, or into 3000 cells at most. With several inputs omega is the diagonal, and the off-diagonal entries belong to the
-remainder.
+with g = (b'W b)^-1 b'W. Of all theta and omega, these leave the smallest remainders in the weighted norm. Both equations hold
+exactly for the computed g, despite its rounding errors. A wide enclosure is refined with the quantity's fraction of polynomials
+(``rational.py``). The ranges are subdivided, into 3000 cells at most, until the width of every enclosure is within 1.05 times
+the width observed at points. With several inputs omega is the diagonal, and the off-diagonal entries belong to the remainder.
 """
 
 from __future__ import annotations
@@ -35,18 +34,19 @@ from barbalat.problem.rational import Rational
 from barbalat.validate import Array, InputError, show
 
 TIGHTNESS = 1.05
-"""The width of an enclosure is at most this multiple of the observed width, unless MOST_CELLS are insufficient."""
+"""The width of an enclosure is at most this multiple of the observed width, unless that would need more than MOST_CELLS."""
 MOST_CELLS = 3000
-"""Largest number of cells of the ranges; the enclosure holds for any number of cells."""
+"""Largest number of cells of the ranges. The enclosure is valid for any number of cells."""
 MOST_CORNERS = 256
-"""Largest number of corners of the ranges, or of a cell, at which the quantities are evaluated; beyond it only the centre."""
+"""Largest number of corners of the ranges, or of a cell, at which the quantities are evaluated. If there are more, only the
+centre is used."""
 DRAWN = 2000
-"""Points of the ranges at which the quantities are evaluated before the first cut."""
+"""Number of points of the ranges at which the quantities are evaluated before the first cut."""
 SMALLEST_PART = 2.0**-20
 """Share of a parameter's range below which it is not cut further."""
 SAME_TO = 1e-9
-"""Relative difference up to which a bound of the user's own set counts as the derived one, copied by hand or computed in
-another way."""
+"""Relative difference up to which a bound of the user's own set counts as the derived one, which may have been copied by hand or
+computed in another way."""
 BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
 
 
@@ -55,7 +55,7 @@ Box = Mapping[str, float]
 
 
 class Members(NamedTuple):
-    """Plants that parameters in their ranges give: at the nominal values, at corners, and at seeded points in between."""
+    """Plants for parameters in their ranges: at the nominal values, at corners, and at random points in between."""
 
     uncertain: list[str]
     parameters: list[dict[str, float]]  # of each plant, all of them
@@ -70,15 +70,15 @@ class FromRanges:
     theta           box that contains theta(p) for all parameters in the ranges
     input_gain      pairs (lower, upper) that contain omega_i(p); None if b and the gains do not depend on uncertain parameters
     rest_A, rest_b  (n, n) and (n, m): bounds on the magnitudes of the entries that no theta and no omega match
-    scale           (n,) scales of the states, whose inverse squares are their weights; ``scale_from`` says where they come from
-    shares          by uncertain parameter, the unmatched share, in the weighted norm, of the change of A and of b over its range,
-                    |rest|/sqrt(|rest|^2 + |matched|^2); None if they do not change
+    scale           (n,) scales of the states, whose inverse squares are their weights; ``scale_from`` states their origin
+    shares          the unmatched share of the change of A and of b over the range of each uncertain parameter, in the weighted
+                    norm, |rest|/sqrt(|rest|^2 + |matched|^2); None if they do not change
     width_ratio     the largest ratio of an enclosure's width to the observed width
     cells           the number of cells into which the ranges were cut
     quantities, ranges  theta and omega as functions of the parameters, and their ranges, for ``members``
     physical        the plant, without a baseline's states
     used            whether this is the known set of the problem; otherwise the user gave another one
-    outside         what the user's own set does not contain of this one, in words; empty if it contains it
+    outside         a text on the part of this set that the user's own set does not contain; empty if it contains all of it
     """
 
     theta: ParameterBox
@@ -103,7 +103,7 @@ class FromRanges:
         return [name for name, (low, high) in self.ranges.items() if low < high]
 
     def members(self, drawn: int) -> Members:
-        """The plants at the nominal parameters, at the corners of their ranges, MOST_CORNERS at most, and at ``drawn`` points."""
+        """Return the plants at the nominal parameters, at MOST_CORNERS corners of the ranges at most, and at ``drawn`` points."""
         assert self.quantities is not None
         names, nominal, rng = self.uncertain, self.nominal["parameters"], np.random.default_rng(0)
         points = np.array([[nominal[name] for name in names]])
@@ -126,8 +126,8 @@ class FromRanges:
 
     @cached_property
     def around(self) -> dict[str, str]:
-        """What else the parameters change within their ranges, by its path in a case file, with its ends at their corners; no
-        text for anything but a number."""
+        """The other quantities that the parameters change within their ranges, by their paths in a case file, each with its
+        values at the corners. The text is empty for anything but a number."""
         if self.physical is None or not self.uncertain:
             return {}
         every = [self.physical.around(values) for values in self.members(0).parameters]
@@ -141,12 +141,12 @@ class FromRanges:
 
     @property
     def sizes(self) -> tuple[float, float]:
-        """Bounds of the spectral norms of both remainders: a matrix of bounds on magnitudes has the larger norm."""
+        """Bounds of the spectral norms of both remainders, which are the norms of the matrices of bounds on the entries."""
         return tuple(float(np.linalg.norm(one, 2)) * (1 + 1e-12) for one in (self.rest_A, self.rest_b))  # type: ignore[return-value]
 
     @property
     def unmatched(self) -> str:
-        """A few words on the unmatched part; empty if everything is matched."""
+        """A short text on the unmatched part; empty if everything is matched."""
         if self.is_matched:
             return ""
         size_A, size_b = self.sizes
@@ -157,7 +157,7 @@ class FromRanges:
 
     @property
     def too_wide(self) -> str | None:
-        """A sentence if an enclosure is wider than TIGHTNESS allows."""
+        """A sentence if an enclosure is wider than TIGHTNESS allows, else None."""
         if self.width_ratio <= TIGHTNESS:
             return None
         return (
@@ -202,7 +202,7 @@ class FromRanges:
         return found if self.too_wide is None else [*found, self.too_wide]
 
     def beyond(self, own: KnownSet | None, gains: Sequence[Sequence[float]] | None) -> str:
-        """What a known set of theta and intervals of the input gains do not contain, in words."""
+        """Return a text on what a known set of theta and intervals of the input gains do not contain."""
         said = []
         low, high = self.theta.lower, self.theta.upper
         if own is not None:
@@ -223,7 +223,7 @@ class FromRanges:
         return ", ".join(said)
 
     def as_json(self) -> dict[str, Any]:
-        """All derived quantities, with the tightness of the bounds."""
+        """Return all derived quantities, with the tightness of the bounds."""
         size_A, size_b = self.sizes
         return {
             "nominal": dict(self.nominal),
@@ -245,12 +245,12 @@ class FromRanges:
 
 @dataclass(frozen=True, eq=False)
 class _Quantities:
-    """theta, omega and the remainders as linear combinations of products of parameters, evaluated on balls or on many points at
-    once.
+    """theta, omega and the remainders as linear combinations of products of parameters. They can be evaluated on balls or on many
+    points at once.
 
     sums       one for each quantity, in the order theta row by row, omega, remainder of A, remainder of b
-    products   the products that occur in them
-    rationals  fractions of polynomials by the number of their quantity, made when they are needed
+    products   the products that occur in the sums
+    rationals  fractions of polynomials by the index of their quantity, which are made when they are needed
     """
 
     sums: list[Sum]
@@ -287,7 +287,7 @@ class _Quantities:
         return np.array([[_as_float(one.get(product, 0)) for product in self.products] for one in self.sums])
 
     def at(self, values: Mapping[str, Array]) -> Array:
-        """(K, quantities) at K points."""
+        """Return the quantities (K, quantities) at K points."""
         count = len(next(iter(values.values())))
         with np.errstate(all="ignore"):
             each = [np.broadcast_to(value_of(product, values), (count,)) for product in self.products]
@@ -300,8 +300,8 @@ class _Quantities:
         return [[(places[p], arb(fmpq(f.numerator, f.denominator))) for p, f in one.items()] for one in self.sums]
 
     def enclosed(self, low: Box, high: Box, least: Array, most: Array) -> tuple[Array, Array, list[Box]]:
-        """(quantities,) each: bounds over a box of parameters, refined for those outside ``least`` and ``most``; and points of
-        the box at which refined quantities are large or small."""
+        """Return lower and upper bounds (quantities,) over a box of parameters, refined for quantities outside ``least`` and
+        ``most``, and points of the box at which refined quantities are large or small."""
         values = {name: Ball(arb(low[name]).union(arb(high[name]))) for name in low}
         each = [as_arb(value_of(product, values)) for product in self.products]
         found = [sum((factor * each[place] for place, factor in one), arb(0)) for one in self._exact]
@@ -318,7 +318,7 @@ class _Quantities:
         return lows, highs, points
 
     def _rational(self, i: int) -> Rational | None:
-        """A quantity as a fraction of polynomials; None if these are too large."""
+        """Return a quantity as a fraction of polynomials; None if these are too large."""
         if i not in self.rationals:
             self.rationals[i] = Rational.of(self.sums[i])
         return self.rationals[i]
@@ -338,7 +338,7 @@ def _products(entry: Any) -> Sum:
 
 
 def _combined(factors: Array, sums: Sequence[Sum]) -> dict[Product, Fraction]:
-    """A linear combination in exact arithmetic, in which terms may cancel."""
+    """Return a linear combination in exact arithmetic, in which terms may cancel."""
     return added(*(scaled(one, float(factor)) for factor, one in zip(factors, sums, strict=True)))
 
 
@@ -353,8 +353,7 @@ class _Enclosure:
 
     @property
     def ratio(self) -> float:
-        """The largest ratio of an enclosure's width to the observed width, or to rounding where a quantity varies by no
-        more."""
+        """The largest ratio of an enclosure's width to the observed width, or to rounding if a quantity varies by no more."""
         rounding = np.maximum(self.floor, MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high)))
         widths, seen = self.high - self.low, np.maximum(self.seen_high - self.seen_low, rounding)
         known = seen > 0
@@ -362,7 +361,7 @@ class _Enclosure:
 
 
 _found: dict[Hashable, _Enclosure] = {}
-"""Enclosures by their inputs, because most members of a study share them and some take half a second."""
+"""Enclosures by their inputs. They are kept because most members of a study share them, and some take half a second."""
 MOST_KEPT = 64
 
 
@@ -376,7 +375,7 @@ def _enclosed_once(found: _Quantities, ranges: Mapping[str, tuple[float, float]]
 
 
 def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], floor: Array) -> _Enclosure:
-    """Enclosures over the ranges, which are cut where one is too wide; values up to ``floor`` (quantities,) count as zero."""
+    """Return enclosures over the ranges, which are cut if one is too wide. Values up to ``floor`` (quantities,) count as zero."""
     names = [name for name, (low, high) in ranges.items() if low < high]
     low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
     depends = found.names
@@ -410,7 +409,7 @@ def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], flo
 
 
 class _Seen:
-    """The smallest and the largest value of each quantity at the points that were tried, ``low`` and ``high``."""
+    """The smallest and the largest value of each quantity at the tried points, ``low`` and ``high``."""
 
     def __init__(self, quantities: _Quantities, floor: Array) -> None:
         self.quantities, self.floor = quantities, floor
@@ -423,11 +422,11 @@ class _Seen:
 
     @property
     def room(self) -> Array:
-        """By how much a bound may exceed the values that were seen."""
+        """The amount by which a bound may exceed the observed values."""
         return np.maximum((TIGHTNESS - 1) / 2 * (self.high - self.low), self.floor)
 
     def enclosed(self, low: Box, high: Box) -> tuple[Array, Array]:
-        """Bounds over a cell, refined where they exceed the room."""
+        """Return bounds over a cell, refined if they exceed the observed values by more than ``room``."""
         lows, highs, points = self.quantities.enclosed(low, high, self.low - self.room, self.high + self.room)
         if points:
             self.add({name: np.array([point[name] for point in points]) for name in low})
@@ -435,7 +434,7 @@ class _Seen:
 
 
 def _points(names: list[str], low: Box, high: Box, drawn: int) -> Array:
-    """(K, names): the centre, the corners if there are few, and uniformly distributed points."""
+    """Return points (K, names): the centre, the corners if there are few, and uniformly distributed points."""
     a, b = (np.array([side[name] for name in names]) for side in (low, high))
     corners = np.array(list(product(*zip(a, b, strict=True)))) if 2 ** len(names) <= MOST_CORNERS else np.array([a, b])
     inside = np.random.default_rng(0).uniform(a, b, (drawn, len(names)))
@@ -456,7 +455,8 @@ def _widest(
     concerned: frozenset[str],
     quantity: int,
 ) -> str:
-    """The parameter along which a quantity changes most in a cell, among those whose part of their range is not yet small."""
+    """Return the parameter along which a quantity changes most in a cell, among those whose part of the range is not small
+    yet."""
     own = [name for name in names if name in concerned]
     centre = np.array([(low[name] + high[name]) / 2 for name in names])
     points = np.repeat(centre[None], 2 * len(own), axis=0)
@@ -465,21 +465,21 @@ def _widest(
     values = found.at(_columns(points, names, ranges))[:, quantity].reshape(-1, 2)
     change = np.abs(values[:, 1] - values[:, 0])
     share = np.array([(high[name] - low[name]) / (ranges[name][1] - ranges[name][0]) for name in own])
-    # a quantity that changes little may still have a wide enclosure: then the widest part of a range is cut
+    # a quantity that changes little may still have a wide enclosure; then the widest part of a range is cut
     return own[
         int(np.argmax(np.where(np.isfinite(change), change, 0.0) / (change.max(initial=0.0) or 1.0) * share + 0.25 * share))
     ]
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two values, nested lists or tables are equal."""
+    """Return whether two values, nested lists or tables are equal."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other)
     return bool(one == other)
 
 
 def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_from: str) -> FromRanges:
-    """The known set and the remainders; ``b`` is that of the nominal plant.
+    """Return the known set and the remainders. ``b`` is that of the nominal plant.
 
     Raises InputError if a formula has no bound over the ranges.
     """
@@ -491,7 +491,7 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
     _require_finite(plant, found)
     nominal = quantities.at({name: np.array([value]) for name, value in plant.nominal.items()} or {"": np.zeros(1)})[0]
     gains = evaluated("plant.input.gain", plant.gains(m), plant.nominal)
-    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # in the plant's own rounding
+    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # rounded as the plant's own
     moves = np.array([any(low < high for low, high in (plant.ranges[name] for name in names)) for names in quantities.names])
     low, high = (np.where(moves, end(one, nominal), nominal) for end, one in ((np.minimum, found.low), (np.maximum, found.high)))
     ends = np.cumsum(quantities.sizes)
@@ -526,7 +526,8 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
 
 
 def _roundings(of_A: Array, of_b: Array, b_bar: Array, g: Array) -> Array:
-    """(quantities,) the size up to which each is rounding, for numbers of these sizes in A - A_m, (n, n), and in b, (n, m)."""
+    """Return the size up to which each quantity is rounding (quantities,), for numbers of these sizes in A - A_m (n, n) and in b
+    (n, m)."""
     theta = MATCHED_TO * (np.abs(g) @ of_A).T
     rests = rounding_of_rest(of_A, b_bar, g), rounding_of_rest(of_b, b_bar, g)
     found = np.concatenate([theta.reshape(-1), np.full(len(g), MATCHED_TO), *(one.reshape(-1) for one in rests)])
@@ -543,7 +544,8 @@ def _require_finite(plant: PhysicalPlant, found: _Enclosure) -> None:
 
 
 def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict[str, dict[str, float | None]]:
-    """By uncertain parameter, the unmatched share of the change of A and of b from one end of its range to the other."""
+    """Return for each uncertain parameter the unmatched share of the change of A and of b from one end of its range to the
+    other."""
     n, m = quantities.b_bar.shape
     found: dict[str, dict[str, float | None]] = {}
     for name, ends in plant.ranges.items():
@@ -563,10 +565,10 @@ def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict
 
 
 def _share(rest: Array, matched: Array) -> float | None:
-    """The share of the remainder; None without a change.
+    """Return the share of the remainder; None without a change.
 
-    With one input the two are orthogonal, and the root is the size of the whole change. With several, those of b are not: the
-    remainder may then be larger than the change.
+    With one input the two parts are orthogonal, and the root is the size of the whole change. With several inputs those of b are
+    not, and the remainder may be larger than the change.
     """
     size = math.hypot(float(np.linalg.norm(rest)), float(np.linalg.norm(matched)))
     return float(np.linalg.norm(rest)) / size if size > 0 else None

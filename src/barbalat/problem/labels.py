@@ -1,4 +1,4 @@
-"""Names and units of states, output and inputs for the axes of pictures; they never affect numbers."""
+"""Names and units of states, output and inputs, for the axes of pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from barbalat.validate import InputError, freeze
 
 @dataclass(frozen=True, kw_only=True)
 class Labels(Settings):
-    """Names and units on the axes of pictures; no number is changed by them.
+    """Names and units on the axes of pictures. They never affect numbers.
 
     names        one for each state, or one for the output, such as "alpha"
     units        one for each state, or one for the output, such as "rad/s"
@@ -30,7 +30,8 @@ class Labels(Settings):
             freeze(self, **{field: tuple(validate.line(f"labels.{field}", one) for one in given)})
 
     def require(self, measured: int, inputs: int) -> None:
-        """InputError if the counts don't equal those of the states, or the output, and of the inputs; empty labels always fit."""
+        """Raise InputError if the counts differ from those of the states, or of the output, and of the inputs. Empty labels
+        always fit."""
         for field, given, wanted in (
             ("names", self.names, measured),
             ("units", self.units, measured),
@@ -44,31 +45,31 @@ class Labels(Settings):
         return self.names[i] if self.names else ""
 
     def of_states(self, n: int) -> tuple[str, ...]:
-        """The names of n states, by default x_1, x_2, ..."""
+        """Return the names of n states, by default x_1, x_2, ..."""
         return self.names or tuple(f"x_{i + 1}" for i in range(n))
 
     def unit(self, i: int) -> str:
-        """Return the unit as it is written after a name, such as "[rad/s]"; empty if none is given."""
+        """Return the unit in brackets, such as "[rad/s]", to be written after a name; empty if none is given."""
         return bracketed(self.units[i : i + 1])
 
     @property
     def common_unit(self) -> str:
-        """The unit of all states, if they have the same one."""
+        """The common unit of all states; empty if they have different ones."""
         return bracketed(self.units) if len(set(self.units)) == 1 else ""
 
     @property
     def every_unit(self) -> str:
-        """The common unit, or all of them, "[rad, rad/s]"; empty if none is given."""
+        """The common unit, or the list of units, "[rad, rad/s]"; empty if none is given."""
         return self.common_unit or (f"[{', '.join(unit or '1' for unit in self.units)}]" if any(self.units) else "")
 
     @property
     def every_input_unit(self) -> str:
-        """The units of all inputs, as they are written after names."""
+        """The units of all inputs, in brackets, to be written after names."""
         return self.input_unit or (f"[{', '.join(unit or '1' for unit in self.input_units)}]" if any(self.input_units) else "")
 
     @property
     def input_unit(self) -> str:
-        """The unit of all inputs, if they have the same one."""
+        """The common unit of all inputs; empty if they have different ones."""
         return bracketed(self.input_units) if len(set(self.input_units)) == 1 else ""
 
 
@@ -77,5 +78,5 @@ UNLABELLED = Labels()
 
 
 def bracketed(units: Sequence[str]) -> str:
-    """The first non-empty unit, in brackets; empty if there is none."""
+    """Return the first non-empty unit in brackets, or an empty text if there is none."""
     return f"[{units[0]}]" if units and units[0] else ""

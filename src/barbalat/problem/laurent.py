@@ -1,8 +1,7 @@
 """Formulas as sums of products, so that common terms cancel before any range is substituted.
 
 -k/J - k/L and k/J have the products k J^-1 and k L^-1. A factor is a variable or, if a formula is not a sum of products, the
-text of
-a part: a function, a denominator that is a sum, or a power that is not whole.
+text of a part: a function, a denominator that is a sum, or a power that is not whole.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ Sum = Mapping[Product, Fraction]
 ALONE: Product = frozenset()
 """The product without factors: 1."""
 MOST_PRODUCTS = 100
-"""Largest sum that is multiplied out; a larger sum remains a factor."""
+"""Largest sum that is multiplied out. A larger sum remains a factor."""
 LARGEST_POWER = 32
 
 _ANY = FormulaNames(NAMES, "parameters")
@@ -32,12 +31,12 @@ _ANY = FormulaNames(NAMES, "parameters")
 
 @cache
 def products_of(text: str) -> Sum:
-    """A formula, already parsed, as a sum of products."""
+    """Return a formula that has been parsed before as a sum of products."""
     return MappingProxyType(_sum(ast.parse(text.strip(), mode="eval").body))
 
 
 def added(*sums: Sum) -> dict[Product, Fraction]:
-    """The sum of sums, without terms that cancel."""
+    """Return the sum of sums, without terms that cancel."""
     found: dict[Product, Fraction] = {}
     for one in sums:
         for product, factor in one.items():
@@ -46,19 +45,19 @@ def added(*sums: Sum) -> dict[Product, Fraction]:
 
 
 def scaled(one: Sum, factor: Fraction | float) -> dict[Product, Fraction]:
-    """A sum times a number, exactly."""
+    """Return a sum times a number, exactly."""
     exact = Fraction(factor)
     return {product: exact * own for product, own in one.items()} if exact else {}
 
 
 def multiplied(one: Sum, other: Sum) -> dict[Product, Fraction]:
-    """The product of two sums, expanded."""
+    """Return the product of two sums, expanded."""
     parts = [{joined(a, b): x * y} for a, x in one.items() for b, y in other.items()]
     return added(*parts)
 
 
 def value_of(product: Product, values: Mapping[str, Value]) -> Value:
-    """A product evaluated at the parameters' values, in their arithmetic."""
+    """Evaluate a product at the parameters' values, in their arithmetic."""
     above = below = None
     for factor, power in sorted(product):
         base = formula("a factor", factor, _ANY).evaluate(values)
@@ -72,12 +71,12 @@ def value_of(product: Product, values: Mapping[str, Value]) -> Value:
 
 
 def names_of(product: Product) -> frozenset[str]:
-    """The parameters in a product."""
+    """Return the parameters in a product."""
     return frozenset().union(*(formula("a factor", factor, _ANY).names for factor, _ in product))
 
 
 def joined(one: Product, other: Product) -> Product:
-    """The product of two products."""
+    """Return the product of two products."""
     powers = dict(one)
     for factor, power in other:
         powers[factor] = powers.get(factor, 0) + power
@@ -113,7 +112,7 @@ def _sum(node: ast.expr) -> dict[Product, Fraction]:
 
 
 def _inverse(node: ast.expr) -> dict[Product, Fraction]:
-    """The reciprocal of a part: for a single product, that of its factors; otherwise the whole is one factor."""
+    """Return the reciprocal of a part. For a single product it is that of the factors; any other part becomes one factor."""
     found = _sum(node)
     if len(found) == 1:
         ((product, factor),) = found.items()

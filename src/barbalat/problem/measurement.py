@@ -1,4 +1,4 @@
-"""The path from the plant to the controller: sensor lag, noise and resolution. It is unknown to every controller."""
+"""The path from the plant to the controller: sensor lag, noise and resolution. No controller knows it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
 LARGEST_SEED = 2**64 - 1
-"""The largest seed, since the key of a Philox counter has 64 bits for it."""
+"""The largest seed. The key of a Philox counter has 64 bits for it."""
 
 
 def nearest_multiple(value: Value, step: Value) -> Value:
-    """A quantised value: the multiple of ``step`` that is nearest to it, the upper one of two."""
+    """Return a quantised value, which is the nearest multiple of ``step``, or the upper one of two."""
     return step * np.floor(value / step + 0.5)
 
 
@@ -76,21 +76,21 @@ class Sensor(Settings):
             validate.freeze(self, quantization=_resolution(self.quantization))
 
     def require(self, measured: int) -> None:
-        """InputError unless what is given for each measured quantity fits their number."""
+        """Raise InputError unless the settings for each measured quantity fit their number."""
         given = {"noise.std": None if self.noise is None else self.noise.std, "quantization": self.quantization}
         for name, each in given.items():
             if each is not None and np.size(each) > 1:
                 validate.vector(f"sensor.{name}", each, measured)
 
     def resolutions(self, measured: int) -> tuple[float | None, ...] | None:
-        """The resolution of each of the measured quantities, None for one that is not quantised; None if none is."""
+        """Return the resolution of each measured quantity, with None for one that is not quantised; None if none is quantised."""
         if self.quantization is None or not np.any(self.quantization):
             return None
         each = np.asarray(self.quantization) * np.ones(measured)
         return tuple(float(one) if one > 0 else None for one in each)
 
     def derivative(self, state: Value, y: Value) -> Value:
-        """Return the rate of the lagged measurement for the true y; both are (n,)."""
+        """Return the rate of the lagged measurement for the true y. Both are (n,)."""
         return (y - state) / self.lag
 
 

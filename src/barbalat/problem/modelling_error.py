@@ -1,5 +1,5 @@
-"""Modelling errors Delta_m at the plant's input, eq. (11), as families with one size, and the size that a linear loop
-tolerates."""
+"""Modelling errors Delta_m at the plant's input, eq. (11), as families with one size, and the sizes that linear loops
+tolerate."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from barbalat.validate import Array, InputError
 
 
 class ModellingError(Protocol):
-    """Delta_m of a given size > 0; size 0 means no error."""
+    """Delta_m of a given size > 0. A size of 0 means no error."""
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
-        """The plant's input with the error added; InputError if both can't be combined."""
+        """Return the plant's input with the error added. InputError if both cannot be combined."""
         ...
 
     def allowed(self, w: Array, gain: Array) -> Array:
-        """(K,): at each frequency the size up to which |Delta_m(j w)| gain < 1, which also holds for all smaller sizes."""
+        """Return at each frequency (K,) the size up to which |Delta_m(j w)| gain < 1, which also holds for all smaller sizes."""
         ...
 
     def limit(self, loop: StateSpace) -> float:
-        """The size at which a loop, broken at the plant's input, exactly loses stability; infinite if it never does."""
+        """Return the size at which a loop, broken at the plant's input, exactly loses stability; infinite if it never does."""
         ...
 
 
 @dataclass(frozen=True)
 class DelayError:
-    """Delta_m = e^(-s d) - 1; the size is d [s]. |Delta_m| = 2 |sin(w d/2)|, at most 2."""
+    """Delta_m = e^(-s d) - 1, where the size is d [s]. |Delta_m| = 2 |sin(w d/2)|, which is at most 2."""
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         return replace(path, delay=path.delay + size)
@@ -55,13 +55,13 @@ class GainError:
     downwards: bool = False
 
     def factor(self, size: float) -> float:
-        """The factor by which the input's effectiveness is multiplied."""
+        """Return the factor by which the input's effectiveness is multiplied."""
         return 1 / (1 + size) if self.downwards else 1 + size
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         gain = path.gain / (1 + size) if self.downwards else path.gain * (1 + size)
-        # an effectiveness of exactly one is left out of the path's equations, which would separate runs that are computed
-        # together
+        # an effectiveness of exactly one is omitted from the path's equations; then the run could not be computed together with
+        # the others
         return replace(path, gain=gain if gain != 1 else float(np.nextafter(1.0, 2.0)))
 
     def allowed(self, w: Array, gain: Array) -> Array:
@@ -100,9 +100,9 @@ class ScaledError:
             return np.asarray(1 / (np.abs(self.shape.at(1j * w)) * gain))
 
     def limit(self, loop: StateSpace) -> float:
-        """Delta_m closes a loop with size times shape T: its gain margin, relative to a size well below it."""
+        """Return the gain margin of the loop that Delta_m closes around shape T, relative to a size well below it."""
         T = complementary_sensitivity(loop)
         w = frequency_grid(T)
-        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # margins refuses it if it is unstable there
+        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # otherwise ``margins`` refuses an unstable loop
         around = series(T, self.shape.realise())
         return small * margins(replace(around, C=small * around.C, D=small * around.D)).gain_up

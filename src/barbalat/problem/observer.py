@@ -1,21 +1,22 @@
-"""Observers: x_hat, the estimate of a state that is not measured, from y = C x and u; state feedback uses it in place of x.
+"""Observers, which estimate a state that is not measured from y = C x and u. State feedback uses the estimate x_hat as x.
 
 An observer is designed for the nominal plant x' = A x + b u and is part of the controller. In continuous time it is
 
     z' = F z + G y + B v,    x_hat = H z + D y,
 
 where v is the control within the limits that the design knows. For a Luenberger observer and a Kalman filter z is x_hat itself,
-x_hat' = A x_hat + b v + L (y - C x_hat). In sampled form the same plant is predicted exactly under the held v, and the new sample
+x_hat' = A x_hat + b v + L (y - C x_hat). In sampled form the same plant is predicted exactly with the held v, and the new sample
 corrects the prediction (the current estimator of Franklin, Powell and Workman, Digital Control, section 8.2):
 
     x_bar[k] = Phi x_hat[k-1] + Gamma v[k-1],    x_hat[k] = x_bar[k] + M (y[k] - C x_bar[k]).
 
-A lost sample corrects nothing: x_hat[k] = x_bar[k]. Filtered derivatives then keep their value, and the measured states continue
-at that rate. The sampled prediction contains the delay of the plant's input: z consists of x_hat and of those v[k-1], v[k-2], ...
-that have not yet arrived. The continuous observer leaves the delay out.
+After a lost sample nothing is corrected, and x_hat[k] = x_bar[k]. Filtered derivatives then keep their value, and the measured
+states continue at that rate. The sampled prediction contains the delay of the plant's input: z consists of x_hat and of those
+v[k-1], v[k-2], ... that have not arrived yet. The continuous observer ignores the delay.
 
-A PI controller, like every baseline that acts only on the error of a measured state, does not depend on the observer: x_hat then
-contains this state as it is measured, by rows of H and D. In sampled form z[k] contains y[k], or its prediction at a lost sample.
+A PI controller, like every baseline that acts only on the error of a measured state, does not depend on the observer. x_hat then
+contains the measured value of this state, by rows of H and D. In sampled form z[k] contains y[k], or its prediction at a lost
+sample.
 """
 
 from __future__ import annotations
@@ -42,12 +43,13 @@ FIELD = "observer"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ObserverEquations:
-    """z from y and v, and x_hat from z and y; in sampled form increments per sample, otherwise rates.
+    """The equations of z from y and v, and of x_hat from z and y. F, G and B give increments per sample in sampled form,
+    otherwise rates.
 
     Shapes: F (l, l), G (l, p), B (l, m), H (n, l), D (n, p).
 
     H, D        None if z is x_hat itself; D is also None in sampled form
-    Phi, Gamma  (l, l), (l, m) replace F and B at a lost sample; None in continuous time
+    Phi, Gamma  (l, l), (l, m) matrices that replace F and B at a lost sample; None in continuous time
     start       (l,) z before the first measurement
     limits      (2, m) limits of u, which the observer knows; None if it knows none
     """
@@ -67,7 +69,7 @@ class ObserverEquations:
         return self.F @ z + self.G @ y + self.B @ self._within_limits(u)
 
     def advance(self, z: Value, u: Value, y: Value, lost: Value = None) -> Value:
-        """z at the sample y, from z at the previous sample; in between, u was held. Where ``lost`` is true, y is not used."""
+        """Return z at the sample y, from z at the previous sample, with u held in between. y is not used if ``lost`` is true."""
         v = self._within_limits(u)
         corrected = self.F @ z + self.B @ v + self.G @ y
         return corrected if lost is None else np.where(lost, self.Phi @ z + self.Gamma @ v, corrected)
@@ -85,13 +87,13 @@ class ObserverEquations:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FixedObserver(Settings):
-    """An observer together with the nominal plant of its design: it does not change when the plant is varied.
+    """An observer together with the nominal plant of its design. It does not change when the plant is varied.
 
     design  the observer's settings
     A, b    the nominal plant, (n, n) and (n,) or (n, m)
     C       (p, n) matrix of the measurement
-    direct  the measured quantities that are states on whose error a baseline acts: x_hat has them as they are measured, and after
-            a lost sample as they are predicted
+    direct  the measured quantities that are states on whose error a baseline acts; x_hat contains their measured values, and
+            after a lost sample their predictions
     delay   delay of the plant's input [s], which a sampled observer contains
     """
 
@@ -110,9 +112,9 @@ class FixedObserver(Settings):
     def of(
         cls, design: Observer, A: Array, b: Array, names: Sequence[str], delay: float = 0.0, compared: Array | None = None
     ) -> FixedObserver:
-        """The observer for x' = A x + b u(t - delay) whose states are called ``names``; InputError if the two don't fit.
+        """Return the observer for x' = A x + b u(t - delay) with states called ``names``. InputError if the two do not fit.
 
-        compared  (n,) whether a baseline compares this state with the command and uses no other; None without one
+        compared  (n,) whether a baseline compares this state with the command and uses no other state; None without a baseline
         """
         found = cls(design=design, A=A, b=b, C=measured_rows(design.measured, names), delay=delay)
         if compared is None or not set(np.flatnonzero(compared)) <= set(found.places):
@@ -125,7 +127,7 @@ class FixedObserver(Settings):
         return len(self.C)
 
     def names(self, states: Sequence[str]) -> tuple[str, ...]:
-        """The names of the measured quantities: those of the states, or y_1, y_2, ..."""
+        """Return the names of the measured quantities, which are those of the states or y_1, y_2, ..."""
         return tuple(f"y_{i + 1}" if at is None else states[at] for i, at in enumerate(self.places))
 
     @property
@@ -134,15 +136,15 @@ class FixedObserver(Settings):
         return tuple(int(np.argmax(row)) if np.count_nonzero(row) == 1 and row.max() == 1 else None for row in self.C)
 
     def first(self, x0: Array) -> Array:
-        """x_hat(0), (n,): the smallest state that agrees with the measurement of x0."""
+        """Return x_hat(0) (n,), the smallest state that agrees with the measurement of x0."""
         return np.asarray(self.from_measured(self.C @ x0))
 
     def from_measured(self, y: Array) -> Array:
-        """The smallest state whose measurement is y, (p,)."""
+        """Return the smallest state whose measurement is y (p,)."""
         return np.asarray(np.linalg.pinv(self.C) @ y)
 
     def equations(self, x0: Array, limits: Array | None, T: float | None) -> ObserverEquations:
-        """The equations in continuous time, or for samples of length T [s]; x_hat starts at x0 (n,)."""
+        """Return the equations in continuous time, or for samples of length T [s]. x_hat starts at x0 (n,)."""
         bounds = None if limits is None else np.asarray(limits, dtype=float).reshape(2, -1)
         made = dict(_designed(self, T))
         of_x = made.pop("of_x", None)
@@ -151,13 +153,13 @@ class FixedObserver(Settings):
 
 @lru_cache(maxsize=16)  # the members of an ensemble share the design, and a Riccati equation takes longer than a short run
 def _designed(plant: FixedObserver, T: float | None) -> Mapping[str, Any]:
-    """The matrices of a design in continuous time, or for samples of length T [s]."""
+    """Return the matrices of a design in continuous time, or for samples of length T [s]."""
     made = plant.design.continuous(plant) if T is None else plant.design.sampled(plant, T)
     return _with_measured(plant, made) if plant.direct and plant.design.filters else made
 
 
 def _with_measured(plant: FixedObserver, made: Mapping[str, Any]) -> dict[str, Any]:
-    """The same observer, whose x_hat has the ``direct`` states as they are measured: z then also has them in sampled form."""
+    """Return the same observer with the measured values of the ``direct`` states in x_hat, and in sampled form also in z."""
     n, held = len(plant.A), len(made["F"])
     rows, y = np.argmax(plant.C[list(plant.direct)], axis=1), np.eye(plant.outputs)[list(plant.direct)]
     H = np.array(made.get("H", np.eye(n, held)))
@@ -180,27 +182,27 @@ def _with_measured(plant: FixedObserver, made: Mapping[str, Any]) -> dict[str, A
 
 
 class Observer(ABC, Settings):
-    """Base of all observers: the equations follow from the nominal plant and the measurement."""
+    """Base of all observers. The equations follow from the nominal plant and the measurement."""
 
     measured: Any
     filters: ClassVar[bool] = True
-    """Whether x_hat has measured states filtered, instead of as they are measured."""
+    """Whether x_hat contains filtered values of measured states instead of the measured values."""
 
     @abstractmethod
     def require(self, A: Array, C: Array) -> None:
-        """InputError if there is no such observer for the plant x' = A x with y = C x."""
+        """Raise InputError if there is no such observer for the plant x' = A x with y = C x."""
 
     @abstractmethod
     def continuous(self, plant: FixedObserver) -> dict[str, Any]:
-        """The matrices of ``ObserverEquations`` in continuous time."""
+        """Return the matrices of ``ObserverEquations`` in continuous time."""
 
     @abstractmethod
     def sampled(self, plant: FixedObserver, T: float) -> dict[str, Any]:
-        """The matrices of ``ObserverEquations`` in sampled form."""
+        """Return the matrices of ``ObserverEquations`` in sampled form."""
 
 
 def measured_rows(given: Any, names: Sequence[str]) -> Array:
-    """C, (p, n), from labels of states or from a matrix; InputError for unknown labels or a wrong number of columns."""
+    """Return C (p, n) from labels of states or from a matrix. InputError for unknown labels or a wrong number of columns."""
     field, n = f"{FIELD}.measured", len(names)
     if given is None:
         raise InputError.of(field, "is missing: give plant.C, or the labels of the states that are measured")
@@ -225,7 +227,7 @@ def measured_rows(given: Any, names: Sequence[str]) -> Array:
 
 
 def _covariance(name: str, given: Any, size: int, what: str) -> Array:
-    """A covariance matrix, from one number for all, from its diagonal, or from a symmetric matrix."""
+    """Return a covariance matrix from one number for all, from its diagonal, or from a symmetric matrix."""
     field = f"{FIELD}.{name}"
     if validate.dimensions(given) == 2:
         matrix = validate.square_matrix(field, given, size)
@@ -240,12 +242,13 @@ def _covariance(name: str, given: Any, size: int, what: str) -> Array:
 
 
 def _full_order(plant: FixedObserver, L: Array) -> dict[str, Any]:
-    """x_hat' = A x_hat + b v + L (y - C x_hat)."""
+    """Return the matrices of x_hat' = A x_hat + b v + L (y - C x_hat)."""
     return {"F": plant.A - L @ plant.C, "G": L, "B": plant.b.reshape(len(plant.A), -1)}
 
 
 def _current(plant: FixedObserver, M: Array, T: float) -> dict[str, Any]:
-    """x_bar = Phi x_hat + Gamma v, corrected by M (y - C x_bar); z consists of x_hat and of each v that has not yet arrived."""
+    """Return the matrices of x_bar = Phi x_hat + Gamma v, corrected by M (y - C x_bar). z consists of x_hat and of each v that
+    has not arrived yet."""
     n, p = len(plant.A), plant.outputs
     Phi, Gamma = _predicted(plant, T)
     kept = len(Phi) - n
@@ -257,11 +260,11 @@ def _current(plant: FixedObserver, M: Array, T: float) -> dict[str, Any]:
 
 
 MOST_ON_THEIR_WAY = 1000
-"""Largest delay in samples; the observer stores one control for each of them."""
+"""Largest delay in samples. The observer stores one control for each of them."""
 
 
 def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
-    """z = (x, v[k-2], ..., v[k-1-L]) one sample later: Phi z + Gamma v[k-1].
+    """Return Phi and Gamma, with which z = (x, v[k-2], ..., v[k-1-L]) is Phi z + Gamma v[k-1] one sample later.
 
     With a delay (q + f) T, 0 <= f < 1, the plant's input is v[k-2-q] for f T and v[k-1-q] for the rest of a sample.
     """
@@ -278,7 +281,7 @@ def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
     z, v = np.zeros((n + kept * m, n + kept * m)), np.zeros((n + kept * m, m))
 
     def acts(j: int, Gamma: Array) -> None:
-        """v[k-1-j] moves the state by Gamma."""
+        """Record that v[k-1-j] moves the state by Gamma."""
         (v if j == 0 else z[:, n + (j - 1) * m : n + j * m])[:n] += Gamma
 
     z[:n, :n] = HeldSystem.of(plant.A, b, T).Phi
@@ -383,8 +386,8 @@ class KalmanObserver(Observer):
 
 
 def _no_filter(plant: FixedObserver, Q: Array) -> InputError:
-    """Why the Riccati equation was not solved: a mode that Q leaves undriven, or else rounding."""
-    mode = unobservable_mode(plant.A.T, Q, stable_too=False)  # (Q, A') is observable where (A, Q) is controllable
+    """Return why the Riccati equation was not solved: a mode that Q does not drive, or rounding."""
+    mode = unobservable_mode(plant.A.T, Q, stable_too=False)  # (Q, A') is observable if (A, Q) is controllable
     if mode is not None:
         return InputError.of(
             f"{FIELD}.Q",
@@ -398,7 +401,7 @@ def _no_filter(plant: FixedObserver, Q: Array) -> InputError:
 
 
 def _over_a_sample(A: Array, Q: Array, T: float) -> Array:
-    """The covariance that w adds in a sample, by one exponential (Van Loan 1978, IEEE TAC 23(3))."""
+    """Return the covariance that w adds in a sample, by one exponential (Van Loan 1978, IEEE TAC 23(3))."""
     from scipy.linalg import expm
 
     n = len(A)
@@ -409,11 +412,11 @@ def _over_a_sample(A: Array, Q: Array, T: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class DerivativeObserver(Observer):
-    """Filtered derivatives of the measurements: a state that is the derivative of a measured state is estimated by cutoff s/(s +
-    cutoff).
+    """Filtered derivatives of the measurements. The filter cutoff s/(s + cutoff) estimates a state that is the derivative of a
+    measured state.
 
-    The measured quantities are single states, as with encoders, and the others must be their rates in the nominal plant, x_i' =
-    x_j. The sampled form is Tustin's.
+    The measured quantities are single states, as with encoders, and the others must be their rates in the nominal plant,
+    x_i' = x_j. The sampled form is Tustin's.
 
     cutoff    > 0, of the filter [rad/s]
     measured  labels of the states that are measured, or C, (p, n), with a single 1 in each row; a case file may give `plant.C`
@@ -431,7 +434,7 @@ class DerivativeObserver(Observer):
         self._sources(A, C)
 
     def _sources(self, A: Array, C: Array) -> list[tuple[int, int, bool]]:
-        """For each state the index of the measured quantity that gives it, and whether by its derivative."""
+        """Return for each state the index of the measured quantity that determines it, and whether by its derivative."""
         if not (np.count_nonzero(C, axis=1) == 1).all() or not (C.max(axis=1) == 1).all():
             raise InputError.of(f"{FIELD}.measured", f"must have a single 1 in each row for derivatives, got {_rows(C)}")
         places, found = np.argmax(C, axis=1), []
@@ -450,7 +453,8 @@ class DerivativeObserver(Observer):
         return found
 
     def _picked(self, plant: FixedObserver) -> tuple[Array, Array, Array]:
-        """The rows (d, p) of the differentiated measurements; H and D of x_hat = H r + D y with the derivatives r (d,)."""
+        """Return the rows (d, p) of the differentiated measurements, and H and D of x_hat = H r + D y with the derivatives r
+        (d,)."""
         n, p = len(plant.A), plant.outputs
         sources = self._sources(plant.A, plant.C)
         differentiated = list(dict.fromkeys(k for _, k, rate in sources if rate))
@@ -463,14 +467,15 @@ class DerivativeObserver(Observer):
         return np.eye(p)[differentiated], H, D
 
     def continuous(self, plant: FixedObserver) -> dict[str, Any]:
-        """z' = cutoff (y - z), whose right side is the derivative."""
+        """Return the matrices of z' = cutoff (y - z), whose right side is the derivative."""
         picked, H, D = self._picked(plant)
         d, c = len(picked), self.cutoff
         made = {"F": -c * np.eye(d), "G": c * picked, "B": _undriven(plant, d)}
         return made | {"H": -c * H, "D": D + c * H @ picked, "of_x": picked @ plant.C}
 
     def sampled(self, plant: FixedObserver, T: float) -> dict[str, Any]:
-        """z = (y, w) with the filter's state w; at a lost sample both continue at the rate r = cutoff (y - w)."""
+        """Return the matrices for z = (y, w) with the filter's state w. At a lost sample both continue at the rate
+        r = cutoff (y - w)."""
         picked, H, D = self._picked(plant)
         d, p, half = len(picked), plant.outputs, self.cutoff * T / 2
         keeps, gets = (1 - half) / (1 + half), half / (1 + half)

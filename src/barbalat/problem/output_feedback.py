@@ -1,4 +1,4 @@
-"""The output-feedback tracking problem: a SISO plant and a model given by transfer functions; only y is measured."""
+"""The output-feedback tracking problem, with a SISO plant and a model given by transfer functions. Only y is measured."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Nonlinearity:
     formula: str
 
     def __post_init__(self) -> None:
-        self._parsed  # noqa: B018  # refuses anything but a formula
+        self._parsed  # noqa: B018  # raises InputError for anything but a formula
 
     @property
     def _parsed(self) -> Formula:
@@ -47,17 +47,17 @@ class Nonlinearity:
         return BEND_OF_ABS if self._parsed.bends else None
 
     def at(self, y: Any, t: Any) -> Any:
-        """f, evaluated in the arithmetic of y and t."""
+        """Return f, evaluated in the arithmetic of y and t."""
         return self._parsed.evaluate({"y": y, "t": t})
 
     def __call__(self, y: Value, *t: Value) -> Value:
-        """f, a scalar; t is given if the formula contains it."""
+        """Return f, a scalar. t is given if the formula contains it."""
         return self.at(y, *(t or (None,))) + 0 * y
 
 
 @dataclass(frozen=True, eq=False)
 class OutputDynamics:
-    """x' = A x + B (v + f(t, y)), y = C x, from rest: the part of a plant or of a model that a loop integrates."""
+    """The part of a plant or of a model that a loop integrates: x' = A x + B (v + f(t, y)), y = C x, from rest."""
 
     system: StateSpace
     x0: Array
@@ -67,17 +67,17 @@ class OutputDynamics:
     """The number of measured quantities."""
 
     def derivative(self, x: Value, v: Value, *t: Value) -> Value:
-        """x' for the input v, which is the plant's actual input plus d, or the model's command; t [s] if f contains it."""
+        """Return x' for the input v, which is the plant's actual input plus d, or the model's command; t [s] if f contains it."""
         if self.nonlinear is not None:
             v = v + self.nonlinear(self.output(x), *t)
         return self.system.derivative(x, v)
 
     def output(self, x: Value) -> Value:
-        """The output y, a scalar."""
+        """Return the output y, a scalar."""
         return self.system.C @ x
 
     def remedy(self, _: float) -> str:
-        """What to change so that a model settles at its command."""
+        """Return the change with which a model would settle at its command."""
         return "W_m(0) = 1"
 
     @property
@@ -109,7 +109,7 @@ class OutputPlant(Settings):
         freeze(self, transfer_function=strictly_proper("plant.transfer_function", self.transfer_function))
         if self.input is not None:
             validate.instance("plant.input", self.input, PlantInput)
-        self.dynamics  # noqa: B018  # refuses what has no realisation or is not a formula
+        self.dynamics  # noqa: B018  # raises InputError without a realisation or a formula
 
     @property
     def dynamics(self) -> OutputDynamics:
@@ -158,7 +158,8 @@ def _at_rest(system: TransferFunction, nonlinear: Nonlinearity | None = None) ->
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputKnown:
-    """What a designer knows: the reference model. The plant is included only to refuse assumptions that it contradicts."""
+    """The designer's knowledge, which is the reference model. The plant is included only to refuse assumptions that contradict
+    it."""
 
     W_m: TransferFunction
     plant: TransferFunction
@@ -167,7 +168,7 @@ class OutputKnown:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OutputProblem(TrackingProblem, Settings):
-    """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
+    """Plant, model, command r(t), input disturbance d(t), output disturbance, and the measurement of y.
 
     plant, reference_model  as transfer functions
     reference               the command r(t)
@@ -195,7 +196,7 @@ class OutputProblem(TrackingProblem, Settings):
 
     feedback: ClassVar[str] = "output"
     uncertainty: ClassVar[None] = None
-    """The known set belongs to the controller, because it depends on the parametrisation."""
+    """None. The known set belongs to the controller, because it depends on the parametrisation."""
 
     def __post_init__(self) -> None:
         validate.line("name", self.name)

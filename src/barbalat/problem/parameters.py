@@ -1,4 +1,4 @@
-"""Physical parameters: a value with its range, and expressions of parameters, which case files write as formulas."""
+"""Physical parameters, which have a value and a range, and expressions of parameters, which are formulas in case files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.settings import Settings
 from barbalat.validate import InputError, Vector, freeze
 
 NAMES = r"[A-Za-z_][A-Za-z0-9_]*"
-"""The admissible names of a parameter."""
+"""Pattern of the admissible names of a parameter."""
 DISTRIBUTIONS = ("uniform", "loguniform", "normal")
 """The distributions of a parameter in a study."""
 
@@ -77,7 +77,7 @@ class Symbolic:
         return self._of("abs")
 
     def exp(self) -> Expression:
-        """The result of ``np.exp``; NumPy calls the method with the function's name."""
+        """Return the result of ``np.exp``. NumPy calls the method with the function's name."""
         return self._of("exp")
 
     def sin(self) -> Expression:
@@ -110,7 +110,7 @@ class Expression(Symbolic):
 
 @dataclass(frozen=True, eq=False)
 class Parameter(Symbolic, Settings):
-    """A physical parameter; arithmetic with it, such as k/J, makes formulas for the entries of a ``PhysicalPlant``.
+    """A physical parameter. Arithmetic with it, such as k/J, makes formulas for the entries of a ``PhysicalPlant``.
 
     name          letters, digits and underscores, as in the formulas
     value         the nominal value, for which controllers are designed
@@ -180,7 +180,7 @@ class Parameter(Symbolic, Settings):
 
 
 def require_parameter_name(name: object) -> None:
-    """InputError for a name that can't be used in a formula."""
+    """Raise InputError for a name that cannot be used in a formula."""
     import re
 
     if not isinstance(name, str) or not re.fullmatch(NAMES, name) or name in FUNCTION_NAMES:
@@ -191,7 +191,8 @@ def require_parameter_name(name: object) -> None:
 
 
 def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
-    """A formula of parameters; InputError, with the field, if it is not a formula or contains names that are not ``known``."""
+    """Parse a formula of parameters. InputError, with the field, if it is not a formula or contains names that are not
+    ``known``."""
     shown = f"the parameters ({', '.join(known)})" if known else "parameters, of which there are none"
     found = formula(field, text.text if isinstance(text, Symbolic) else text, FormulaNames(NAMES, shown))
     there = f"the parameters are {', '.join(known)}" if known else "there are none"
@@ -201,9 +202,10 @@ def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
 
 
 def evaluated(field: str, part: Any, values: Mapping[str, float]) -> Any:
-    """Numbers, texts, lists and tables in which every text, a formula, is replaced by its number for these values.
+    """Return the numbers, lists and tables of ``part`` with every text, which is a formula, replaced by its number for these
+    values.
 
-    InputError, with the field, for a text that is not a formula or has no finite real value there.
+    InputError, with the field, for a text that is not a formula or has no finite real value at these values.
     """
     if isinstance(part, dict):
         return {key: evaluated(f"{field}.{key}", value, values) for key, value in part.items()}

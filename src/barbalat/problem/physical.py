@@ -1,4 +1,4 @@
-"""Plants in physical parameters: matrices whose entries are numbers or formulas of parameters with ranges."""
+"""Plants in physical parameters, whose matrices have numbers or formulas of parameters with ranges as entries."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PhysicalPlant(Settings):
         return {one.name: one.range for one in self.parameters}
 
     def with_values(self, changed: Mapping[str, float]) -> dict[str, float]:
-        """The values of all parameters, with some changed from nominal; InputError for an unknown name."""
+        """Return the values of all parameters, with some changed from nominal. InputError for an unknown name."""
         for name in changed:
             if name not in self.nominal:
                 known = ", ".join(self.nominal) or "none"
@@ -72,24 +72,24 @@ class PhysicalPlant(Settings):
         return self.nominal | numbers
 
     def matrices(self, values: Mapping[str, float]) -> tuple[Array, Array]:
-        """A (n, n) and b, (n,) or (n, m), at these values."""
+        """Return A (n, n) and b, (n,) or (n, m), at these values."""
         A = validate.square_matrix("plant.A", evaluated("plant.A", self.A, values))
         return A, input_matrix("plant.b", evaluated("plant.b", self.b, values), len(A))
 
     def initial(self, values: Mapping[str, float]) -> Any:
-        """x0 at these values; None if none is given."""
+        """Return x0 at these values; None if none is given."""
         return None if self.x0 is None else evaluated("plant.x0", list(self.x0), values)
 
     def inputs(self, values: Mapping[str, float]) -> Any:
-        """The path before each input at these values: None, a PlantInput, or a list of them."""
+        """Return the path before each input at these values: None, a PlantInput, or a list of them."""
         return None if self.input is None else inputs_at("plant.input", self.input, values)
 
     def sensing(self, values: Mapping[str, float]) -> Sensor | None:
-        """The sensor at these values."""
+        """Return the sensor at these values."""
         return None if self.sensor is None else sensor_at("sensor", self.sensor, values)
 
     def around(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Everything but A, b and the inputs' gains at these values, by its path in a case file."""
+        """Return everything but A, b and the inputs' gains at these values, by its path in a case file."""
         several = isinstance(self.input, (list, tuple))
         inputs: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}]
         given = {f"plant.input[{i}]" if several else "plant.input": one for i, one in enumerate(inputs)}
@@ -98,20 +98,20 @@ class PhysicalPlant(Settings):
         return {name: evaluated(name, part, values) for name, part in (parts | {"plant.x0": self.x0}).items()}
 
     def gains(self, inputs: int) -> list[Any]:
-        """The effectiveness of each input, as numbers or formulas."""
+        """Return the effectiveness of each input, as a number or formula."""
         several: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}] * inputs
         return [one.get("gain", 1.0) for one in several]
 
 
 def inputs_at(field: str, given: Any, values: Mapping[str, float]) -> Any:
-    """The path before each input at these values of the parameters, from keywords of PlantInput: one of them, or a list."""
+    """Return the path before each input at these values of the parameters, from keywords of PlantInput, one set or a list."""
     several = isinstance(given, (list, tuple))
     found = [_input(evaluated(field, one, values)) for one in (given if several else (given,))]
     return found if several else found[0]
 
 
 def sensor_at(field: str, given: Mapping[str, Any], values: Mapping[str, float]) -> Sensor:
-    """The sensor at these values of the parameters, from keywords of Sensor."""
+    """Return the sensor at these values of the parameters, from keywords of Sensor."""
     found = evaluated(field, given, values)
     noise = found.get("noise")
     return Sensor(**{**found, "noise": Noise(**noise) if isinstance(noise, dict) else noise})
@@ -125,7 +125,7 @@ def _input(given: dict[str, Any]) -> PlantInput:
 
 
 def _listed(entries: Any) -> Any:
-    """An array's entries as lists."""
+    """Return an array's entries as lists."""
     return entries.tolist() if isinstance(entries, np.ndarray) else entries
 
 
@@ -138,12 +138,12 @@ def _parameters_in(part: Any) -> Iterator[Parameter]:
 
 
 def holds_formulas(part: Any) -> bool:
-    """Whether nested lists and dictionaries contain an expression of parameters."""
+    """Return whether nested lists and dictionaries contain an expression of parameters."""
     return next(_parameters_in(part), None) is not None
 
 
 def input_matrix(field: str, b: Any, n: int) -> Array:
-    """b as (n,), or (n, m) for m > 1 inputs."""
+    """Return b as (n,), or (n, m) for m > 1 inputs."""
     if validate.dimensions(b) != 2:
         return validate.vector(field, b, n)
     matrix = validate.array(field, b, (n, None))
@@ -151,23 +151,23 @@ def input_matrix(field: str, b: Any, n: int) -> Array:
 
 
 def projection(b: Array, scale: Array) -> Array:
-    """(b'W b)^-1 b'W with W = diag(1/scale^2), (m, n): theta = projection (A - A_m) leaves the smallest remainder in that
+    """Return (b'W b)^-1 b'W (m, n) with W = diag(1/scale^2). theta = projection (A - A_m) leaves the smallest remainder in that
     norm."""
     weighted = (b / np.square(scale).reshape(-1, *[1] * (b.ndim - 1))).reshape(len(scale), -1).T
     return np.asarray(np.linalg.solve(weighted @ b.reshape(len(scale), -1), weighted))
 
 
 def projected(A: Array, A_m: Array, b: Array, scale: Array) -> Array:
-    """(n m,) theta of the weighted projection of A - A_m."""
+    """Return theta (n m,) of the weighted projection of A - A_m."""
     return (projection(b, scale) @ (A - A_m)).T.reshape(-1)
 
 
 MATCHED_TO, LEAST_ROUNDING = 1e-9, 1e-13
-"""Shares of the numbers from which an entry of an unmatched remainder is computed, and of the largest of all: a smaller entry
-counts as rounding."""
+"""An entry of an unmatched remainder counts as rounding if it is below the first share of the numbers from which it is computed,
+or below the second share of the largest number."""
 
 
 def rounding_of_rest(sizes: Array, b: Array, g: Array) -> Array:
-    """(n, k) the size up to which the entries of D - b g D are rounding, where D has entries of these ``sizes``, (n, k), or is a
-    difference of such numbers; b (n, m) and g (m, n). It does not depend on the units of states and input."""
+    """Return the size up to which the entries of D - b g D are rounding (n, k), with b (n, m) and g (m, n). D has entries of
+    these ``sizes`` (n, k), or is a difference of such numbers. The result does not depend on the units of states and input."""
     return np.asarray(MATCHED_TO * (sizes + np.abs(b) @ (np.abs(g) @ sizes)) + LEAST_ROUNDING * sizes.max())

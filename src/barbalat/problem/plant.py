@@ -27,7 +27,7 @@ from barbalat.validate import Array, InputError, Matrix, Vector, freeze
 
 @dataclass(frozen=True, eq=False, init=False)
 class Plant(Settings):
-    """Plant with matched uncertainty, x' = A_m x + b (theta'phi(x) + u + d), x(0) = x0: eq. (1), where phi(x) = x.
+    """The plant with matched uncertainty, x' = A_m x + b (theta'phi(x) + u + d), x(0) = x0, which is eq. (1) for phi(x) = x.
 
     A_m        (n, n)  known, Hurwitz, [1/s]
     b          (n,)    known, or (n, m) for m inputs; (A_m, b) controllable
@@ -139,7 +139,7 @@ class Plant(Settings):
         _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
 
     def _whole(self, field: str, given: Any, own: float) -> Array:
-        """(n,) from n numbers, or from the plant's states alone, with ``own`` for the baseline's states."""
+        """Return (n,) from n numbers, or from those of the plant's states, with ``own`` for the baseline's states."""
         n, xi = len(self.A_m), 0 if self.baseline is None else self.baseline.order
         if xi and np.size(given) == n:
             return validate.vector(field, given, n)
@@ -150,7 +150,7 @@ class Plant(Settings):
         cls, system: Any, *, A_m: Matrix | None = None, poles: Sequence[Any] | None = None, x0: Vector | None = None,
         input: PlantInput | Sequence[PlantInput] | None = None,
     ) -> Plant:  # fmt: skip
-        """The plant x' = A x + B u, from a state space of python-control or SciPy, or from a pair (A, B).
+        """Return the plant x' = A x + B u from a state space of python-control or SciPy, or from a pair (A, B).
 
         Its state is measured, so C and D are ignored. A plant with a measured output is an ``OutputPlant``.
         """
@@ -159,15 +159,18 @@ class Plant(Settings):
 
     @property
     def A(self) -> Array:
-        """A_m + b theta', (n, n): the linear part of x' if phi(x) = x."""
+        """A_m + b theta' (n, n), which is the linear part of x' if phi(x) = x."""
         if not self.is_linear:
             raise InputError("a plant with a nonlinear regressor has no matrix A")
         return self.A_m + self.b.reshape(self.n, -1) @ self.theta.reshape(self.n, -1).T
 
     @property
     def nominal_theta(self) -> Array | None:
-        """(n m,) theta at the declared values of the parameters; None with a baseline, which is designed for them, and without
-        parameters: plant.A may then be the simulated plant, which no controller knows."""
+        """theta (n m,) at the declared values of the parameters.
+
+        It is None with a baseline, which is designed for these values, and without parameters, because plant.A may then be the
+        simulated plant, which no controller knows.
+        """
         if not self.declared or self.nominal_A is None or self.baseline is not None:
             return None
         return projected(self.nominal_A, self.A_m, self.b, np.ones(self.n) if self.scale is None else self.scale)
@@ -215,7 +218,7 @@ class Plant(Settings):
 
     @property
     def outputs(self) -> int:
-        """The number of measured quantities: all states."""
+        """The number of measured quantities, which are all states."""
         return self.states
 
     @property
@@ -224,17 +227,17 @@ class Plant(Settings):
         return isinstance(self.regressor, Linear)
 
     def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the matched input v: the part of u that reaches the plant, plus d."""
+        """Return x' for the matched input v, which is the part of u that reaches the plant, plus d."""
         phi = MatchedTerm(self.regressor, self.inputs).phi(x)
         return self.A_m @ x + np.dot(self.b, phi.T @ self.theta + v)  # (1)
 
     def output(self, x: Value) -> Value:
-        """The measurement, which is the state."""
+        """Return the measurement, which is the state."""
         return x
 
 
 def of_plant(states: float) -> Estimate:
-    """The cost of checking a plant with this number of states: 1 s for 200, 13 s for 400."""
+    """Return the cost of checking a plant with this number of states, which is 1 s for 200 and 13 s for 400."""
     return Estimate(memory=100.0 * states**2, seconds=5e-10 * states**4)
 
 
@@ -265,11 +268,11 @@ def _of_ranges(
 
 
 _DIRECT = PlantInput()
-"""The input without actuator: u reaches the plant unchanged."""
+"""The input without actuator, through which u reaches the plant unchanged."""
 
 
 def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles: Any) -> tuple[Array, Array, Array]:
-    """A_m, b and theta of x' = A x + b u."""
+    """Return A_m, b and theta of x' = A x + b u."""
     for name, given in (("theta", theta), ("regressor", regressor)):
         if given is not None:
             raise InputError.of(
@@ -285,14 +288,14 @@ def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles:
 
 
 def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
-    """The theta, (n m,), for which A = A_m + b theta'; InputError, with the unmatched remainder, if there is none."""
+    """Return the theta (n m,) for which A = A_m + b theta'. InputError, with the unmatched remainder, if there is none."""
     n = A_m.shape[0]
     A = validate.square_matrix("plant.A", A, n)
     b = input_matrix("plant.b", b, n)
     if not b.any():
         raise InputError.of("plant.b", "must not be zero")
     difference = A - A_m
-    scale = np.abs(b).max()  # squares of very large or small entries would leave the range of floats
+    scale = np.abs(b).max()  # scaled, because squares of extreme entries may overflow
     directions = (b / scale).reshape(n, -1)
     along = np.linalg.lstsq(directions, difference, rcond=None)[0]  # (m, n)
     rest = difference - directions @ along
@@ -302,12 +305,12 @@ def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
             f"must be matched (equal to b theta' for some theta), but the part {validate.show(rest)} is outside the range "
             f"of b = {validate.show(b)}"
         )
-    with np.errstate(over="ignore"):  # the constructor refuses an infinite theta
+    with np.errstate(over="ignore"):  # the constructor rejects an infinite theta
         return np.asarray((along / scale).T.reshape(-1))
 
 
 def parameters(field: str, theta: Any, p: int, m: int) -> Array:
-    """theta as (p m,), given in that shape or as (p, m)."""
+    """Return theta as (p m,), from that shape or from (p, m)."""
     if validate.dimensions(theta) == 2:
         return validate.vector(field, validate.array(field, theta, (p, m)).reshape(-1))
     return validate.vector(field, theta, p * m)
@@ -321,7 +324,7 @@ def _require_alone(A_m: Any, theta: Any, regressor: Any, poles: Any) -> None:
 
 
 def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array, Array, Array, FixedController]:
-    """A_m, b and theta for the state with the baseline's own states appended, and the baseline for this plant."""
+    """Return A_m, b and theta for the state with the baseline's own states appended, and the baseline for this plant."""
     A = validate.square_matrix("plant.A", A)
     b = input_matrix("plant.b", b, len(A))
     validate.instance("baseline", baseline, (Baseline, FixedController))
@@ -338,7 +341,7 @@ def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array
 def _nominal(
     physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any, baseline: Any
 ) -> tuple[Array, Array, Array, Any, Any, FixedController | None]:
-    """A_m, b, theta, x0 and input of the plant at its nominal parameters; theta is from the weighted projection."""
+    """Return A_m, b, theta, x0 and input of the plant at its nominal parameters. theta is that of the weighted projection."""
     if baseline is not None:
         _require_alone(A_m, None, None, poles)
         at = physical.nominal
@@ -356,7 +359,7 @@ def _nominal(
 
 
 def sizes_of_states(scale: Any, n: int) -> Array:
-    """The scale of each state, (n,)."""
+    """Return the scale of each state (n,)."""
     found = validate.vector("plant.scale", scale, n)
     if not (found > 0).all():
         raise InputError.of("plant.scale", f"must be positive, one for each state, got {validate.show(scale)}")
@@ -364,7 +367,7 @@ def sizes_of_states(scale: Any, n: int) -> Array:
 
 
 def inputs_of(field: str, given: Any, m: int) -> Any:
-    """One PlantInput for one input, or a tuple of m of them."""
+    """Return one PlantInput for one input, or a tuple of m of them."""
     several = tuple(given) if isinstance(given, (list, tuple)) else (given,) * m
     for path in several:
         validate.instance(field, path, PlantInput)
@@ -389,11 +392,11 @@ class Model:
         return rate if self.enters is None else rate + np.dot(self.enters, r)
 
     def output(self, x_m: Value) -> Value:
-        """The part of the model's state that the plant's output is to follow."""
+        """Return the part of the model's state that the plant's output should follow."""
         return x_m if self.states is None else x_m[: self.states]
 
     def remedy(self, gain: float) -> str | None:
-        """The k_0 with which the model would settle at the command, if it now settles at ``gain`` times the command."""
+        """Return the k_0 with which the model would settle at the command, if it now settles at ``gain`` times the command."""
         return None if gain == 0 or np.ndim(self.k_0) > 0 or self.states is not None else f"k_0 = {self.k_0 / gain:.6g}"
 
     @property
@@ -410,7 +413,7 @@ AT_REST = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel(Settings):
-    """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
+    """The reference model x_m' = A_m x_m + b k_0 r, x_m(0) = x(0), eq. (2). A_m and b are those of the plant.
 
     k_0     a number; with m inputs a matrix (m, q) for q commands. A case file gives k_0 or ``follow``; 1 by default in Python
     follow  instead of k_0: the state, by its label or as "x_1", that settles at a constant command; with m inputs a list of m
@@ -438,10 +441,10 @@ class ReferenceModel(Settings):
             freeze(self, follow=validate.line(name, self.follow))
 
     def gain(self, plant: Plant, states: Sequence[str]) -> Array | float:
-        """k_0, as given, or computed so that the chosen ``states`` of the plant settle at a constant command.
+        """Return k_0 as given, or computed so that the chosen ``states`` of the plant settle at a constant command.
 
-        Raises InputError for an unknown state, for a number of states other than the number of inputs, and for states that don't
-        have an arbitrary steady state for constant commands.
+        Raises InputError for an unknown state, for a number of states other than the number of inputs, and for states that cannot
+        settle at arbitrary constant commands.
         """
         if self.follow is None:
             assert self.k_0 is not None

@@ -1,9 +1,9 @@
-"""A sum of products as one fraction of two polynomials, and its bounds over a box of parameters.
+"""Writes a sum of products as a fraction of two polynomials, and bounds it over a box of parameters.
 
-On a box, both polynomials are combinations of the same nonnegative Bernstein polynomials: f = sum n_i B_i / sum d_i B_i. If all
+On a box, both polynomials are combinations of the same nonnegative Bernstein polynomials, f = sum n_i B_i / sum d_i B_i. If all
 d_i are positive, f lies between the smallest and the largest n_i / d_i (Garloff 1986, Interval Mathematics, LNCS 212, for
-polynomials). These bounds do not suffer from a parameter that occurs several times, and if f is extreme at a corner of the box,
-they are attained there.
+polynomials). A parameter that occurs several times does not widen these bounds. If f is extreme at a corner of the box, they are
+attained there.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ MOST_POWER = 200
 """Largest power of a factor, and of a parameter."""
 EPS = float(np.finfo(float).eps)
 ENTRY_ROUNDINGS = 16
-"""Bounds the roundings in the entries of both matrices of an axis, beside one for each power of its width."""
+"""A bound of the rounding errors in the entries of both matrices of an axis, in addition to one for each power of its width."""
 SAFE = 1e-250, 1e250
-"""Sizes of coefficients within which no product under- or overflows."""
+"""Range of the sizes of coefficients in which no product underflows or overflows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Rational:
 
     @classmethod
     def of(cls, one: Sum) -> Rational | None:
-        """None if the polynomials have too many terms or too large coefficients."""
+        """Return the fraction; None if the polynomials have too many terms or too large coefficients."""
         try:
             above, below = _without_common(*_fraction(one))
         except _TooLarge:
@@ -67,8 +67,8 @@ class Rational:
         return cls(names, *tensors)
 
     def bounds(self, low: Mapping[str, float], high: Mapping[str, float]) -> tuple[float, float, list[dict[str, float]]]:
-        """Bounds over a box, rounded outward, infinite where the denominator may vanish; and the points of the box to which the
-        extreme coefficients belong."""
+        """Return bounds over a box, rounded outward and infinite if the denominator may vanish, and the points of the box to
+        which the extreme coefficients belong."""
         ends = [self._range(name, low, high) for name in self.names]
         (n, n_error), (d, d_error) = (_bernstein(part, ends) for part in (self.above, self.below))
         if (d < 0).all():
@@ -84,7 +84,7 @@ class Rational:
         return float(lower.min() - outward * abs(lower.min())), float(upper.max() + outward * abs(upper.max())), points
 
     def _range(self, name: str, low: Mapping[str, float], high: Mapping[str, float]) -> tuple[float, float]:
-        """The range of a parameter or of a function of parameters."""
+        """Return the range of a parameter or of a function of parameters."""
         if name in low:
             return low[name], high[name]
         values = {one: Ball(arb(low[one]).union(arb(high[one]))) for one in low}
@@ -94,7 +94,8 @@ class Rational:
     def _point(
         self, index: tuple[int, ...], ends: list[tuple[float, float]], low: Mapping[str, float], high: Mapping[str, float]
     ) -> dict[str, float]:
-        """The point of the box at which a Bernstein polynomial is largest; the centre for parameters inside functions."""
+        """Return the point of the box at which a Bernstein polynomial is largest, with the centre for parameters inside
+        functions."""
         point = {name: (low[name] + high[name]) / 2 for name in low}
         for name, i, (a, b), size in zip(self.names, index, ends, self.above.shape, strict=True):
             if name in point and size > 1:
@@ -103,8 +104,8 @@ class Rational:
 
 
 def _bernstein(coefficients: Array, ends: list[tuple[float, float]]) -> tuple[Array, Array]:
-    """The Bernstein coefficients of a polynomial over a box, and bounds of their rounding errors, infinite if a number may under-
-    or overflow."""
+    """Return the Bernstein coefficients of a polynomial over a box, and bounds of their rounding errors, which are infinite if a
+    number may underflow or overflow."""
     value, size, there, roundings = coefficients, np.abs(coefficients), coefficients != 0, 1
     safe = _safe(size[there])
     for axis, (a, b) in enumerate(ends):
@@ -123,12 +124,12 @@ def _bernstein(coefficients: Array, ends: list[tuple[float, float]]) -> tuple[Ar
                 value = np.moveaxis(np.tensordot(matrix, value, (1, axis)), 0, axis)
                 size = np.moveaxis(np.tensordot(np.abs(matrix), size, (1, axis)), 0, axis)
                 there = np.moveaxis(np.tensordot(matrix != 0, there, (1, axis)), 0, axis) > 0
-                safe &= _safe(size[there])  # a sum whose parts all underflowed is found too
+                safe &= _safe(size[there])  # this also detects a sum whose parts all underflowed
     return value, 1.01 * roundings * EPS * size if safe else np.full(value.shape, np.inf)
 
 
 def _safe(sizes: Array) -> bool:
-    """Whether all lie within SAFE."""
+    """Return whether all sizes are within SAFE."""
     return bool(np.all((sizes >= SAFE[0]) & (sizes <= SAFE[1])))
 
 
@@ -137,9 +138,9 @@ class _TooLarge(Exception):
 
 
 def _fraction(one: Sum) -> tuple[Sum, Sum]:
-    """Numerator and denominator, both sums of products of positive powers of parameters and of functions of them.
+    """Return numerator and denominator, both sums of products of positive powers of parameters and of functions of them.
 
-    A factor f = N/D with powers e, from lo <= 0 to hi >= 0 over the products: f^e = N^(e - lo) D^(hi - e) / (N^-lo D^hi).
+    A factor f = N/D whose powers e range from lo <= 0 to hi >= 0 over the products is f^e = N^(e - lo) D^(hi - e) / (N^-lo D^hi).
     """
     powers: dict[str, list[int]] = {}
     for product in one:
@@ -161,7 +162,8 @@ def _fraction(one: Sum) -> tuple[Sum, Sum]:
 
 @cache
 def _parts(factor: str) -> tuple[Sum, Sum]:
-    """Numerator and denominator of a factor: a parameter, a sum, a whole power of a sum, or a function, which stays whole."""
+    """Return numerator and denominator of a factor: a parameter, a sum, a whole power of a sum, or a function, which is not
+    divided."""
     whole = {frozenset({(factor, 1)}): Fraction(1)}
     found = products_of(factor)
     if found != whole:
@@ -191,7 +193,7 @@ def _power(one: Sum, exponent: int) -> Sum:
 
 
 def _without_common(above: Sum, below: Sum) -> tuple[Sum, Sum]:
-    """Both without the monomial that divides all their terms."""
+    """Return both without the monomial that divides all their terms."""
     products = [dict(product) for product in (*above, *below)]
     common = {name: min(one.get(name, 0) for one in products) for name in products[0]}
     inverse: Product = frozenset((name, -power) for name, power in common.items() if power)

@@ -1,4 +1,4 @@
-"""Regressors phi(x) of the matched uncertainty theta'phi(x): the state itself, monomials, Gaussian functions, written terms."""
+"""Regressors phi(x) of the matched uncertainty theta'phi(x): the state itself, monomials, Gaussian functions, and formulas."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from barbalat.validate import InputError, Matrix
 
 @runtime_checkable
 class Regressor(Protocol):
-    """phi(x), known to the designer; it is written with NumPy functions, so that it can also be evaluated with symbols."""
+    """phi(x), which the designer knows. It is written with NumPy functions, so that it can also be evaluated with symbols."""
 
     def size(self, n: int) -> int:
-        """Components of phi for n states; InputError if it does not fit them."""
+        """Return the number of components of phi for n states. InputError if it does not fit them."""
         ...
 
     def __call__(self, x: Value) -> Value:
-        """phi(x), (p,), from x (n,)."""
+        """Return phi(x) (p,) from x (n,)."""
         ...
 
 
@@ -56,13 +56,13 @@ class Polynomial(Settings):
         validate.freeze(self, degree=validate.whole("plant.regressor.degree", self.degree, least=1))
 
     def powers(self, n: int) -> list[tuple[int, ...]]:
-        """The states that are multiplied in each component."""
+        """Return the states that are multiplied in each component."""
         degrees = range(0 if self.constant else 1, self.degree + 1)
         return [factors for degree in degrees for factors in combinations_with_replacement(range(n), degree)]
 
     def size(self, n: int) -> int:
-        """The components are counted and not listed: a typing error in ``degree`` would otherwise fill the memory before it is
-        refused."""
+        """Return the number of components. They are counted without being listed, because a typing error in ``degree`` would
+        otherwise fill the memory before it is refused."""
         return math.comb(n + self.degree, n) - (0 if self.constant else 1)
 
     def __call__(self, x: Value) -> Value:
@@ -126,7 +126,7 @@ class Terms(Settings):
                 "plant.regressor.terms", f"must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
             )
         validate.freeze(self, terms=tuple(self.terms))
-        self._formulas()  # refuses anything that is not a formula
+        self._formulas()  # raises InputError for anything that is not a formula
 
     def _formulas(self) -> list[Formula]:
         return [formula("plant.regressor.terms", term, STATES) for term in self.terms]
@@ -152,15 +152,16 @@ REGRESSORS = {
     "gaussian": GaussianRBF,
     "terms": Terms,
 }
-"""The registry, by the names in case files; the default is the state itself."""
+"""The regressors by their names in case files. The default is the state itself."""
 
 
 @dataclass(frozen=True, eq=False)
 class MatchedTerm:
-    """How theta enters the input channels: u_j + theta_j'phi(x), theta = (theta_1, ..., theta_m) stored row by row of (p, m).
+    """How theta enters the input channels: u_j + theta_j'phi(x), with theta = (theta_1, ..., theta_m) stored row by row of (p,
+    m).
 
-    With one input Phi(x) is the vector phi(x), (p,), and everything reads as in the paper; with m it is (p m, m), so that
-    Phi'theta is (m,). If the input gain omega is unknown too, it is estimated with theta: u then enters in the same way as Phi.
+    With one input Phi(x) is the vector phi(x) (p,), as in the paper. With m inputs it is (p m, m), so that Phi'theta is (m,). If
+    the input gain omega is unknown too, it is estimated together with theta, and u enters in the same way as Phi.
     """
 
     regressor: Regressor
@@ -168,7 +169,7 @@ class MatchedTerm:
     gain_unknown: bool = False
 
     def phi(self, x: Value) -> Value:
-        """The regressor Phi(x), with a block for each of several inputs."""
+        """Return the regressor Phi(x), with a block for each of several inputs."""
         phi = self.regressor(x)
         if self.inputs == 1:
             return phi
@@ -176,17 +177,17 @@ class MatchedTerm:
         return np.outer(phi, np.eye(m).reshape(-1)).reshape(phi.shape[0] * m, m)
 
     def with_input(self, x: Value, u: Value) -> Value:
-        """The factor of all estimates: Phi(x), followed by u if its gain is unknown."""
+        """Return the factor of all estimates, which is Phi(x), followed by u if its gain is unknown."""
         if not self.gain_unknown:
             return self.phi(x)
         return np.concatenate([self.phi(x), u.reshape(1) if self.inputs == 1 else np.eye(self.inputs) * u])
 
     def known_input(self, u: Value) -> Value:
-        """The part of u that enters the predictor without an estimate."""
+        """Return the part of u that enters the predictor without an estimate."""
         return 0 * u if self.gain_unknown else u
 
     def split(self, theta_hat: Value) -> tuple[Value, Value]:
-        """The estimates of theta and of omega; omega = 1 where it is known."""
+        """Return the estimates of theta and of omega, which is 1 if it is known."""
         if not self.gain_unknown:
             return theta_hat, 1.0
         return theta_hat[: -self.inputs], theta_hat[-1] if self.inputs == 1 else theta_hat[-self.inputs :]

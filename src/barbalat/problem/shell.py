@@ -1,4 +1,4 @@
-"""The code around a sampled controller on a flight computer: which samples it uses, and what acts without any."""
+"""The code around a sampled controller on a flight computer. It decides which samples are used and what acts without them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from barbalat.validate import InputError, freeze
 
 Fallback = Literal["hold", "zero", "baseline", "fade"]
 LEAST_BAND = 1e-3
-"""Share of the sample time: the error of a microsecond clock at 1 ms."""
+"""Smallest jitter as a share of the sample time: the error of a microsecond clock at 1 ms."""
 WIDEST_BAND = 0.5
-"""Share of the sample time: at the midpoint between two multiples the intended one would be ambiguous."""
+"""Jitter must be below this share of the sample time. At the midpoint between two multiples the intended one is ambiguous."""
 MOST_SAMPLES = 10**8
-"""Longest outage or fade: three years at a sample per second, far within the range of a long in C."""
+"""Longest outage or fade in samples. It is three years at a sample per second and far within the range of a long in C."""
 
 
 CHECKS = ("range", "rate", "stuck")
@@ -81,7 +81,7 @@ class Shell(Settings):
         self._require_together()
 
     def _require_together(self) -> None:
-        """InputError for keys that require another key."""
+        """Raise InputError for keys that require another key."""
         if self.jitter is not None and not LEAST_BAND <= self.jitter < WIDEST_BAND:
             limits = f"from {LEAST_BAND:g} to below {WIDEST_BAND:g}"
             raise InputError.of("shell.jitter", f"must be a share of the sample time {limits}, got {self.jitter:g}")
@@ -92,8 +92,8 @@ class Shell(Settings):
                     raise InputError.of(f"shell.{name}", "needs shell.longest_outage, which is missing")
 
     def require(self, names: tuple[str, ...], commands: tuple[str, ...], *, without_baseline: str | None) -> None:
-        """InputError for a channel that is neither among the measured ``names`` nor, where they are checked, among the
-        ``commands``, and for a missing baseline."""
+        """Raise InputError for a missing baseline, and for a channel that is neither among the measured ``names`` nor, if
+        commands may be given, among the ``commands``."""
         if self.fallback == "baseline" and without_baseline is not None:
             raise InputError.of("shell.fallback", f"= 'baseline' {without_baseline}: hold, zero or fade")
         for field_name in CHECKS:
@@ -109,7 +109,7 @@ class Shell(Settings):
                     raise InputError.of(f"shell.{field_name}.{key}", f"{wrong}; the names are {', '.join(known)}")
 
     def repeats(self, name: str, T: float) -> int | None:
-        """How many samples of length T [s] in a row a channel may repeat its value; None for any number.
+        """Return the number of successive samples of length T [s] in which a channel may repeat its value; None for any number.
 
         InputError for a time below T.
         """
@@ -121,7 +121,7 @@ class Shell(Settings):
         return found
 
     def samples(self, T: float) -> tuple[int, int]:
-        """The longest outage and the fade in samples of length T [s]; InputError if there are too many to count."""
+        """Return the longest outage and the fade in samples of length T [s]. InputError if there are too many to count."""
         assert self.longest_outage is not None
         fade = self.longest_outage if self.fade is None else self.fade
         return _samples("longest_outage", self.longest_outage, T), _samples("fade", fade, T)

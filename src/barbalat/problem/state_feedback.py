@@ -1,4 +1,4 @@
-"""The tracking problem with state feedback: plant and model, known set, commands, disturbances, measurement."""
+"""The tracking problem with state feedback: plant and model, known set, commands, disturbances and measurement."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from barbalat.validate import Array, InputError, freeze
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Known:
-    """What a designer knows of the problem, and a controller may use: everything but theta and d."""
+    """The knowledge about the problem that a controller may use: everything but theta and d."""
 
     A_m: Array  # (n, n)
     b: Array  # (n,), or (n, m)
@@ -55,8 +55,8 @@ class Known:
         return theta + self.inputs if self.matched.gain_unknown else theta
 
     def commanded(self, r: Value) -> Value:
-        """The command's direct part of the rate of a predictor's or a model's state, not through the input; 0 if there is
-        none."""
+        """Return the part of the rate of a predictor's or a model's state that the command causes directly, not through the
+        input; 0 if there is none."""
         return 0.0 if self.enters is None else np.dot(self.enters, r)
 
     @property
@@ -68,7 +68,7 @@ class Known:
 
     @property
     def departures(self) -> KnownSet | None:
-        """The known set of theta - theta_0, which the adaptive part estimates; without a baseline that of theta."""
+        """The known set of theta - theta_0, which the adaptive part estimates, or of theta without a baseline."""
         theta = self.theta_set
         if theta is None or self.theta_0 is None:
             return theta
@@ -215,7 +215,7 @@ class Problem(TrackingProblem, Settings):
             raise InputError.of("truth.C", f"must have {outputs}, one for each quantity that the observer measures, got {len(C)}")
 
     def _check_observer(self) -> None:
-        """The observer is designed once: it does not change when the plant is replaced."""
+        """Design the observer once. It does not change when the plant is replaced."""
         validate.instance("observer", self.observer, (Observer, FixedObserver))
         names = (self.labels or UNLABELLED).of_states(self.plant.states)
         if isinstance(self.observer, Observer):
@@ -234,10 +234,10 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def nominal_matrices(self) -> tuple[Array, Array]:
-        """A and b of the plant's own states as a designer knows them: plant.A as given, or A_m + b theta' at the middle of the
+        """A and b of the plant's own states as known to a designer: plant.A as given, or A_m + b theta' at the middle of the
         known set.
 
-        The true theta is not used, because it is unknown to controllers; without a known set A is A_m.
+        The true theta is not used, because controllers do not know it. Without a known set A is A_m.
         """
         plant = self.plant
         if plant.nominal_A is not None:
@@ -248,7 +248,7 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def fixed_observer(self) -> FixedObserver | None:
-        """The observer as it was designed; None if the state is measured."""
+        """The designed observer; None if the state is measured."""
         return self.observer if isinstance(self.observer, FixedObserver) else None
 
     @property
@@ -265,14 +265,15 @@ class Problem(TrackingProblem, Settings):
         labels, observer = self.labels, self.fixed_observer
         if labels is None or observer is None:
             return labels
-        given = labels.units  # a quantity that is no single state has no unit
+        given = labels.units  # a quantity that is not a single state has no unit
         units = tuple("" if at is None else given[at] for at in observer.places) if given else ()
         names = observer.names(labels.names) if labels.names else ()
         return replace(labels, names=names, units=units)
 
     @cached_property
     def starts_at(self) -> Array:
-        """The state from which controllers start, (n,): x0, or with an observer its estimate from the measurement of x0."""
+        """The state (n,) from which controllers start, which is x0, or with an observer its estimate from the measurement of
+        x0."""
         p = self.plant
         if self.fixed_observer is None:
             return np.asarray(p.x0)
@@ -309,7 +310,7 @@ class Problem(TrackingProblem, Settings):
 
     @cached_property
     def k_0(self) -> Array | float:
-        """The command's gain, (m, q) with m inputs: from the model or the baseline, or from the state that is to follow."""
+        """The command's gain, (m, q) with m inputs. It comes from the model, the baseline, or the state that should follow."""
         if self.plant.baseline is not None:
             return self.plant.baseline.feedforward
         return self.reference_model.gain(self.plant, (self.labels or UNLABELLED).of_states(self.plant.n))
@@ -332,8 +333,8 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
-        """The equations before each input; they contain an unknown gain even if it is 1, so that all plants have the same
-        structure."""
+        """The equations of the path before each input. They contain an unknown gain even if it is 1, so that all plants have the
+        same structure."""
         known = self.input_gain is None
         return tuple(path.path if known else path.path_of_unknown_gain for path in self.surroundings.paths)
 
@@ -346,13 +347,13 @@ class Problem(TrackingProblem, Settings):
         if self.uncertainty is None and self.input_gain is None:
             return found
         own, gains = self.uncertainty, self.input_gain
-        is_set = isinstance(own, (ParameterBox, ParameterBall))  # others are refused later
+        is_set = isinstance(own, (ParameterBox, ParameterBall))  # other types are refused later
         fits = own is None or (is_set and own.size == found.theta.size)
         pairs = None if gains is None else np.broadcast_to(gains, (self.plant.inputs, 2)).tolist()
         return replace(found, used=self._has(found), outside=found.beyond(own, pairs) if fits else "")
 
     def _has(self, found: FromRanges) -> bool:
-        """Whether the known set is the derived one, as in a copy with other fields."""
+        """Return whether the known set is the derived one, as in a copy with other fields."""
         gains = None if self.input_gain is None else np.broadcast_to(self.input_gain, (self.plant.inputs, 2)).tolist()
         own, derived = self.uncertainty, None if found.input_gain is None else [list(pair) for pair in found.input_gain]
         if not isinstance(own, ParameterBox) or own.size != found.theta.size or gains != derived:
@@ -361,14 +362,14 @@ class Problem(TrackingProblem, Settings):
 
     @cached_property
     def simulated(self) -> TruePlant | None:
-        """The plant that is simulated in place of the design plant; None if it is the same."""
+        """The plant that is simulated instead of the design plant; None if it is the same."""
         if self.truth is None and self.plant.physical is None:
             return None
         return true_plant(self.truth or Truth(), self.plant, (self.labels or UNLABELLED).of_states(self.plant.states))
 
     @property
     def design(self) -> Problem:
-        """The problem as controllers and certificates know it: the plant and the declared sets, without a truth."""
+        """The problem for controllers and certificates: the plant and the declared sets, without a truth."""
         if self.simulated is None:
             return self
         plant = replace(self.plant, physical=None)
@@ -385,7 +386,7 @@ class Problem(TrackingProblem, Settings):
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        """What acts on the simulated plant, and how it is measured."""
+        """The paths and disturbances of the simulated plant, and its measurement."""
         if self.simulated is None:
             return super().surroundings
         truth = self.truth or Truth()
@@ -394,14 +395,14 @@ class Problem(TrackingProblem, Settings):
         return Surroundings(paths, disturbance, true_unmatched(truth, self.simulated, self.unmatched), sensor)
 
     def with_inputs(self, change: Callable[[PlantInput], PlantInput]) -> Self:
-        """The problem with a changed path before each input, of both the plant and the truth."""
+        """Return the problem with a changed path before each input, of both the plant and the truth."""
         found = super().with_inputs(change)
         if self.simulated is None:
             return found
         return replace(found, truth=replace(self.truth or Truth(), input=tuple(map(change, self.surroundings.paths))))
 
     def with_sensor(self, change: Callable[[Sensor | None], Sensor | None]) -> Self:
-        """The problem with a changed sensor, of both the plant and the truth."""
+        """Return the problem with a changed sensor, of both the plant and the truth."""
         found, own = super().with_sensor(change), self.surroundings.sensor
         if self.simulated is None:
             return found

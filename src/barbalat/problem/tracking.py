@@ -1,4 +1,4 @@
-"""The common base of tracking problems, whatever is measured: commands, disturbances, sensor, and the signals that drive the
+"""The common base of tracking problems with any measurement: commands, disturbances, sensor, and the signals that drive the
 loop."""
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from barbalat.validate import Array, InputError, Vector, freeze
 
 @dataclass(frozen=True, eq=False)
 class Disturbance(Settings):
-    """direction * signal(t), added to x': a disturbance that no control can cancel.
+    """A disturbance that no control can cancel: direction * signal(t) is added to x'.
 
     direction  (n,)
-    signal     of any kind
+    signal     a signal of any kind
     """
 
     direction: Vector
@@ -49,7 +49,7 @@ class Actuated(Protocol):
 
 
 class MeasuredDynamics(Dynamics, Protocol):
-    """A plant as a loop integrates it."""
+    """A plant in the form that a loop integrates."""
 
     @property
     def outputs(self) -> int:
@@ -58,21 +58,21 @@ class MeasuredDynamics(Dynamics, Protocol):
 
 
 class ModelDynamics(Dynamics, Protocol):
-    """A reference model as a loop integrates it."""
+    """A reference model in the form that a loop integrates."""
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """A, B, C from the commands to the output that the plant's output is to follow."""
+        """A, B, C from the commands to the output that the plant's output should follow."""
         ...
 
     def remedy(self, gain: float) -> str | None:
-        """A change that would make the model settle at the command, if it now settles at ``gain`` times the command; None if
-        none is known."""
+        """Return a change with which the model would settle at the command, if it now settles at ``gain`` times the command; None
+        if none is known."""
         ...
 
 
 class Surroundings(NamedTuple):
-    """What surrounds the simulated plant."""
+    """The surroundings of the simulated plant."""
 
     paths: tuple[PlantInput, ...]  # before each input
     disturbance: Signal | None  # matched
@@ -81,7 +81,7 @@ class Surroundings(NamedTuple):
 
 
 class TrackingProblem:
-    """The attributes of a problem that a loop, a simulation and an ensemble use, whatever is measured."""
+    """The attributes of a problem that a loop, a simulation and an ensemble use, with any measurement."""
 
     plant: Actuated
     reference: Signal | tuple[Signal, ...]
@@ -92,7 +92,7 @@ class TrackingProblem:
     shell: Shell | None = None
     faults: tuple[Fault, ...] = ()
     feedback: ClassVar[str]
-    """The measurement: "state" or "output"."""
+    """What is measured: "state" or "output"."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore after ``copy.deepcopy`` and unpickling."""
@@ -104,7 +104,7 @@ class TrackingProblem:
         return f"<{type(self).__name__} {self.name!r}: {self.in_brief}; command {commands}>"
 
     def _repr_html_(self) -> str:
-        """A table for notebooks with a row for each input of the problem."""
+        """Return a table for notebooks, with a row for each input of the problem."""
         return table_of(f"Problem: {self.name}", rows_of(self))
 
     @property
@@ -114,7 +114,7 @@ class TrackingProblem:
 
     @property
     def unmatched(self) -> tuple[Disturbance, ...]:
-        """Disturbances that don't act at the input."""
+        """The disturbances that do not act at the input."""
         return ()
 
     @property
@@ -134,12 +134,12 @@ class TrackingProblem:
 
     @property
     def dynamics(self) -> MeasuredDynamics:
-        """The plant as a loop integrates it."""
+        """The plant in the form that a loop integrates."""
         raise AssertionError("a problem has a plant")
 
     @property
     def model(self) -> ModelDynamics:
-        """The reference model as a loop integrates it."""
+        """The reference model in the form that a loop integrates."""
         raise AssertionError("a problem has a model")
 
     @property
@@ -154,12 +154,12 @@ class TrackingProblem:
 
     @property
     def design(self) -> TrackingProblem:
-        """The problem as controllers and certificates know it, without the truth."""
+        """The problem for controllers and certificates, without the truth."""
         return self
 
     @property
     def true_parameters(self) -> Array | None:
-        """The values with which estimates are compared: those of the simulated plant, if it has such parameters."""
+        """The values with which estimates are compared, which are those of the simulated plant if it has such parameters."""
         return self.parameters
 
     @property
@@ -169,22 +169,22 @@ class TrackingProblem:
 
     @property
     def surroundings(self) -> Surroundings:
-        """What acts on the simulated plant, and how it is measured."""
+        """The paths and disturbances of the simulated plant, and its measurement."""
         return Surroundings(self.plant.paths, self.disturbance, self.unmatched, self.sensor)
 
     def with_inputs(self, change: Callable[[PlantInput], PlantInput]) -> Self:
-        """The problem with a changed path before each input."""
+        """Return the problem with a changed path before each input."""
         paths = tuple(map(change, self.plant.paths))
         plant = replace(self.plant, input=paths[0] if len(paths) == 1 else paths)  # type: ignore[type-var]
         return replace(self, plant=plant)  # type: ignore[type-var]
 
     def with_sensor(self, change: Callable[[Sensor | None], Sensor | None]) -> Self:
-        """The problem with a changed sensor."""
+        """Return the problem with a changed sensor."""
         return replace(self, sensor=change(self.sensor))  # type: ignore[type-var]
 
     @property
     def commands(self) -> tuple[Signal, ...]:
-        """The reference signals, always as a tuple."""
+        """The reference signals as a tuple."""
         return self.reference if isinstance(self.reference, tuple) else (self.reference,)
 
     @property
@@ -199,12 +199,12 @@ class TrackingProblem:
 
     @property
     def history(self) -> Array:
-        """The constant that leaves the delay before the run's own control does, for each input, (m,)."""
+        """The constant that leaves the delay of each input before the run's own control does (m,)."""
         return np.array([path.history for path in self.surroundings.paths])
 
     @property
     def sensor_lag(self) -> StateSpace | None:
-        """1/(lag s + 1), the filter of each measured quantity; None without a lag."""
+        """The filter 1/(lag s + 1) of each measured quantity; None without a lag."""
         sensor = self.surroundings.sensor
         if sensor is None or sensor.lag == 0:
             return None
@@ -251,18 +251,18 @@ class TrackingProblem:
 
     @property
     def command_names(self) -> tuple[str, ...]:
-        """The names of the commands in a shell; a measured channel of the same name takes precedence."""
+        """The names of the commands in a shell. A measured channel of the same name takes precedence."""
         q = len(self.commands)
         return (COMMAND,) if q == 1 else tuple(f"{COMMAND}_{i + 1}" for i in range(q))
 
     @property
     def declared_followers(self) -> tuple[int | None, ...]:
-        """For each command the index of the state that is declared to follow it; None, or no entry, if none is."""
+        """For each command the index of the state that is declared to follow it; None, or no entry, if no state is declared."""
         return ()
 
     @property
     def followed_names(self) -> tuple[str, ...]:
-        """The names of the quantities that follow the model: their labels, or x_1, x_2, ..., or y."""
+        """The names of the quantities that follow the model, which are their labels, or x_1, x_2, ..., or y."""
         labels = self.labels or UNLABELLED
         return (
             labels.of_states(int(np.size(self.model.output(self.model.x0))))
@@ -278,7 +278,7 @@ class TrackingProblem:
         return replace(self, shell=None, faults=())  # type: ignore[type-var]
 
     def require_surroundings(self) -> None:
-        """InputError if the shell or a fault names a channel that is not measured."""
+        """Raise InputError if the shell or a fault names a channel that is not measured."""
         if self.shell is not None:
             validate.instance("shell", self.shell, Shell)
             self.shell.require(self.handed_names, self.command_names, without_baseline=self._without_fallback)
@@ -294,7 +294,7 @@ class TrackingProblem:
 
     @property
     def _without_fallback(self) -> str | None:
-        """Why no baseline can act after an outage; None if one can."""
+        """The reason why no baseline can act after an outage; None if one can."""
         if self.fixed is None:
             return "needs a case with a baseline controller, and this one has none"
         if self.fixed.external:
@@ -305,7 +305,7 @@ class TrackingProblem:
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """The time functions that drive the loop, in the order that ``ClosedLoop`` expects."""
+        """The functions of time that drive the loop, in the order that ``ClosedLoop`` expects."""
         acting = self.surroundings
         matched = () if acting.disturbance is None else (acting.disturbance,)
         at_output = () if self.output_disturbance is None else (self.output_disturbance,)
@@ -316,13 +316,13 @@ class TrackingProblem:
 
 
 def require_signal(field: str, signal: Any) -> None:
-    """InputError, with the field, for an object that is not a signal."""
+    """Raise InputError, with the field, for an object that is not a signal."""
     if not validate.is_instance(signal, Signal) or isinstance(signal, type):
         raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
 
 
 def rows_of(problem: TrackingProblem) -> dict[str, str]:
-    """The inputs of a problem by name, with each of the plant's numbers separately."""
+    """Return the inputs of a problem by name, with each of the plant's numbers separately."""
     found: dict[str, str] = {}
     given: dict[str, str] = given_of(problem) if is_dataclass(problem) else {}  # type: ignore[redundant-expr]
     for name, text in given.items():
@@ -333,7 +333,7 @@ def rows_of(problem: TrackingProblem) -> dict[str, str]:
 
 
 def table_of(title: str, rows: dict[str, str]) -> str:
-    """Names and values as HTML."""
+    """Return names and values as HTML."""
     cells = (f'<tr><th scope="row" style="text-align: left">{escape(name)}</th>' for name in rows)
     values = (f'<td style="text-align: left"><code>{escape(text)}</code></td></tr>' for text in rows.values())
     body = "".join(cell + value for cell, value in zip(cells, values, strict=True))

@@ -45,7 +45,7 @@ class Friction(Settings):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth(Settings):
-    """The simulated plant; what is not given is the same as in the plant for which controllers are designed.
+    """The simulated plant. Anything that is not given is the same as in the plant for which controllers are designed.
 
     parameters   physical parameters whose values differ from the nominal ones, by name
     A            (N, N); for more states than the plant has, or other dynamics. Its entries, and those of b and x0, may be
@@ -96,14 +96,14 @@ class Truth(Settings):
 
 @dataclass(frozen=True, eq=False)
 class TruePlant:
-    """x' = A x + B v + terms, of which a controller receives S x: the system that a loop integrates in place of the plant.
+    """The system that a loop integrates instead of the plant: x' = A x + B v + terms, of which a controller receives S x.
 
     S          (n, N); None if the states are the plant's own
-    friction   (row, coulomb, width) of each
-    terms      (row, formula) of each
+    friction   (row, coulomb, width) for each friction
+    terms      (row, formula) for each term
     values     values of the parameters in the formulas
-    C          (p, N) what is measured for an observer; None if it is what the observer measures of S x
-    nonlinear  the plant, if its regressor is not the state: its uncertainty b theta'phi(x) acts in addition to A, which is then
+    C          (p, N) the measurement for an observer; None if it is the observer's own measurement of S x
+    nonlinear  the plant, if its regressor is not the state; its uncertainty b theta'phi(x) then acts in addition to A, which is
                its A_m, and B
     """
 
@@ -120,7 +120,7 @@ class TruePlant:
 
     @property
     def outputs(self) -> int:
-        """The number of measured quantities: the plant's states."""
+        """The number of measured quantities, which are the plant's states."""
         return len(self.x0) if self.S is None else len(self.S)
 
     @property
@@ -129,7 +129,7 @@ class TruePlant:
         return BEND_OF_ABS if any(self._formula(text).bends for _, text in self.terms) else None
 
     def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the input v: the part of u that reaches the plant, plus d."""
+        """Return x' for the input v, which is the part of u that reaches the plant, plus d."""
         rate = self.A @ x + np.dot(self.b, v)
         if self.nonlinear is not None:
             plant = self.nonlinear
@@ -146,7 +146,7 @@ class TruePlant:
         return rate + np.concatenate([one.reshape(1) for one in added])
 
     def output(self, x: Value) -> Value:
-        """The measurement: the plant's states."""
+        """Return the measurement, which is the plant's states."""
         return x if self.S is None else self.S @ x
 
     def _formula(self, text: str) -> Formula:
@@ -161,19 +161,19 @@ class TruePlant:
 
     @property
     def is_linear(self) -> bool:
-        """Whether only A and b act."""
+        """Whether only A and b act, without terms or friction."""
         return not self.friction and not self.terms and self.nonlinear is None
 
 
 def own_states(plant: Plant) -> TruePlant:
-    """The plant on which a baseline acts, without the baseline's states."""
+    """Return the plant on which a baseline acts, without the baseline's states."""
     A, b = plant.open_loop
     names = tuple(f"x_{i + 1}" for i in range(plant.states))
     return TruePlant(A=A, b=b, x0=np.asarray(plant.x0)[: plant.states], S=None, friction=(), terms=(), values={}, names=names)
 
 
 def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
-    """The dynamics that a truth gives to a plant whose states are called ``labels``; InputError if the two do not fit."""
+    """Return the dynamics of a truth for a plant whose states are called ``labels``. InputError if the two do not fit."""
     values = _values(truth, plant)
     if plant.physical is None and truth.parameters:
         raise InputError.of("truth.parameters", f"needs [parameters]; got {', '.join(truth.parameters)}")
@@ -210,7 +210,7 @@ def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
 
 
 def _matrices(truth: Truth, plant: Plant, values: Mapping[str, float]) -> tuple[Array, Array]:
-    """A (N, N) and b, (N,) or (N, m)."""
+    """Return A (N, N) and b, (N,) or (N, m)."""
     if not plant.is_linear:
         if truth.A is not None or truth.states is not None:
             raise InputError.of("truth.A", "and truth.states need a plant whose regressor is the state")
@@ -241,7 +241,7 @@ def _plain(given: Any) -> Any:
 
 
 def _mapped(states: Any, labels: Sequence[str], N: int) -> tuple[tuple[str, ...], Array | None]:
-    """The names of the truth's states, and the matrix that gives the plant's states; None if they are the same."""
+    """Return the names of the truth's states, and the matrix that gives the plant's states; None if they are the same."""
     n = len(labels)
     if states is None:
         return tuple(labels), None
@@ -263,7 +263,7 @@ def _mapped(states: Any, labels: Sequence[str], N: int) -> tuple[tuple[str, ...]
 
 
 def _initial(truth: Truth, plant: Plant, values: Mapping[str, float], S: Array | None) -> Array:
-    """x(0), (N,): as given, or the smallest one for which the plant's states equal x0."""
+    """Return x(0) (N,), as given, or the smallest one for which the plant's states equal x0."""
     N = plant.states if S is None else S.shape[1]
     if truth.x0 is not None:
         return validate.vector("truth.x0", evaluated("truth.x0", _plain(truth.x0), values), N)
@@ -282,7 +282,7 @@ def _row(field: str, state: str, names: tuple[str, ...]) -> int:
 
 
 def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
-    """The path before each input of the simulated plant."""
+    """Return the path before each input of the simulated plant."""
     from barbalat.problem.plant import inputs_of
 
     given, values = truth.input, _values(truth, plant)
@@ -297,7 +297,7 @@ def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
 
 
 def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | None:
-    """The sensor of the simulated plant."""
+    """Return the sensor of the simulated plant."""
     if isinstance(truth.sensor, Sensor):
         return truth.sensor
     if truth.sensor is not None:
@@ -308,12 +308,12 @@ def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | N
 
 
 def _values(truth: Truth, plant: Plant) -> Mapping[str, float]:
-    """The values of the parameters in the simulated plant, by name."""
+    """Return the values of the parameters in the simulated plant, by name."""
     return {} if plant.physical is None else plant.physical.with_values(truth.parameters)
 
 
 def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturbance, ...]) -> tuple[Disturbance, ...]:
-    """The disturbances that don't act at the input, with directions in the truth's states."""
+    """Return the disturbances that do not act at the input, with directions in the truth's states."""
     N, S = len(simulated.x0), simulated.S
     if truth.unmatched is not None:
         for one in truth.unmatched:

@@ -159,7 +159,7 @@ class FlightComparison:
 
     @cached_property
     def losses(self) -> dict[str, int]:
-        """Return the number of lost flights of each controller, the best first."""
+        """The number of lost flights of each controller, the best first."""
         counted = {several[0].controller: sum(bool(flight.lost) for flight in several) for several in self.flights}
         return dict(sorted(counted.items(), key=lambda item: item[1]))
 

@@ -190,7 +190,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     @property
     @abstractmethod
     def panels(self) -> Sequence[Shown[Flew]]:
-        """Return the panels of the picture of its flights."""
+        """The panels of the picture of its flights."""
 
     @abstractmethod
     def headline(self, model: Model) -> str:

@@ -24,14 +24,15 @@ ROUNDED_UP = 1 + 1e-12
 """Allowance for the rounding of a sum of up to thousands of numbers."""
 
 ON_THE_SPHERE = 2.0**-46
-"""An estimate this close to the sphere counts as on it: a few dozen rounding errors, relative to |center| + radius."""
+"""An estimate that is this close to the sphere counts as being on it. It is a few dozen rounding errors, relative to |center| +
+radius."""
 
 INSIDE_THE_SPHERE = 2.0**-50
 """Distance inside the sphere to which the limit moves an estimate, so that rounding cannot move it out."""
 
 SPHERE_STEPS = 6
-"""Newton steps of the implicit step; the step is valid after any number of them. Observed: the residual is below 1e-9 of the
-radius in 999 of 1000 cases, and never above 2e-3."""
+"""Number of Newton steps of the implicit step, which is valid after any number of them. In tests the residual was below 1e-9 of
+the radius in 999 of 1000 cases, and never above 2e-3."""
 
 SCALAR_ONLY = (
     "discretization = 'midpoint' projects onto a ball for a scalar gain only (not for a matrix or least squares); "
@@ -73,11 +74,11 @@ class ParameterBall(Settings):
         return bool(math.hypot(*(theta - self.center)) <= self.radius)
 
     def reached_by(self, estimates: Array) -> bool:
-        """Whether one of the estimates (K, n) is at the set's boundary, up to the last few bits."""
+        """Return whether one of the estimates (K, n) is at the set's boundary, up to the last few bits."""
         return bool((np.linalg.norm(estimates - self.center, axis=1) >= self.radius * (1 - 1e-9)).any())
 
     def within(self, bound: Fraction) -> bool:
-        """Whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
+        """Return whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
         room = bound - Fraction(self.radius)
         return room >= 0 and sum((Fraction(value) ** 2 for value in self.center.tolist()), Fraction(0)) <= room**2
 
@@ -88,38 +89,39 @@ class ParameterBall(Settings):
 
     @property
     def theta_max(self) -> float:
-        """The largest 1-norm in the set, rounded up: |center|_1 + radius sqrt(n), attained if every component moves outward
+        """The largest 1-norm in the set, |center|_1 + radius sqrt(n), rounded up. It is attained if every component moves outward
         equally."""
         return self.farthest_1(np.zeros(self.size)) * ROUNDED_UP
 
     @property
     def middle(self) -> Array:
-        """The set's centre, (n,)."""
+        """The set's centre (n,)."""
         return self.center
 
     def farthest_1(self, theta: Array) -> float:
-        """The largest 1-norm of the difference between ``theta`` and a point of the set."""
+        """Return the largest 1-norm of the difference between ``theta`` and a point of the set."""
         return float(np.abs(self.center - theta).sum() + self.radius * math.sqrt(self.size))
 
     def farthest(self, theta: Array, weights: Array | float = 1.0) -> float:
-        """The largest Euclidean distance from ``theta`` to a point of the set; with ``weights``, (p,), an upper bound of it."""
+        """Return the largest Euclidean distance from ``theta`` to a point of the set; with ``weights`` (p,), an upper bound."""
         return math.hypot(*(np.sqrt(weights) * (theta - self.center))) + self.radius * math.sqrt(np.max(weights))
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
-        """The ends along the axes, and random points of the surface: ``most`` in all."""
+        """Return the ends along the axes and random points of the surface, ``most`` in all."""
         n = self.size
         directions = rng.standard_normal((most - 2 * n, n))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.asarray(self.center + self.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Array:
-        """Uniformly distributed points of the set, (count, n): the volume within a radius is proportional to its n-th power."""
+        """Return uniformly distributed points of the set (count, n). The volume within a radius is proportional to its n-th
+        power."""
         directions = rng.standard_normal((count, self.size))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.asarray(self.center + self.radius * rng.uniform(size=(count, 1)) ** (1 / self.size) * directions)
 
     def brought_in(self, points: Array) -> Array:
-        """The points (M, n), with each point outside the set replaced by the nearest point of the set."""
+        """Return the points (M, n), with each point outside the set replaced by the nearest point of the set."""
         away = points - self.center
         return np.asarray(self.center + away * np.minimum(1, self.radius / np.linalg.norm(away, axis=1, keepdims=True)))
 
@@ -132,20 +134,21 @@ class ParameterBall(Settings):
         return self
 
     def over(self, gains: ParameterBox) -> ParameterBall:
-        """A ball that contains theta/omega for every theta in this one and every omega > 0 in any of the intervals."""
+        """Return a ball that contains theta/omega for every theta in this one and every omega > 0 in any of the intervals."""
         low, high = (1 / gains.upper).min(), (1 / gains.lower).max()  # of 1/omega
         reach = self.radius * high + math.hypot(*self.center) * (high - low) / 2
         return ParameterBall(center=self.center * (low + high) / 2, radius=float(reach) * ROUNDED_UP)
 
     @property
     def sphere(self) -> ParameterBall:
-        """The ball of the first estimates: here of all of them."""
+        """The ball of the first estimates, which here are all of them."""
         return self
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
-        """rate - Gamma g g'rate/(g'Gamma g), g = theta_hat - center, on the sphere where g'rate > 0.
+        """Return rate - Gamma g g'rate/(g'Gamma g) with g = theta_hat - center if theta_hat is on the sphere and g'rate > 0, else
+        rate.
 
-        The ball may be of the first components only; g is then zero in the others.
+        The ball may contain the first components only. g is then zero in the others.
         """
         g = theta_hat[: self.size] - self.center
         if others := rate.shape[0] - self.size:
@@ -157,36 +160,36 @@ class ParameterBall(Settings):
         return rate - gain_g * np.where(on_it, outward, 0.0)
 
     def limit(self, theta_hat: Value) -> Value:
-        """The nearest point of the set, up to the last few bits."""
+        """Return the nearest point of the set, up to the last few bits."""
         g = theta_hat - self.center
         reach = self._reach(INSIDE_THE_SPHERE)
         outside = g @ g > reach * reach
         return np.where(outside, self.center + g * (reach / np.sqrt(np.where(outside, g @ g, 1.0))), theta_hat)
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The nearest point of the set; the gain must be a scalar."""
+        """Return the nearest point of the set. The gain must be a scalar."""
         return self.limit(theta_hat)
 
     def _reach(self, slack: float) -> Value:
-        """The radius less ``slack``, which is relative to the magnitude of the subtracted numbers."""
+        """Return the radius minus ``slack``, which is relative to the magnitude of the subtracted numbers."""
         return self.radius - slack * (self.radius + np.sqrt(self.center @ self.center))
 
     def why_no_step(self, gain: Gain) -> str | None:
-        """Why there is no implicit step for such a gain: the nearest point in its metric has no closed form."""
+        """Return why there is no implicit step for such a gain, in whose metric the nearest point has no closed form."""
         return SCALAR_ONLY if gain.dimensions else None
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBall:
-        """The set that an implicit step respects; with a leakage, the concentric ball that also contains zero, towards which the
-        leakage pulls."""
+        """Return the set that an implicit step respects. With a leakage it is the concentric ball that also contains zero,
+        towards which the leakage pulls."""
         return ParameterBall(center=self.center, radius=max(self.radius, math.hypot(*self.center) if leaking else 0.0))
 
     def implicit_step(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """theta_next, for a scalar gain. The distances from the centre along phi and across it are a/(mu + k) and b/mu with mu >=
-        1.
+        """Return theta_next for a scalar gain.
 
-        mu = 1 is the step without a set, which is used with several inputs. Outside the sphere mu solves distance = radius:
-        Newton's method on 1/distance, which is concave in mu, approaches the root from below and never passes it. Each iterate mu
-        is the exact step for a larger ball. Source: More and Sorensen (1983), SIAM J. Sci. Stat. Comput. 4(3).
+        The distances from the centre along phi and across it are a/(mu + k) and b/mu with mu >= 1. mu = 1 is the step without a
+        set, which is used with several inputs. Outside the sphere mu solves distance = radius. Newton's method on 1/distance,
+        which is concave in mu, approaches the root from below and never passes it. Each iterate mu is the exact step for a larger
+        ball. Source: More and Sorensen (1983), SIAM J. Sci. Stat. Comput. 4(3).
         """
         if phi.ndim == 2:
             return gain.implicit_step(theta, phi, coupling, error)
@@ -215,9 +218,9 @@ BOX_ONLY = (
 
 @dataclass(frozen=True, eq=False)
 class ParameterProduct:
-    """Every theta in a ball, or any theta, with every input gain in its interval: two sets, each with its own projection.
+    """The set of every theta in a ball, or of any theta, with every input gain in its interval. Each part has its own projection.
 
-    A box of theta does not occur here: it forms one ``ParameterBox`` with the intervals, see ``with_gains``.
+    A box of theta does not occur here, because it forms one ``ParameterBox`` with the intervals; see ``with_gains``.
     """
 
     theta: ParameterBall | None  # None if nothing is known of theta, or if it is not projected
@@ -228,7 +231,7 @@ class ParameterProduct:
         return f"{theta}the input gains {self.gains}"
 
     def parts(self, values: Value) -> tuple[Value, Value]:
-        """theta and the input gains from all estimates."""
+        """Split all estimates into theta and the input gains."""
         theta = values.shape[0] - self.gains.size
         return values[:theta], values[theta:]
 
@@ -237,7 +240,7 @@ class ParameterProduct:
         return self.gains.contains(gains) and (self.theta is None or self.theta.contains(theta))
 
     def reached_by(self, estimates: Array) -> bool:
-        """Whether one of the estimates (K, n) is at the boundary of its set."""
+        """Return whether one of the estimates (K, n) is at the boundary of its set."""
         theta, gains = np.split(estimates, [estimates.shape[1] - self.gains.size], axis=1)
         return self.gains.reached_by(gains) or (self.theta is not None and self.theta.reached_by(theta))
 
@@ -250,13 +253,13 @@ class ParameterProduct:
         return lower, upper
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
-        """Points of the sphere with each end of every interval of the gains; InputError if theta is not bounded."""
+        """Return points of the sphere with each end of every interval of the gains. InputError if theta is not bounded."""
         gains = self.gains.extreme_points(rng, most)
         theta = self._bounded().extreme_points(rng, max(most // len(gains), 2 * self._bounded().size))
         return np.hstack([np.repeat(theta, len(gains), axis=0), np.tile(gains, (len(theta), 1))])
 
     def brought_in(self, points: Array) -> Array:
-        """The points (M, n + m), with each point outside the set replaced by the nearest point of the set."""
+        """Return the points (M, n + m), with each point outside the set replaced by the nearest point of the set."""
         theta, gains = np.split(points, [points.shape[1] - self.gains.size], axis=1)
         return np.hstack([self._bounded().brought_in(theta), self.gains.brought_in(gains)])
 
@@ -266,8 +269,8 @@ class ParameterProduct:
         return self.theta
 
     def within(self, bound: Fraction) -> bool:
-        """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: slightly stronger than |(theta, omega)|_2 <=
-        bound."""
+        """Return whether |theta|_2 + |omega|_1 <= bound in the whole set, in exact arithmetic. This is slightly stronger than
+        |(theta, omega)|_2 <= bound."""
         bound = bound - sum((Fraction(value) for value in self.gains.upper.tolist()), Fraction(0))
         return bound >= 0 and (self.theta is None or self.theta.within(bound))
 
@@ -292,13 +295,13 @@ class ParameterProduct:
 
     @property
     def cuts_corners(self) -> bool:
-        """Whether, with a gain matrix, the limit may cut off more than the proof allows: if one or two intervals follow a
-        ball."""
+        """Whether, with a gain matrix, the limit may cut off more than the proof allows, which is so if one or two intervals
+        follow a ball."""
         return self.gains.cuts_corners or self.theta is not None
 
     @property
     def steps_cut_corners(self) -> bool:
-        """Whether a step with a gain matrix may cut off more than the proof allows: there is no implicit step for it."""
+        """Whether a step with a gain matrix may cut off more than the proof allows. There is no implicit step for such a gain."""
         return self.cuts_corners
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
@@ -314,22 +317,22 @@ class ParameterProduct:
         return np.concatenate([theta, self.gains.project(rate[first:], theta_hat[first:])])
 
     def limit(self, theta_hat: Value) -> Value:
-        """The nearest point of the set, up to the last few bits for a ball."""
+        """Return the nearest point of the set, up to the last few bits for a ball."""
         theta, gains = self.parts(theta_hat)
         return np.concatenate([theta if self.theta is None else self.theta.limit(theta), self.gains.limit(gains)])
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The nearest point of the set; the gain must not be a matrix."""
+        """Return the nearest point of the set. The gain must not be a matrix."""
         return self.limit(theta_hat)
 
     def why_no_step(self, gain: Gain) -> str | None:
-        """Why there is no implicit step for such a gain."""
+        """Return why there is no implicit step for such a gain."""
         if gain.is_matrix:
             return BOX_ONLY
         return None if self.theta is None else self.theta.why_no_step(gain)
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
-        """The set that an implicit step of ``size`` estimates respects: the intervals of the input gains."""
+        """Return the set that an implicit step of ``size`` estimates respects, which are the intervals of the input gains."""
         lower, upper = (np.full(size, -UNREACHED_BOUND), np.full(size, UNREACHED_BOUND))
         lower[-self.gains.size :], upper[-self.gains.size :] = self.gains.extent
         return ParameterBox(lower=lower, upper=upper).kept_by_steps(size, leaking=leaking)

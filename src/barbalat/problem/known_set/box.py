@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from barbalat.problem.known_set.ball import ParameterBall
 
 UNREACHED_BOUND = 1e150
-"""A bound that no run reaches, because it diverges long before."""
+"""A bound that no run reaches, because the run diverges long before."""
 
 MOST_GUESSES = 4
-"""Number of guesses, with several inputs, of the components that end on a face. The step uses the guess that proves correct."""
+"""Number of guesses, with several inputs, of the components that end on a face. The step uses the guess that is correct."""
 
 AGREEMENT_TOLERANCE = 2.0**-36
-"""Relative residual of a guess in the equations: a few thousand rounding errors."""
+"""Largest relative residual of a correct guess in the equations, a few thousand rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +77,11 @@ class ParameterBox(Settings):
         return bool((self.lower <= theta).all() and (theta <= self.upper).all())
 
     def reached_by(self, estimates: Array) -> bool:
-        """Whether one of the estimates (K, n) is at the set's boundary."""
+        """Return whether one of the estimates (K, n) is at the set's boundary."""
         return bool(((estimates <= self.lower) | (estimates >= self.upper)).any())
 
     def within(self, bound: Fraction) -> bool:
-        """Whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
+        """Return whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
         farthest = np.maximum(np.abs(self.lower), np.abs(self.upper))
         return sum((Fraction(value) ** 2 for value in farthest.tolist()), Fraction(0)) <= bound**2
 
@@ -100,19 +100,20 @@ class ParameterBox(Settings):
 
     @property
     def middle(self) -> Array:
-        """The set's centre, (n,)."""
+        """The set's centre (n,)."""
         return np.asarray((self.lower + self.upper) / 2)
 
     def farthest_1(self, theta: Array) -> float:
-        """The largest 1-norm of the difference between ``theta`` and a point of the set."""
+        """Return the largest 1-norm of the difference between ``theta`` and a point of the set."""
         return float(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta)).sum())
 
     def farthest(self, theta: Array, weights: Array | float = 1.0) -> float:
-        """The largest Euclidean distance from ``theta`` to a point of the set, with the squares weighted by ``weights``, (p,)."""
+        """Return the largest Euclidean distance from ``theta`` to a point of the set, with squares weighted by ``weights``
+        (p,)."""
         return float(np.linalg.norm(np.sqrt(weights) * np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
-        """The vertices, or ``most`` of them, drawn at random."""
+        """Return the vertices, or ``most`` randomly drawn ones."""
         if 2**self.size <= most:
             signs = np.array(list(itertools.product((0.0, 1.0), repeat=self.size)))
         else:
@@ -120,11 +121,11 @@ class ParameterBox(Settings):
         return np.asarray(self.lower + signs * (self.upper - self.lower))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Array:
-        """Uniformly distributed points of the set, (count, n)."""
+        """Return uniformly distributed points of the set (count, n)."""
         return rng.uniform(self.lower, self.upper, (count, self.size))
 
     def brought_in(self, points: Array) -> Array:
-        """The points (M, n), with each point outside the set replaced by the nearest point of the set."""
+        """Return the points (M, n), with each point outside the set replaced by the nearest point of the set."""
         return np.clip(points, self.lower, self.upper)
 
     def with_gains(self, gains: ParameterBox) -> ParameterBox:
@@ -133,7 +134,7 @@ class ParameterBox(Settings):
 
     @property
     def intervals(self) -> ParameterBox:
-        """The intervals of the last estimates: here of all of them."""
+        """The intervals of the last estimates, which here are all of them."""
         return self
 
     def of_theta(self, count: int) -> ParameterBox:
@@ -141,7 +142,7 @@ class ParameterBox(Settings):
         return self if count == self.size else ParameterBox(lower=self.lower[:count], upper=self.upper[:count])
 
     def over(self, gains: ParameterBox) -> ParameterBox:
-        """The smallest box that contains theta/omega for every theta in this one and every omega > 0 in the interval."""
+        """Return the smallest box that contains theta/omega for every theta in this one and every omega > 0 in the interval."""
         ends = np.stack([self.lower / gains.lower, self.lower / gains.upper, self.upper / gains.lower, self.upper / gains.upper])
         return ParameterBox(lower=ends.min(axis=0), upper=ends.max(axis=0))
 
@@ -156,11 +157,11 @@ class ParameterBox(Settings):
 
     @property
     def steps_cut_corners(self) -> bool:
-        """Whether ``nearest``, at the end of a sample's step, may cut off more than the proof of V' <= 0 allows."""
-        return len(self.faces) > cone.EXACT_FACES_OF_STEPS  # projections on two faces in turn are exact
+        """Whether ``nearest``, at the end of a step over a sample, may cut off more than the proof of V' <= 0 allows."""
+        return len(self.faces) > cone.EXACT_FACES_OF_STEPS  # projections onto two faces in turn are exact
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
-        """Project the rate: a component on a face does not move outward; a gain matrix moves the others with it."""
+        """Project the rate. A component on a face does not move outward, and with a gain matrix this changes the others too."""
         if gain.is_matrix:
             return cone.onto_the_cone(rate, theta_hat, self, gain.value)
         highest = np.where(theta_hat >= self.upper, 0.0, np.inf)
@@ -168,31 +169,31 @@ class ParameterBox(Settings):
         return np.maximum(np.minimum(rate, highest), lowest)
 
     def limit(self, theta_hat: Value) -> Value:
-        """The nearest point of the set."""
+        """Return the nearest point of the set."""
         return np.clip(theta_hat, self.lower, self.upper)
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """A point of the set that is no farther than ``theta_hat`` from any point of the set in the metric Gamma^-1."""
+        """Return a point of the set that is no farther than ``theta_hat`` from any point of the set in the metric Gamma^-1."""
         return self.limit(cone.nearest(theta_hat, self, gain.value) if gain.is_matrix else theta_hat)
 
     def why_no_step(self, gain: Gain) -> str | None:
-        """Why there is no implicit step for such a gain; None, because there is one for every gain."""
+        """Return None, because there is an implicit step for every gain."""
         return None
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
-        """The set that an implicit step respects; with a leakage, the smallest box that also contains zero, towards which the
-        leakage pulls."""
+        """Return the set that an implicit step respects. With a leakage it is the smallest box that also contains zero, towards
+        which the leakage pulls."""
         if not leaking:
             return ParameterBox(lower=self.lower, upper=self.upper)
         return ParameterBox(lower=np.minimum(self.lower, 0.0), upper=np.maximum(self.upper, 0.0))
 
     def implicit_step(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """theta_next, for a scalar or diagonal gain. With one input theta_next = limit(theta + Gamma phi s).
+        """Return theta_next for a scalar or diagonal gain. With one input theta_next = limit(theta + Gamma phi s).
 
         As |s| grows from zero, component i of the estimate moves at gamma_i |phi_i| until it reaches its bound at the distance
-        room_i: |error| = |s| + K sum_i |phi_i| min(gamma_i |phi_i| |s|, room_i). The right side is concave and piecewise linear
-        in |s|, so it is the minimum of its lines, and |s| is the largest of their roots. The lines differ in the components that
-        have reached their bound, which they do one after another.
+        room_i. Therefore |error| = |s| + K sum_i |phi_i| min(gamma_i |phi_i| |s|, room_i). The right side is concave and
+        piecewise linear in |s|, so it is the minimum of its lines, and |s| is the largest of their roots. The lines differ in the
+        components that have reached their bound, which happens one after another.
         """
         if phi.ndim == 2:
             return self._step_of_several_inputs(theta, gain, phi, coupling, error)
@@ -207,8 +208,8 @@ class ParameterBox(Settings):
         return self.limit(theta + gain.times(phi) * np.where(error > 0, largest, -largest))
 
     def _step_of_several_inputs(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """The step for several inputs: with the components on a face guessed, s solves a linear system; otherwise the step
-        ignores the set."""
+        """Return the step for several inputs. If the components that end on a face are guessed correctly, s solves a linear
+        system; otherwise the step ignores the set."""
         inputs, moves = phi.shape[1], gain.as_matrix(phi.shape[0]) @ phi
         free = gain.implicit_step(theta, phi, coupling, error)
         wanted = free

@@ -1,4 +1,5 @@
-"""A box with a gain matrix, or a covariance: the nearest rate that does not leave the box, and the nearest point in it."""
+"""Projections onto a box with a gain matrix or a covariance: the nearest rate that does not leave the box, and the nearest
+point in it."""
 
 from __future__ import annotations
 
@@ -13,22 +14,23 @@ if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
 
 EXACT_FACES = 4
-"""Largest number of faces with an exact projection for a gain matrix, which tries all 2^n sets of faces."""
+"""Largest number of faces for which the projection with a gain matrix is exact. It tries all 2^n sets of faces."""
 EXACT_FACES_OF_STEPS = 2
-"""Largest number of faces with which a step over a sample is moved back into the box without an effect on V: see
+"""Largest number of faces with which a step over a sample is moved back into the box without an increase of V; see
 ``nearest``."""
 CONE_PASSES = 3
-"""Passes over more faces, and over the half spaces of the box; any remainder outside is cut off afterwards."""
+"""Number of passes over more faces, and over the half spaces of the box. Any remainder outside is cut off afterwards."""
 
 
 def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int = 0) -> Value:
-    """The nearest rate, in the metric Gamma^-1 of a matrix, that does not leave the box of the components from ``first`` on.
+    """Return the nearest rate, in the metric Gamma^-1 of a matrix, that does not leave the box of the components from ``first``
+    on.
 
-    It is rate - Gamma g with g = sum of s_i lambda_i e_i over the faces that theta_hat is on, their outward sides s_i, and lambda
-    >= 0. With M = S Gamma S and b = S rate on these faces, M lambda >= b, and lambda_i = 0 where that is strict; this makes it
-    unique (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). Up to ``EXACT_FACES`` faces, the set
-    with lambda > 0 is found by trying all of them; with more faces, ``CONE_PASSES`` Gauss-Seidel passes approximate it with
-    lambda >= 0, and any remaining outward rate is cut off by the limit, for which a decrease of V is not claimed.
+    It is rate - Gamma g with g = sum of s_i lambda_i e_i over the faces on which theta_hat lies, with their outward sides s_i and
+    lambda >= 0. With M = S Gamma S and b = S rate on these faces, M lambda >= b, and lambda_i = 0 where the inequality is strict.
+    This makes lambda unique (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). For up to
+    ``EXACT_FACES`` faces, all sets of faces with lambda > 0 are tried. For more faces, ``CONE_PASSES`` Gauss-Seidel passes
+    approximate lambda >= 0, and the limit cuts off any remaining outward rate. A decrease of V is then not claimed.
     """
     if len(box.faces) <= 2:
         return _face_by_face(rate, theta_hat, box, gain, first)
@@ -51,10 +53,10 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 
 def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int) -> Value:
-    """The projection for one or two faces: rate - Gamma g max(0, g'rate)/(g'Gamma g) on each in turn.
+    """Return the projection for one or two faces, rate - Gamma g max(0, g'rate)/(g'Gamma g) on each in turn.
 
-    With one face no outward rate remains. In a corner of two faces the remaining outward rate of the first, r > 0, is cut off by
-    the limit without an increase of V: it remains only if Gamma_12 < 0 between the outward sides, so that Gamma^-1 (r, 0) >= 0.
+    With one face no outward rate remains. In a corner of two faces the limit cuts off the remaining outward rate of the first,
+    r > 0, without an increase of V. It remains only if Gamma_12 < 0 between the outward sides, and then Gamma^-1 (r, 0) >= 0.
     """
     for component in box.faces:
         i = first + component
@@ -66,8 +68,8 @@ def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 
 def nearest(theta_hat: Value, box: ParameterBox, gamma: Value) -> Value:
-    """Project onto the box's half spaces in turn, each time orthogonally in the metric Gamma^-1; the limit cuts off the
-    remainder outside. A single face is reached by one projection."""
+    """Project onto the box's half spaces in turn, each time orthogonally in the metric Gamma^-1. The limit cuts off the remainder
+    outside. One projection reaches a single face."""
     for _ in range(CONE_PASSES if len(box.faces) > 1 else 1):
         for i in box.faces:
             excess = theta_hat[i] - np.clip(theta_hat[i], box.lower[i], box.upper[i])
@@ -76,9 +78,9 @@ def nearest(theta_hat: Value, box: ParameterBox, gamma: Value) -> Value:
 
 
 def _by_all_sets(M: list[list[Value]], b: list[Value], fixed: list[Value]) -> list[Value]:
-    """lambda of the set of faces whose smallest multiplier and slack are largest: none is negative, up to rounding errors.
+    """Return lambda of the set of faces whose smallest multiplier or slack is largest. None is negative, up to rounding errors.
 
-    A face that is both sides at once (``fixed``) is always in the set, with a multiplier of either sign.
+    A face whose two sides coincide (``fixed``) is always in the set, with a multiplier of either sign.
     """
     faces = range(len(b))
     best: Value = -np.inf
@@ -112,7 +114,7 @@ def _by_sweeps(M: list[list[Value]], b: list[Value], fixed: list[Value]) -> list
 
 
 def _solve(A: list[list[Value]], b: list[Value]) -> list[Value]:
-    """A^-1 b of a symmetric positive definite matrix of expressions, by elimination."""
+    """Return A^-1 b for a symmetric positive definite matrix of expressions, by elimination."""
     A, b = [list(row) for row in A], list(b)
     for k in range(len(b)):
         for i in range(k + 1, len(b)):

@@ -13,7 +13,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """A law's gain, or its covariance, in numbers or symbols; this class handles the three kinds."""
+    """A law's gain, or its covariance, of any of the three kinds, in numbers or symbols."""
 
     value: Value
     dimensions: int = field(init=False, repr=False)  # 0 for a number, 1 for a diagonal, 2 for a matrix
@@ -31,26 +31,26 @@ class Gain:
         return self.is_matrix and bool((self.value - np.diag(np.diag(self.value))).any())
 
     def require_size(self, field: str, n: int) -> None:
-        """InputError if a diagonal or a matrix does not have the size of the problem."""
+        """Raise InputError if a diagonal or a matrix does not have the size of the problem."""
         if self.dimensions and self.value.shape not in ((n,), (n, n)):
             got = f"{' x '.join(map(str, self.value.shape))}: {validate.show(self.value)}"
             raise InputError.of(field, f"must fit the {validate.counted(n, 'parameter')}, got {got}")
 
     @property
     def largest(self) -> float:
-        """The largest eigenvalue, up to rounding; a number is its own."""
+        """The largest eigenvalue, up to rounding, or the number itself."""
         return float(np.linalg.eigvalsh(self.value)[-1]) if self.is_matrix else float(np.max(self.value))
 
     def times(self, vector: Value) -> Value:
-        """The product Gamma v."""
+        """Return Gamma v."""
         return self.value @ vector if self.is_matrix else self.value * vector
 
     def scaled(self, scalar: Value, vector: Value) -> Value:
-        """The product Gamma s v for a scalar s."""
+        """Return Gamma s v for a scalar s."""
         return self.value @ (scalar * vector) if self.is_matrix else self.value * scalar * vector
 
     def over(self, T: float) -> Gain:
-        """The gain T Gamma of a step over T seconds."""
+        """Return the gain T Gamma of a step over T seconds."""
         return Gain(T * self.value)
 
     def of_first(self, n: int) -> Gain:
@@ -58,13 +58,13 @@ class Gain:
         return self if self.dimensions == 0 else Gain(self.value[:n])
 
     def as_matrix(self, n: int) -> Value:
-        """(n, n) the gain as a matrix, whichever kind it was given as."""
+        """Return the gain of any kind as a matrix (n, n)."""
         return self.value if self.is_matrix else self.value * np.eye(n)
 
     def implicit_step(self, theta: Value, phi: Value, coupling: Value, error: Value) -> Value:
-        """theta_next = theta + Gamma phi s with s = error - K phi'(theta_next - theta), K = ``coupling``.
+        """Return theta_next = theta + Gamma phi s with s = error - K phi'(theta_next - theta), K = ``coupling``.
 
-        phi (n,), or with m inputs phi (n, m), coupling (m, m) and error (m,).
+        phi is (n,). With m inputs phi is (n, m), coupling (m, m) and error (m,).
         """
         if phi.ndim == 1:
             moves = self.times(phi)
@@ -74,7 +74,7 @@ class Gain:
 
 
 def quadratic(phi: Value, gain_phi: Value) -> Value:
-    """phi'Gamma phi, clipped at zero, because Gamma may be a covariance that rounding or a bit flip has made indefinite."""
+    """Return phi'Gamma phi, clipped at zero, because rounding or a bit flip may have made a covariance Gamma indefinite."""
     return np.maximum(phi @ gain_phi, 0)
 
 
@@ -82,7 +82,8 @@ UNIT_GAIN = Gain(1.0)
 
 
 def accept(field: str, value: float | Array) -> float | Array:
-    """A positive number as a float, a positive diagonal or an s.p.d. matrix as a read-only array; InputError for other values."""
+    """Return a positive number as a float, or a positive diagonal or an s.p.d. matrix as a read-only array. InputError for other
+    values."""
     if isinstance(value, (bool, int, float, np.integer, np.floating)):
         return validate.positive(field, value)
     kinds = f"{field} must be a positive number, a list of them (a diagonal) or a symmetric positive definite matrix"
@@ -101,7 +102,7 @@ def accept(field: str, value: float | Array) -> float | Array:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Positive definite beyond rounding: the smallest eigenvalue is computed with an error of the order of eps times the
-    largest."""
+    """Return whether the matrix is positive definite beyond rounding. The error of the smallest eigenvalue is of the order of eps
+    times the largest."""
     eigenvalues = np.linalg.eigvalsh(matrix)
     return bool(eigenvalues[0] > len(matrix) * np.finfo(float).eps * eigenvalues[-1])

@@ -122,7 +122,7 @@ class Simulator:
 
     @property
     def accelerations(self) -> Array:
-        """Return the derivatives (6,) of the velocity [m/s^2] and of the body's rates [rad/s^2] in the current state."""
+        """The derivatives (6,) of the velocity [m/s^2] and of the body's rates [rad/s^2] in the current state."""
         self.mujoco.mj_forward(self.model, self.data)
         return np.asarray(self.data.qacc[:6].copy())
 

@@ -145,7 +145,7 @@ class CommandErrors:
 
     @property
     def small(self) -> Reading:
-        """Return the supplementary reading that the error is small at the end of the run. The sentence does not name a rate."""
+        """The supplementary reading that the error is small at the end of the run. The sentence does not name a rate."""
         small, worst = self.late < SMALL_ERROR_SHARE, int(self.late.argmax())
         return Reading(
             f"{self.scheme}: at the end of the run the error is below {SMALL_ERROR_SHARE:g} of the largest |x_m| with every command",
