@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 
 def look(findings: Callable[[Browser], Iterable[str]]) -> int:
-    """Print each fault on a line; returns the exit code."""
+    """Print each fault on a line and return the exit code."""
     with launched() as browser:
         found = list(dict.fromkeys(findings(browser)))
     print("\n".join(found) or "no findings")  # noqa: T201
@@ -21,7 +21,7 @@ def look(findings: Callable[[Browser], Iterable[str]]) -> int:
 
 @contextmanager
 def launched() -> Iterator[Browser]:
-    """Ends the process if there is no browser."""
+    """The running browser. The process ends if there is none."""
     executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
     if executable is None:
         sys.exit("no browser: install Debian's chromium, or name one by BROWSER")
@@ -32,7 +32,7 @@ def launched() -> Iterator[Browser]:
 
 
 def overheard(tab: Page, own: tuple[str, ...]) -> list[str]:
-    """The page's console messages and errors from now on, and its requests to addresses outside its ``own``."""
+    """The page's console messages and errors from now on, and its requests to addresses not in ``own``."""
     said: list[str] = []
     tab.on("console", lambda message: said.append(f"console: {message.text} {message.location['url']}"))
     tab.on("pageerror", lambda error: said.append(f"error: {error}"))

@@ -1,4 +1,4 @@
-"""Problems that many tests share, and the tests that the short command leaves to the full one."""
+"""Problems that many tests share, and the selection of the tests that run only with the full command."""
 
 from __future__ import annotations
 
@@ -66,9 +66,10 @@ def _figures_closed() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
-    """``sample(short, full)``: how many random problems a test draws; with --rest a quarter of all, and no fewer than in short.
+    """``sample(short, full)`` is the number of random problems that a test draws. With --rest it is a quarter of all, but no
+    fewer than in the short tests.
 
-    If ``full`` is smaller than ``short``, both are strides over a list, and --rest takes four times ``full``.
+    If ``full`` is smaller than ``short``, both are strides over a list, and with --rest the stride is four times ``full``.
     """
     if request.config.getoption("full"):
         return lambda short, full: full
@@ -79,8 +80,8 @@ def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
 
 @pytest.fixture(scope="session")
 def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], list[Any]]:
-    """``by_turns(items, few)``: ``few`` of them in the short command, with --rest a tenth, selected by the commit, and all with
-    --full."""
+    """``by_turns(items, few)`` returns ``few`` of the items in the short tests, a tenth with --rest, each selected by the commit,
+    and all with --full."""
     if request.config.getoption("full"):
         return lambda items, few: list(items)
     if request.config.getoption("rest"):
@@ -90,8 +91,8 @@ def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], l
 
 @pytest.fixture(scope="session", autouse=True)
 def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Most tests' runs are short, so their code is compiled without optimisation; the full command optimises all code, as for
-    long runs."""
+    """Most tests have short runs, so that their code is compiled without optimisation. The full command optimises all code, as
+    for long runs."""
     with pytest.MonkeyPatch.context() as changed:
         if request.config.getoption("full") or request.config.getoption("rest"):
             changed.setattr("barbalat.run.kernel.step.STEPS_WORTH_OPTIMISING", 0)

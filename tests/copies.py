@@ -19,7 +19,7 @@ def package_in(folder: Path) -> Path:
 
 
 def python_says(*arguments: str, path: Path) -> str:
-    """What Python prints in a separate process that imports from this folder first."""
+    """The output of Python in a separate process that imports from this folder first."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), *(part for part in sys.path if part)])}
     done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=False, cwd=path)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr
@@ -27,12 +27,12 @@ def python_says(*arguments: str, path: Path) -> str:
 
 
 def barbalat_says(*arguments: str, path: Path) -> str:
-    """What the program prints in a separate process that imports from this folder first."""
+    """The output of the program in a separate process that imports from this folder first."""
     return python_says("-m", "barbalat", *arguments, path=path)
 
 
 def with_entry_point(folder: Path, group: str, package: str) -> None:
-    """What an installer leaves of a distribution that declares it."""
+    """Write the files that an installer writes for a distribution with this entry point."""
     made = folder / "others-1.0.dist-info"
     made.mkdir()
     (made / "METADATA").write_text("Metadata-Version: 2.1\nName: others\nVersion: 1.0\n")

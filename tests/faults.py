@@ -1,6 +1,6 @@
 """Plants faults in a copy of the sources, one at a time, and reports which tests find them: ``./dev faults``.
 
-A test suite that has become faster must not have become weaker. A seed draws the faults over kinds (a sign, an index, a dropped
+A faster test suite must not be a weaker one. A seed draws faults of several kinds (a sign, an index, a dropped
 term, swapped arguments, a wrong direction of a bound or a rounding) and rooms of the house. The tests of its own room run on each
 fault, then the whole short command, both until the first failure; if these find nothing, the rest of the full command runs.
 The draw depends on the sources, so that a seed names the same faults only at the same commit. ``--from K`` continues after a
@@ -48,7 +48,7 @@ MIRRORS = {
     "problem": ["tests/problem", "tests/adaptation", "tests/test_validate.py"],
     "solvers": ["tests/solvers", "tests/contracts/test_solvers.py", "tests/test_validate.py"],
 }
-"""The first tests to meet a fault of a room; where it is not named, its own mirror."""
+"""The first tests for a fault of a room. For a room without an entry they are in its mirror."""
 
 OTHER_WAY = {
     "up": "down", "upper": "lower", "floor": "ceil", "abs_upper": "abs_lower", "ROUND_CEILING": "ROUND_FLOOR",
@@ -59,15 +59,15 @@ NOT_SWAPPED = {
     "isinstance", "issubclass", "hasattr", "getattr", "setattr", "__setattr__", "cast", "Function", "SX",
     "max", "min", "maximum", "minimum", "hypot", "zip",
 }  # fmt: skip
-"""Calls whose first arguments are of different kinds, so that no test is needed, or may be swapped without a change."""
+"""Calls whose first arguments have different types, so that no test is needed, or may be swapped without effect."""
 
 STAGE_LIMIT = 1800.0
-"""Seconds; a fault with which a stage takes as long makes a loop endless, and is found."""
+"""Time limits in seconds. If a stage takes as long, the fault has caused an endless loop and counts as found."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One replacement in one file: bytes ``start`` to ``stop`` become ``text``."""
+    """One replacement in one file: ``text`` replaces the bytes ``start`` to ``stop``."""
 
     room: str
     kind: str
@@ -96,7 +96,7 @@ class _Places(ast.NodeVisitor):
         )
 
     def visit_Raise(self, node: ast.Raise) -> None:
-        """The wording of a message is not one of the faults planted here."""
+        """Plant no faults in the wording of messages."""
 
     visit_JoinedStr = visit_Import = visit_ImportFrom = visit_Raise
 
@@ -118,7 +118,7 @@ class _Places(ast.NodeVisitor):
     def visit_BinOp(self, node: ast.BinOp) -> None:
         if isinstance(node.op, (ast.Add, ast.Sub)) and not (_is_text(node.left) or _is_text(node.right)):
             stop, last = self.span(node.left)[1], self.span(node)[1]
-            between = self.source[stop : self.span(node.right)[0]].decode()  # the operator, and parentheses of either side
+            between = self.source[stop : self.span(node.right)[0]].decode()  # the operator, and parentheses of both sides
             sign = min(between.find(mark) for mark in "+-" if mark in between)
             other = "-" if between[sign] == "+" else "+"
             self.found.append(("sign", stop + sign, stop + sign + 1, other))
@@ -164,7 +164,7 @@ class _Places(ast.NodeVisitor):
 
 
 def _is_text(node: ast.AST) -> bool:
-    """+ concatenates text and lists and is no sum there."""
+    """Whether + concatenates text or lists and is not a sum."""
     return isinstance(node, (ast.List, ast.Tuple, ast.JoinedStr, ast.ListComp)) or (
         isinstance(node, ast.Constant) and isinstance(node.value, str)
     )
@@ -187,7 +187,7 @@ def places(room: str) -> Iterator[Fault]:
 
 
 def draw(seed: int, count: int) -> list[Fault]:
-    """This many faults drawn by the seed, one room after another, each of a kind that the room's last faults did not have."""
+    """This many random faults, one room after another, each of a kind that the room's last faults did not have."""
     random_ = random.Random(seed)
     left: dict[str, dict[str, list[Fault]]] = {}
     for room in ROOMS:
@@ -208,7 +208,7 @@ def draw(seed: int, count: int) -> list[Fault]:
 
 
 class Copy:
-    """A copy of sources and tests in which faults are planted; the working tree is never touched."""
+    """A copy of sources and tests in which faults are planted. The working tree is never changed."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -224,7 +224,7 @@ class Copy:
         self.environment = os.environ | threads | {"PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def first_failure(self, *options: str) -> str | None:
-        """The test that fails first; None if all pass."""
+        """The test that fails first, or None if all pass."""
         command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=no", "-rfE", *options]
         try:
             done = subprocess.run(
@@ -268,7 +268,7 @@ def _words(path: Path) -> set[str]:
 
 
 def found_by(copy: Copy, fault: Fault, workers: str, *, full: bool) -> tuple[str, str]:
-    """(command, test) that finds the fault; ("nothing", "") if none does."""
+    """(command, test) that finds the fault, or ("nothing", "") if none does."""
     path = copy.folder / fault.file
     source = path.read_bytes()
     path.write_bytes(source[: fault.start] + fault.text.encode() + source[fault.stop :])

@@ -1,9 +1,10 @@
-"""Explorers in Debian's Firefox: every slider moved, every figure equal in every bit to a run of the copied case file.
+"""Explorers in Debian's Firefox: every slider is moved, and every figure must equal that of a run of the copied case file in
+every bit.
 
     python tests/firefox_explorer.py [CASE ...]
 
-Needs firefox-esr, or the browser that FIREFOX names, and node and npm, which install puppeteer-core into a temporary folder:
-Playwright drives only its own Firefox. Each fault is printed on a line, and the exit code is then 1.
+It needs firefox-esr or the browser named by FIREFOX, and node and npm, which install puppeteer-core into a temporary folder,
+because Playwright drives only its own Firefox. Each fault is printed on a line, and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ CASES = ("quadrotor-pitch", str(Path(__file__).parent / "explorer" / "everything
 
 
 def main(cases: list[str]) -> int:
-    """Returns the exit code."""
+    """Check the cases and return the exit code."""
     firefox = os.environ.get("FIREFOX") or shutil.which("firefox-esr") or shutil.which("firefox")
     if firefox is None or shutil.which("npm") is None:
         sys.exit("no Firefox, or no npm: install Debian's firefox-esr, nodejs and npm, or name a Firefox by FIREFOX")
@@ -36,7 +37,7 @@ def main(cases: list[str]) -> int:
         subprocess.run(
             ["npm", "install", "--silent", "--no-audit", "--prefix", folder, DRIVER], check=True, stdout=subprocess.DEVNULL
         )
-        shutil.copy(SCRIPT, made)  # Node looks for modules beside it
+        shutil.copy(SCRIPT, made)  # Node looks for modules in the same folder
         pages = [
             Explorer(TextSource(CaseText.read(case))).save(made / f"{Path(case).stem}.html").as_uri() for case in cases or CASES
         ]

@@ -1,4 +1,4 @@
-"""Controllers as a user outside the package writes them: a correct one, and faulty ones named by their fault."""
+"""Controllers as a user writes them outside the package: a correct one, and faulty ones named by their fault."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Plain:
-    """u = -theta_hat'x + k_0 r with theta_hat' = gamma x (e'P b), by hand: without the package's settings."""
+    """u = -theta_hat'x + k_0 r with theta_hat' = gamma x (e'P b), by hand and without the package's settings."""
 
     gamma: float
     name: str = "plain"
@@ -45,7 +45,7 @@ class PlainEquations:
 
 
 class Bare:
-    """The same without dataclasses: attributes that are set in __init__, and the equations in the same object."""
+    """The same law without dataclasses: attributes are set in __init__, and the equations are in the same object."""
 
     def __init__(self, gamma, name="bare"):
         self.gamma, self.name = gamma, name
@@ -60,7 +60,7 @@ class Bare:
 
 
 class Proportional:
-    """Nothing is estimated: u = k_0 r - K'x."""
+    """A controller without estimates, u = k_0 r - K'x."""
 
     name = "proportional"
 
@@ -85,7 +85,7 @@ class Proportional:
 
 
 def wrong(**equations):
-    """A ``Plain`` whose equations are replaced by others, each a function of (self, *arguments)."""
+    """A ``Plain`` with some equations replaced, each by a function of (self, *arguments)."""
     kind = type("WrongEquations", (PlainEquations,), equations)
 
     @dataclass(frozen=True)
@@ -159,4 +159,4 @@ WRONG = {
     "no theta_hat": (wrong(initial=lambda self: NoEstimate(np.zeros(2))), "initial", "theta_hat"),
     "nan": (wrong(initial=lambda self: PlainState(np.full(2, np.nan))), "initial", "finite"),
 }
-"""By what is wrong: the controller, the equation that the message names, and a word of the remedy."""
+"""By fault: the controller, the equation that the message names, and a word of the remedy."""

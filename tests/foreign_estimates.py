@@ -1,8 +1,8 @@
-"""Laws as a user outside the package writes them, whose estimates are not the plant's parameters one by one.
+"""Laws as a user writes them outside the package, whose estimates are not the plant's parameters one by one.
 
 ``HighOrder`` has a second layer behind its estimates, ``Predicting`` a predictor that starts where the plant does, ``Weighing``
 estimates the sixteen weights of a network, ``Sliding`` estimates nothing. All are for two states and one input. The file is not
-imported under the package's name: ``--controllers`` takes it directly.
+imported under the package's name, because ``--controllers`` loads it directly.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class WithPredictor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PredictingEquations:
-    """The tracking error and a predictor's error drive the estimates. Its initial state consists of floats only."""
+    """The tracking error and a predictor's error drive the estimates. The initial state consists only of floats."""
 
     gamma: float
     known: Any
@@ -95,7 +95,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WeighingEquations:
-    """Gaussians on a grid of four by four; ``box`` is the known set of theta, which says nothing about the weights."""
+    """Gaussians on a grid of four by four. ``box`` is the known set of theta, which says nothing about the weights."""
 
     gamma: float
     centres: np.ndarray
@@ -139,7 +139,7 @@ class Twisted(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlidingEquations:
-    """A twisting term with an adaptive gain, made smooth: no parameter is estimated."""
+    """A smoothed twisting term with an adaptive gain. No parameter is estimated."""
 
     w: float
     k_0: float

@@ -1,9 +1,9 @@
-"""Plausible cases through every command: ``./dev fuzz [CASE]``; exit code 1 where one fails.
+"""Run plausible cases through every command: ``./dev fuzz [CASE]``. The exit code is 1 if one fails.
 
-A case is drawn from the schema (``plausible``), or is a bundled case, or the given one, with changed numbers and further keys.
+A case is drawn from the schema (``plausible``), or is a bundled case or the given one with changed numbers and further keys.
 It is run and certified, and each other command runs on a part of the cases. A command must end with exit code 0 and strict JSON,
-or with exit code 2 and one sentence, within its processor time. A guaranteed bound must hold for the figures of the run; where it
-does not, it is compared with runs at finer steps. A case that fails is reduced, key by key, and kept as a case file.
+or with exit code 2 and one sentence, within its processor time. A guaranteed bound must hold for the figures of the run. If it
+does not, it is compared with runs at finer steps. A case that fails is reduced key by key and stored as a case file.
 
   ./dev fuzz --cases 2000 --seed 7       the same cases each time; without --seed they differ every time, and the seed is printed
   ./dev fuzz --quick                     what two minutes allow
@@ -44,21 +44,23 @@ from barbalat.cli import main
 from independent import as_toml
 
 PROCESSOR_SECONDS = 90
-"""For a command on a small case; those that search have SEARCH_SECONDS. Processor time: other programs don't count."""
+"""Limit of processor time for a command on a small case. Commands that search have SEARCH_SECONDS."""
 SEARCH_SECONDS = 900
 SEARCHING_SHARE = 1 / 3
-"""Of a limited time, in which cases may begin that search: else one that begins at the end goes on for minutes, alone."""
+"""Share of a limited time in which cases with a search may begin. Otherwise one that begins at the end would continue alone for
+minutes."""
 WALL_SECONDS = 1800
-"""Until a worker that uses no processor time counts as hanging."""
+"""Time after which a worker that uses no processor time counts as hanging."""
 MEMORY = 8 << 30
-"""Bytes of address space for a worker: the package promises to refuse what takes more than half of it."""
+"""Bytes of address space for a worker. The package promises to refuse cases that need more than half of it."""
 CASES_OF_A_WORKER = 40
-"""Compiled modules are never given back, so that a worker is replaced after so many cases."""
+"""Cases after which a worker is replaced, because compiled modules are never freed."""
 LONGEST_SENTENCE = 600
 FINER = (1, 4, 16, 64)
-"""Steps at which a bound is compared: one that is broken at the case's step by the solver holds at a finer one."""
+"""Steps at which a bound is compared. A bound that a run violates at the case's step because of the solver holds at a finer
+one."""
 REDUCTIONS = 60
-"""Attempts at leaving a key out of a failing case."""
+"""Number of attempts to leave a key out of a failing case."""
 BY_TOLERANCE = 0.3
 """Share of the cases with a tolerance in place of a step."""
 EARLY = 1500
@@ -66,7 +68,7 @@ EARLY = 1500
 
 
 class TooLong(BaseException):
-    """The processor time of a command is used up; no Exception, so that nothing catches it."""
+    """Raised when a command has used its processor time. It is not an Exception, so that nothing catches it."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Said:
-    """What a command did."""
+    """The result of a command."""
 
     code: int
     out: str
@@ -106,7 +108,7 @@ class Tally:
 
 
 def drawn(seed: int, given: dict[str, Any] | None, folder: Path) -> dict[str, Any]:
-    """Draw the case of a seed: new in seven of ten, otherwise a changed bundled case; a changed ``given`` if there is one.
+    """The case of a seed. In seven of ten it is new, otherwise a changed bundled case, or a changed ``given`` if there is one.
 
     Three of ten have a tolerance in place of a step.
     """
@@ -128,7 +130,7 @@ def by_tolerance(rng: random.Random, case: dict[str, Any]) -> dict[str, Any]:
 
 
 def early(case: dict[str, Any]) -> dict[str, Any]:
-    """The same for a few steps."""
+    """The same case for a few steps."""
     simulation = case["simulation"]
     simulation["t_end"] = min(simulation["t_end"], EARLY * simulation.get("dt", 1e-3))
     return case
@@ -193,7 +195,7 @@ COMMANDS: tuple[tuple[float, int, Make], ...] = (
         lambda rng, case, folder: ["contest", "--quick", "--trials", "288", "--members", "8", "--plants", "1"],
     ),
 )
-"""Of each command the share of the cases that it takes, its processor time, and its words without the case."""
+"""For each command the share of the cases on which it runs, its processor time, and its words without the case."""
 
 
 @contextlib.contextmanager
@@ -213,7 +215,7 @@ def processor_time(seconds: int) -> Iterator[None]:
 
 
 def call(words: list[str], seconds: int) -> Said | Failure:
-    """One command in this process."""
+    """Run a command in this process."""
     out, err, command = io.StringIO(), io.StringIO(), tuple(words)
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), processor_time(seconds):
@@ -228,7 +230,7 @@ def call(words: list[str], seconds: int) -> Said | Failure:
 
 
 def _place(error: BaseException) -> str:
-    """The last line of the package that the error passed through."""
+    """The last line of the package in the error's traceback."""
     own = [frame for frame in traceback.extract_tb(error.__traceback__) if f"{os.sep}barbalat{os.sep}" in frame.filename]
     return f"{Path(own[-1].filename).name}:{own[-1].name}" if own else "outside"
 
@@ -238,7 +240,7 @@ def _refuse(constant: str) -> None:
 
 
 def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
-    """A command's outcome, "done", "refused" or "failed", and its JSON, None or the Failure."""
+    """A command's outcome, which is "done", "refused" or "failed", and its JSON, None or the Failure."""
     if isinstance(said, Failure):
         return "failed", said
     if said.code == 0:
@@ -256,7 +258,7 @@ def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
 def tried(
     seed: int, case: dict[str, Any], folder: Path, only: tuple[str, ...] = (), *, searches: bool = True
 ) -> Iterator[tuple[str, str, Any]]:
-    """(command, outcome, output) of each command that accepts this case; ``only`` selects those to repeat."""
+    """(command, outcome, output) of each command that accepts this case. ``only`` selects those to repeat."""
     file = folder / "case.toml"
     file.write_text(text_of(case), encoding="utf-8")
     found = {}
@@ -273,7 +275,7 @@ def tried(
         yield from broken_bounds(case, folder, found["run"], found["certify"])
 
 
-# Bounds against figures
+# Bounds compared with figures
 
 HELD = {"error_bound": "max_abs_e", "output_bound": "max_abs_y", "control_bound": "max_abs_u"}
 """A certificate's guaranteed keys, and the figures of a run that they bound, in every component."""
@@ -297,7 +299,7 @@ def broken_bounds(case: dict[str, Any], folder: Path, run: Any, certified: Any) 
 
 
 def _exceeding(case: dict[str, Any], folder: Path, run: Any, name: str, key: str, bound: float, finer: int) -> float | None:
-    """The largest figure beyond the bound at a step ``finer`` times smaller; None if there is none."""
+    """The largest figure that exceeds the bound at a step that is ``finer`` times smaller, or None."""
     if finer > 1:
         if not _exceeding(case, folder, run, name, key, bound, 1):
             return None
@@ -342,7 +344,7 @@ def reduced(seed: int, case: dict[str, Any], failure: Failure, folder: Path) -> 
 
 
 def work(pipe: Connection, given: dict[str, Any] | None) -> None:
-    """Tries the numbers that arrive; reports each command's outcome, and "next" after each case."""
+    """Try the cases of the numbers that arrive, and report each command's outcome and "next" after each case."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     os.environ["BROWSER"] = "true"
     while (asked := pipe.recv()) is not None:
@@ -370,7 +372,7 @@ def work(pipe: Connection, given: dict[str, Any] | None) -> None:
 
 @dataclass
 class Worker:
-    """A process, the number of its case, and when it last said something."""
+    """A process, the number of its case, and the time of its last report."""
 
     process: Any
     pipe: Connection
@@ -429,7 +431,7 @@ class Fuzz:
         return self.tally
 
     def feed(self, worker: Worker) -> None:
-        """Give a worker the next case, or none if it has had its share."""
+        """Give a worker the next case, or none if it has run its share."""
         seed = self.next_seed() if worker.left else None
         if seed is None:
             worker.seed = -1

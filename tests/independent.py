@@ -1,4 +1,4 @@
-"""Second methods for the tests: stepping that keeps every sample, and a high-order adaptive integration.
+"""Independent methods for the tests: stepping that keeps every sample, and a high-order adaptive integration.
 
 Nothing here uses the package's tableaux, tables, blocks, accumulators or machine code.
 """
@@ -43,7 +43,7 @@ EPS = np.finfo(float).eps
 
 
 def refusal(make: Callable[[], object]) -> str:
-    """The message with which ``make`` is refused; it is one sentence on one line."""
+    """The message with which ``make`` is refused. It is one sentence on one line."""
     with pytest.raises(InputError) as caught:
         make()
     message = str(caught.value)
@@ -76,7 +76,7 @@ class Samples:
 
 
 def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -> Samples:
-    """The textbook formulas of each method, written out; a step ends with the signals' limit from the left."""
+    """A run by the textbook formulas of each method. A step ends with the signals' limit from the left."""
 
     def at(t: float) -> np.ndarray:
         return np.array([float(signal(np.array(t))) for signal in signals])
@@ -121,9 +121,9 @@ def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -
 
 
 def symbols_against_numbers(loop: ClosedLoop, size: float) -> None:
-    """The derivative traced by CasADi and evaluated by it, and the same lines on NumPy arrays, at random states.
+    """Compare the derivative traced and evaluated by CasADi with the same equations on NumPy arrays at random states.
 
-    1e-10: the same sums in another order, a few dozen roundings of terms up to 1e4.
+    The tolerance 1e-10 is for the same sums in a different order, with a few dozen roundings of terms up to 1e4.
     """
     import casadi as ca
 
@@ -142,7 +142,8 @@ def symbols_against_numbers(loop: ClosedLoop, size: float) -> None:
 
 
 def jacobian_against_differences(loop: ClosedLoop) -> None:
-    """Central differences of the right-hand side: h^2 = 1e-10 times third derivatives, and eps/h = 1e-11 times values."""
+    """Compare the Jacobian with central differences of the right-hand side, whose errors are h^2 = 1e-10 times third derivatives
+    and eps/h = 1e-11 times values."""
     random = np.random.default_rng(2)
     y, signals = loop.initial() + 0.1 * random.uniform(0.5, 1.0, loop.size), np.array([0.7])
     columns = []
@@ -161,9 +162,9 @@ def integrate(derivative, y0, t_end: float, t_eval=None, rtol: float = 1e-12, at
 
 
 def example_controllers(n: int) -> dict[str, tuple]:
-    """For each registered scheme, settings with which the problem of order n is smooth and tracks; see conftest."""
+    """For each registered scheme, settings with which the loop of order n is smooth and tracks; see conftest."""
     gamma = {1: 10.0, 2: 2.0, 3: 20.0}[n]
-    gentle = {1: 1.0, 2: 2.0, 3: 20.0}[n]  # for the rule, which bursts at higher gains
+    gentle = {1: 1.0, 2: 2.0, 3: 20.0}[n]  # for the MIT rule, which bursts at higher gains
     covariance0 = {1: 50.0, 2: 50.0, 3: 500.0}[n]
     return {
         "mrac": (Mrac(gamma=gamma),),
@@ -195,7 +196,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
 
 
 def example_output_controllers(n: int) -> dict[str, tuple]:
-    """For each registered output scheme, settings with which the output problem of order n is smooth and tracks; see conftest."""
+    """For each registered output scheme, settings with which the output loop of order n is smooth and tracks; see conftest."""
     box = {"lower": np.append(np.full(2 * n - 1, -40.0), 0.05), "upper": np.append(np.full(2 * n - 1, 40.0), 5.0)}
     designed = {"order": n, "relative_degree": 1, "sign": 1}
     same = linear_equivalent(L1Output(m=2.0, gamma=300.0, filter=TransferFunction([20.0], [1.0, 20.0])))

@@ -1,4 +1,4 @@
-"""For every scheme: if a run violates its certificate because of its step, a caveat stands beside the guarantee."""
+"""For every scheme: if a run violates its certificate because of its step, the guarantee has a caveat."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def guaranteed_and_notes(given, controller, simulation):
 
 @pytest.mark.parametrize("name", LEAVING)
 def test_a_run_that_leaves_what_is_guaranteed_has_the_caveat(name):
-    """Each run exceeds its bound or diverges at this step; at a step inside the solver's limit the caveat disappears."""
+    """Each run exceeds its bound or diverges at this step. At a step within the solver's limit there is no caveat."""
     given, controller, unknown = LEAVING[name]
     (run,) = simulate(given, controller, COARSE).values()
     entries, cells, notes = guaranteed_and_notes(given, controller, COARSE)
@@ -73,9 +73,9 @@ def test_a_run_that_leaves_what_is_guaranteed_has_the_caveat(name):
 
 
 def test_norms_alone_need_no_caveat():
-    """A linear controller without a bound of e guarantees norms, which no run contradicts; its step has a limit all the same."""
+    """A linear controller without a bound of e guarantees norms, which no run contradicts. Its step nevertheless has a limit."""
     controller = LinearFeedback(TransferFunction([50.0], [1.0, 500.0]), output=[1.0, 1.0])
     entries, cells, notes = guaranteed_and_notes(problem(), controller, COARSE)
     assert "norms" in entries and not cells and not notes
     limit = certify(problem(), controller, COARSE)[controller.name].values["step_max"]
-    assert limit == pytest.approx(2.7852935634 / 500, rel=0.01)  # RK4's real limit, of the controller's pole
+    assert limit == pytest.approx(2.7852935634 / 500, rel=0.01)  # RK4's limit on the real axis, for the controller's pole

@@ -1,4 +1,5 @@
-"""Certificates of whole cases: contract keys, what is called guaranteed, and the message when nothing is."""
+"""Certificates of whole cases: the contract's keys, the values that are called guaranteed, and the message if nothing is
+guaranteed."""
 
 import json
 from dataclasses import replace
@@ -56,7 +57,7 @@ def test_json_of_the_paper_case(capsys):
 
 
 def test_gain_and_step_limits_agree():
-    """At gamma_max the limit of the step is the step; both follow from h omega_a = 2.83."""
+    """At gamma_max the limit of the step is the step itself. Both follow from h omega_a = 2.83."""
     case = load_case("paper")
     first = certify(case.problem, (Mrac(gamma=1.0),), case.simulation)["MRAC"].values
     again = certify(case.problem, (Mrac(gamma=first["gamma_max"]),), case.simulation)["MRAC"].values
@@ -64,7 +65,7 @@ def test_gain_and_step_limits_agree():
 
 
 def test_a_step_that_the_solver_does_not_bear_is_said_beside_the_bound():
-    """The run exceeds (9) although the equations' solution does not, so the solver is the cause."""
+    """The run exceeds (9) although the solution of the equations does not, so that the solver is the cause."""
     case = load_case("paper")
     controller = Mrac(gamma=1e6, projection=False)
     coarse, fine = Simulation(t_end=1.0, dt=1e-3), Simulation(t_end=1.0, dt=1e-6)
@@ -125,7 +126,8 @@ def test_a_reference_without_a_bound_is_refused():
 
 
 def test_beside_a_delay_nothing_is_missing():
-    """The same keys as without it; the peaks against a dense grid, and none of the set's margins better than at theta."""
+    """The keys are the same as without a delay. The peaks agree with a dense grid, and no margin over the set exceeds that at
+    theta."""
     delay, controllers = 0.01, (Mrac(gamma=1.0), L1Adaptive(gamma=1.0, filter=input_filter(0.1)))
     plain = certify(variant(), controllers, SIMULATION)
     delayed = certify(variant(input=PlantInput(delay=delay)), controllers, SIMULATION)
@@ -151,7 +153,8 @@ def test_beside_a_delay_nothing_is_missing():
 
 
 def test_the_bounds_follow_from_what_is_shown(capsys):
-    """(9) and (10), and the Lyapunov equation, from the JSON and the case's own numbers alone; 1e-9: the outward roundings."""
+    """(9), (10) and the Lyapunov equation follow from the JSON and the case's numbers alone. The tolerance 1e-9 is for outward
+    rounding."""
     assert main(["certify", "paper", "--json"]) == 0
     controllers = json.loads(capsys.readouterr().out)["controllers"]
     mrac, l1 = controllers["MRAC"], controllers["L1"]
@@ -174,7 +177,8 @@ def test_the_bounds_follow_from_what_is_shown(capsys):
 
 
 def test_the_bound_of_the_model_holds_along_a_run():
-    """The simulated x_m of the paper's command; the bound covers every command below 50, so it may be much larger."""
+    """The bound holds for the simulated x_m under the paper's command. It covers every command below 50, so that it may be much
+    larger."""
     case = load_case("paper")
     (result,) = simulate(case.problem, [Mrac(gamma=1.0)], Simulation(t_end=60.0, dt=1e-3)).values()
     bound = certify(case.problem, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["bounds"]["x_m"]
@@ -182,7 +186,7 @@ def test_the_bound_of_the_model_holds_along_a_run():
 
 
 def test_theta_max_is_rounded_up():
-    """The nearest float to 0.1 + 0.1 + 0.7, and what NumPy adds up to, lie below the sum of the three floats."""
+    """The float nearest to 0.1 + 0.1 + 0.7 and NumPy's sum are both below the sum of the three floats."""
     box = ParameterBox(lower=[-0.1, 0.0, -0.5], upper=[0.1, 0.1, 0.7])
     exact = Fraction(0.1) + Fraction(0.1) + Fraction(0.7)
     assert Fraction(box.theta_max) >= exact > Fraction(float(box.upper.sum()))
@@ -209,7 +213,7 @@ def test_a_controller_of_another_measurement_is_refused():
 
 
 def test_margins_that_fail_take_nothing_with_them(monkeypatch, certified):
-    """The bound (9) rests on no linear loop; what fails is missing with its reason."""
+    """The bound (9) depends on no linear loop. A margin that fails is missing, and the reason is stated."""
     case, whole = certified("paper")
 
     def failing(*_):
@@ -227,7 +231,8 @@ def test_margins_that_fail_take_nothing_with_them(monkeypatch, certified):
 
 
 def test_a_loop_whose_pole_lies_on_the_axis_is_certified():
-    """A_m + b theta' is undamped at a corner of the known set: the loop at rest is infinite at a frequency of the search."""
+    """A_m + b theta' is undamped at a corner of the known set, so that the linear loop is infinite at a frequency of the
+    search."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[0.0, -1.0])
     known = ParameterBox([-2.0, -2.0], [0.575, 2.0])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Constant(1.0), uncertainty=known)

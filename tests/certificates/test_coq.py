@@ -18,7 +18,7 @@ AXIOMS_OF_THE_REALS = {
     "FunctionalExtensionality.functional_extensionality_dep",
     "Classical_Prop.classic",
 }
-"""On which the real numbers of Coq's standard library rest; nothing else may be assumed."""
+"""The axioms of the real numbers in Coq's standard library. Nothing else may be assumed."""
 
 
 def compiled(source: str, folder: Path) -> subprocess.CompletedProcess[str]:

@@ -31,7 +31,7 @@ SIMULATION = Simulation(t_end=5.0, dt=2.0**-10)
 
 
 def certificates_of(problem, controllers):
-    """Each controller's certificate and column, continuous and in the sampled forms that it has, with a run."""
+    """Each controller's certificate and column with a run, in continuous time and in its sampled forms."""
     forms = [None, "midpoint", "euler"]
     for controller, form in ((controller, form) for controller in controllers for form in forms):
         given = controller if form is None else Sampled(controller=controller, sample_time=2.0**-5, discretization=form)
@@ -78,7 +78,7 @@ def test_a_bound_rests_on_something():
 
 @pytest.mark.parametrize("formula", ["1/x1", "sqrt(x1)"])
 def test_nothing_is_known_where_the_regressor_is_no_number(formula, problems):
-    """From x = 0 on 1/x1 has no value: no scheme's loop has a solution then, not even with the parameters known."""
+    """1/x1 has no value at x = 0, so that no scheme's loop has a solution, not even with known parameters."""
     given = problems[1]
     plant = replace(given.plant, theta=[1.0], regressor=Terms(terms=[formula]), x0=[0.0])
     problem = Problem(plant=plant, reference_model=given.reference_model, reference=given.reference)

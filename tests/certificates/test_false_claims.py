@@ -42,7 +42,7 @@ UNSTABLE = Problem(
     reference=Sine(1.0, 1.0),
     uncertainty=ParameterBox(lower=[-4.0], upper=[4.0]),
 )
-"""x' = 2 x + u: with estimates that stay near zero the loop runs away."""
+"""For x' = 2 x + u the loop diverges with estimates that stay near zero."""
 OUTPUT = OutputProblem(
     plant=OutputPlant(transfer_function=TF([1.0], [1.0, -1.0])),
     reference_model=OutputReferenceModel(transfer_function=TF([2.0], [1.0, 2.0])),
@@ -66,7 +66,7 @@ DIVERGING = {
     ),
     "a command without a bound": (replace(UNSTABLE, reference=Clock()), Mrac(gamma=1.0)),
 }
-"""What was once called bounded; each runs away or stops."""
+"""Loops that were once called bounded. Each diverges or stops."""
 
 
 @pytest.mark.parametrize("name", DIVERGING)
@@ -82,7 +82,7 @@ def test_what_runs_away_is_not_called_bounded(name):
 
 
 def test_the_worst_of_a_set_says_nothing_of_a_theta_outside_it():
-    """Without projection (9) holds for the case's theta anywhere; the largest bound over the set is then exceeded."""
+    """Without projection (9) holds for any theta of the case, so that a run may exceed the largest bound over the set."""
     problem = replace(UNSTABLE, uncertainty=ParameterBox(lower=[-0.1], upper=[0.1]))
     controller = Mrac(gamma=0.5, projection=False)
     certificate, column = judged(problem, controller)
@@ -93,7 +93,7 @@ def test_the_worst_of_a_set_says_nothing_of_a_theta_outside_it():
 
 
 def test_corners_that_are_cut_take_boundedness_away(no_searches):
-    """A gain matrix in a box of five parameters: V may grow, and nothing else keeps x bounded."""
+    """With a gain matrix in a box of five parameters V may grow, and nothing else keeps x bounded."""
     p, random = 5, np.random.default_rng(1)
     root = random.normal(size=(p, p))
     gain = np.eye(p) + 0.3 * (root @ root.T)
@@ -108,7 +108,7 @@ def test_corners_that_are_cut_take_boundedness_away(no_searches):
 
 
 def test_to_zero_only_where_the_signals_come_to_rest(no_searches):
-    """What converges for constant r, d alone: L1-AC (Theorem 1 (iii)), an integrator, L1 output feedback."""
+    """L1-AC (Theorem 1 (iii)), an integrator and L1 output feedback converge only for constant r and d."""
     small = replace(UNSTABLE, plant=replace(UNSTABLE.plant, theta=[1.5]))
     schemes = (
         (small, L1Adaptive(gamma=100.0, filter=input_filter(0.02))),
@@ -131,7 +131,7 @@ def test_to_zero_only_where_the_signals_come_to_rest(no_searches):
 
 
 def test_a_robustness_of_what_breaks_its_conditions():
-    """tau >= 1/delta_0, and M_0 < |theta|: Theorem 2 and the switching sigma ask for the opposite."""
+    """tau >= 1/delta_0 and M_0 < |theta|, but Theorem 2 and the switching sigma require the opposite."""
     dynamic = Normalization(alpha_0=1.0, delta_0=0.7)
     plain, narrow = Gradient(gamma=1.0), Gradient(gamma=1.0, leakage=SwitchingSigma(sigma=1.0, M_0=0.1))
     for tau, law, holds in ((0.5, plain, True), (2.0, plain, False), (0.5, narrow, False)):
@@ -143,7 +143,7 @@ def test_a_robustness_of_what_breaks_its_conditions():
 
 
 def test_V_of_a_sampled_law_does_grow():
-    """Because of the plant's motion between samples, the claim that no sample time makes V grow was too strong."""
+    """The plant moves between samples, so that the claim that no sample time makes V grow was too strong."""
     problem = replace(UNSTABLE, uncertainty=None, plant=replace(UNSTABLE.plant, x0=[2.0]))
     controller = Sampled(controller=Mrac(gamma=100.0, theta_hat0=problem.plant.theta), sample_time=0.4)
     _, column = judged(problem, controller, Simulation(t_end=12.0, dt=4e-3))
@@ -156,7 +156,7 @@ def test_V_of_a_sampled_law_does_grow():
 
 
 class Bolder(Mrac):
-    """It shares only the settings of its parent: its estimates move the other way."""
+    """A law that shares only the settings of its parent. Its estimates move in the opposite direction."""
 
     def bind(self, known):
         return replace(super().bind(known), P=-known.P)

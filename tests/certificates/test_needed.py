@@ -1,4 +1,5 @@
-"""A certificate with only some keys requested: these equal the full certificate's, and the expensive parts are left out."""
+"""If only some keys of a certificate are requested, they equal those of the full certificate, and the expensive parts are left
+out."""
 
 from __future__ import annotations
 
@@ -44,4 +45,4 @@ def test_each_needed_key_is_that_of_the_whole_certificate(name, certified):
         of_all, of_own = one.entry("error_bound_worst"), one.entry("error_bound_command")
         if of_all is not None and of_own is not None and of_all.kind == "guaranteed" and of_all.value and of_own.value:
             assert of_own.value <= of_all.value
-    assert certify(case.problem, case.controllers, case.simulation) == whole  # nothing stays left out
+    assert certify(case.problem, case.controllers, case.simulation) == whole  # nothing remains left out

@@ -30,7 +30,7 @@ DRAWN = {"state": (state_feedback, state_controllers), "output": (output_feedbac
 @pytest.mark.parametrize("part", range(2))
 @pytest.mark.parametrize("feedback", DRAWN)
 def test_no_mixture_does_what_is_denied(feedback, part, sample, by_turns, no_searches):
-    """Seeded problems with all schemes that fit; one of these each in the short command."""
+    """Seeded problems with all schemes that fit them. The short tests use one scheme for each problem."""
     problem_of, controllers_of = DRAWN[feedback]
     for seed in by_turns(range(50 * part, 50 * (part + 1)), 7):
         random = np.random.default_rng([seed, list(DRAWN).index(feedback)])
@@ -53,9 +53,10 @@ ERROR_BOUNDS = ("error_bound", "error_bound_worst", "error_bound_command")
 
 @pytest.mark.parametrize("name", bundled())
 def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, by_turns, no_searches):
-    """For the bundled cases, whatever small gain or Theorem 1 still gives is compared with a run.
+    """For the bundled cases, each remaining guarantee by small gain or Theorem 1 is compared with a run.
 
-    Projected estimates bound e beside bounded disturbances, also with an unknown gain in its interval; e need not vanish then.
+    With projected estimates e is bounded despite bounded disturbances, also with an unknown gain in its interval, but e need not
+    vanish.
     """
     case = load_case(name)
     horizon = Simulation(t_end=min(case.simulation.t_end, 10.0), dt=5e-4)  # whole steps in every case's sample time
@@ -113,7 +114,8 @@ PROMISES = re.compile("proven|proof|guaranteed", re.IGNORECASE)
 
 
 def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
-    """In the terminal, on the page and in the JSON: the rows of stability, tracking and transient, and the bounds of e."""
+    """The rows of stability, tracking and transient and the bounds of e contain no promise in the terminal, on the page and in
+    the JSON."""
     case = tmp_path / "delayed.toml"
     case.write_text(DELAYED)
     assert main(["certify", str(case)]) == 0
@@ -128,7 +130,7 @@ def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
     assert table.count("does not apply") == 6 and table.count("delay 0.02 s") + table.count("0.02 s") >= 6
     assert not PROMISES.search(table) and not CLAIMS.search(table)
     shown = [row for row in rows if re.search("Signals bounded|Tracking error|Transient|error_bound", row)]
-    assert len(shown) == 3 + 6 + 1  # both have three bounds of e, and L one of its distance to its reference system
+    assert len(shown) == 3 + 6 + 1  # both have three bounds of e, and L has one of the distance to its reference system
     for row in shown:
         assert "does not apply" in row and "delay 0.02 s" in row and not PROMISES.search(row) and not CLAIMS.search(row)
     written = json.loads((tmp_path / "out" / "run.json").read_text())

@@ -1,4 +1,4 @@
-"""A set of the user's own beside ranges of parameters that it does not contain: no guarantee covers the ranges."""
+"""If the user's own set does not contain the ranges of the parameters, no guarantee covers the ranges."""
 
 import pytest
 

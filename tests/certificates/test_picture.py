@@ -1,4 +1,4 @@
-"""Pictures of the loops whose margins a certificate gives: the marks stand where the margins are."""
+"""Pictures of the loops whose margins are in a certificate, with marks at the margins."""
 
 import pickle
 import re
@@ -17,7 +17,7 @@ from independent import refusal
 
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_the_marks_are_where_the_margins_are(delay):
-    """L = 2/(s (s + 1)(s + 4)): |L| = 1 at the one mark, L = -1/gain margin at the other."""
+    """For L = 2/(s (s + 1)(s + 4)), |L| = 1 at one mark and L = -1/gain margin at the other."""
     loop = TransferFunction([2.0], [1.0, 5.0, 4.0, 0.0]).realise()
     found, drawn = margins(loop, delay), Marked.of(MarginLoop("L", loop, delay)).response(1e-3, 1e3)
     assert abs(drawn.value(drawn.at_phase)) == pytest.approx(1.0, rel=1e-6)
@@ -30,7 +30,8 @@ def test_the_marks_are_where_the_margins_are(delay):
 
 
 def test_several_certificates_are_a_dictionary_that_shows_itself(certified):
-    """On one line; five lines for each controller, and every loop, in a notebook; it behaves like a plain dictionary."""
+    """It prints on one line. In a notebook it shows five lines for each controller and every loop. It behaves like a plain
+    dictionary."""
     _, found = certified("paper")
     assert isinstance(found, dict) and found == dict(found) and pickle.loads(pickle.dumps(found)) == found
     text = repr(found)
@@ -44,7 +45,7 @@ def test_several_certificates_are_a_dictionary_that_shows_itself(certified):
 
 
 def test_many_loops_are_told_apart(certified):
-    """Each line is identified by colour and dash together; the legend shows them and the widths."""
+    """Colour and dash together identify each line. The legend shows them and the widths."""
     loops = certified("paper")[1]["MRAC"].loops
     figure = figure_of([MarginLoop(f"loop {i}", loops[0].system, 0.001 * i) for i in range(9)], "", shown=False)
     lines = figure.legends[0].legend_handles[:9]

@@ -1,6 +1,6 @@
 """Proofs of certificates: ``barbalat-check`` accepts them as written and refuses them with any false part.
 
-The checker imports nothing of the package, and nothing here computes a bound: acceptance and refusal are the checker's verdict
+The checker imports nothing from the package, and nothing here computes a bound. Acceptance and refusal are the checker's verdict
 alone.
 """
 
@@ -30,7 +30,7 @@ from certificates.proof_attacks import attacks
 
 
 def document_of(case, certificates):
-    """The proof of a case, through JSON."""
+    """The proof of a case, converted to JSON and back."""
     return json.loads(
         json.dumps(proof(case.name, case.problem, case.controllers, case.simulation, certificates), allow_nan=False)
     )
@@ -56,7 +56,7 @@ def test_every_guaranteed_number_of_a_bundled_case_is_proven_or_named(name, cert
     document = document_of(case, certificates)
     before = ctx.prec
     barbalat_check.check(document)
-    assert ctx.prec == before  # otherwise later bounds of this process would differ in their last digits
+    assert ctx.prec == before  # otherwise later bounds in this process would differ in their last digits
     for controller, certificate in certificates.items():
         found = document["controllers"][controller]
         proven = {line["key"]: line["value"] for line in found["lines"] if line["claimed"]}
@@ -81,7 +81,7 @@ def drawn_documents(folder, seeds):
 
 
 MOST_SAMPLES = 700
-"""Of a sampled loop that a test has the checker follow: a few seconds; a slower loop takes it minutes."""
+"""Limit for the sampled loops that the checker follows in a test, which takes a few seconds. A slower loop takes minutes."""
 
 
 def samples_followed(controller):
@@ -98,8 +98,7 @@ def test_the_guaranteed_numbers_of_random_cases_are_accepted(tmp_path, sample):
 
 
 def without_cells(document, true):
-    """The document without bounds over cells that are as in the true one: they take seconds. A line from which another one
-    follows is kept."""
+    """The document without the unchanged bounds over cells, which take seconds. A line on which another one depends is kept."""
     found = {}
     for name, one in document["controllers"].items():
         follows = any("follows_from" in line.get("witness", {}) for line in one["lines"])
@@ -110,7 +109,7 @@ def without_cells(document, true):
 
 
 def refused(false, true):
-    """Whether the checker refuses a changed document; controllers of which it says the same are accepted without another look."""
+    """Whether the checker refuses a changed document. Controllers whose part is unchanged are not checked again."""
     changed = {name: one for name, one in false["controllers"].items() if one != true["controllers"][name]}
     try:
         barbalat_check.check(without_cells(false | {"controllers": changed or false["controllers"]}, true))
@@ -122,7 +121,8 @@ def refused(false, true):
 @pytest.mark.parametrize("name", ["paper", "third-order", "astrom-wittenmark", "satellite-spin", "first-order"])
 @pytest.mark.short(kept=lambda name: name in ("paper", "astrom-wittenmark"))
 def test_what_does_not_follow_is_refused(name, certified):
-    """A bound beyond its witnesses, a witness whose inequality fails, a premise that is missing: some 200 in all."""
+    """There are some 200 false documents: a bound that the witnesses do not support, a witness whose inequality fails, or a
+    missing premise."""
     document = document_of(*certified(name))
     barbalat_check.check(document)
     barbalat_check.check(without_cells(document, document))
@@ -169,7 +169,7 @@ filter = { kappa = 0.01 }
 
 @pytest.mark.parametrize("phase", [-1.0, 1.0])
 def test_square_waves_of_any_phase_are_accepted_and_an_unknown_gain_is_refused(phase):
-    """With a gain between 0.01 and 3 the error of this loop reaches 0.25, whatever the bounds for a known gain say."""
+    """With a gain between 0.01 and 3 the error of this loop reaches 0.25, more than the bounds for a known gain."""
     case = parse_case(SQUARE.replace("PHASE", str(phase)))
     document = document_of(case, certify(case.problem, case.controllers, case.simulation))
     barbalat_check.check(document)
@@ -195,7 +195,7 @@ def exact(matrix):
 
 
 def test_norms_from_witnesses_lie_within_those_of_the_package(sample):
-    """Two programs, and systems with real, complex, stiff and double poles."""
+    """The norms of two programs agree for systems with real, complex, stiff and double poles."""
     random, kinds = np.random.default_rng(5), 0
     for _ in range(sample(12, 300)):
         n, m, p = random.integers(1, 5), random.integers(1, 3), random.integers(1, 3)
@@ -228,7 +228,7 @@ def test_a_norm_that_is_known_in_closed_form():
 
 
 def test_from_the_command_line_to_the_verdict(tmp_path, capsys):
-    """As a separate program in its own process: exit 0, 1 with the first line that fails, 2 without a file."""
+    """A separate program in its own process: exit code 0, or 1 with the first line that fails, or 2 without a file."""
     file = tmp_path / "made" / "paper.json"
     assert main(["certify", "paper", "--proof", str(file)]) == 0
     assert f"barbalat-check {file}" in " ".join(capsys.readouterr().out.split())

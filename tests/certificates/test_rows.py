@@ -1,4 +1,4 @@
-"""A certificate's rows: how a value is shown follows from its form, also for keys of one scheme only."""
+"""A certificate's rows: the form of a value determines how it is shown, also for keys of a single scheme."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def test_a_schemes_own_keys_are_shown_by_their_form():
     draft.guarantee("drift", 0.1234564, NUMBERS_ALONE)
     draft.guarantee("reserve", 0.1234564, NUMBERS_ALONE)
     draft.estimate({"left": {"r": 0.25, "d": 1e-15}, "parts": ["one", "two"]})
-    draft.guarantee("nu_0", 2.0, NUMBERS_ALONE)  # a shared one beside them
+    draft.guarantee("nu_0", 2.0, NUMBERS_ALONE)  # and a shared one
     shown = {row.quantity: row for row in draft.finish().rows}
-    assert (shown["drift"].value, shown["drift"].meaning) == ("0.123457", "largest drift [1/s]")  # outward: up
-    assert shown["reserve"].value == "0.123456"  # outward: down
+    assert (shown["drift"].value, shown["drift"].meaning) == ("0.123457", "largest drift [1/s]")  # outward means up
+    assert shown["reserve"].value == "0.123456"  # outward means down
     assert shown["left"].value == "0.25 r, 0 d"
     assert shown["parts"].value == "one, two"
     assert shown["nu_0"].kind == "guaranteed"

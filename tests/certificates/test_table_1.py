@@ -1,4 +1,4 @@
-"""Table 1: its constants are the certificate's, it claims a proof only while the assumptions hold."""
+"""Table 1: its constants are those of the certificate, and it claims a proof only while the assumptions hold."""
 
 import json
 import math
@@ -55,7 +55,7 @@ def test_every_bundled_controller_has_a_column(name, certified):
         assert all(cell.text for cell in each.cells.values())
         assert not any(
             "computation fails" in str(cell) for cell in each.cells.values()
-        )  # a fault of ours would give this message
+        )  # only an error in the package would give this message
 
 
 def test_the_constants_are_the_certificates():
@@ -70,7 +70,7 @@ def test_the_constants_are_the_certificates():
 
 
 def test_what_the_paper_says_of_the_two_schemes():
-    """Theorem 1: MRAC converges for every r, L1-AC is only bounded, and only under the condition on C(s)."""
+    """Theorem 1: MRAC converges for every r. L1-AC is only bounded, and only under the condition on C(s)."""
     mrac, _ = column(variant(), Mrac(gamma=10.0))
     l1, _ = column(variant(), L1Adaptive(gamma=1e4, filter=input_filter(0.02)))
     slow, _ = column(variant(), L1Adaptive(gamma=1e4, filter=input_filter(0.06)))
@@ -93,7 +93,7 @@ def test_robustness_is_proven_only_with_its_ingredients():
     ):
         assert column(variant(), missing)[0]["modelling_error"].kind == "does not apply"
     leakages = ((SwitchingSigma(sigma=0.1, M_0=9.0), "guaranteed"), (FixedSigma(sigma=0.1), "does not apply"))
-    for leakage, kind in leakages:  # a fixed one would have to be small enough, and M_0 bounds theta
+    for leakage, kind in leakages:  # a fixed sigma would have to be small enough, and M_0 bounds theta
         leaking = NormalizedMrac(law=Gradient(gamma=10.0, leakage=leakage), normalization=DYNAMIC, projection=False)
         cells, _ = column(variant(), leaking)
         assert cells["modelling_error"].kind == cells["tracking"].kind == kind
@@ -137,7 +137,7 @@ def test_a_case_beyond_the_plant_is_said_to_violate_it():
         (variant(theta=[7.0, 0.0]), "outside the known set"),
     ):
         cells, values = column(given_case, Mrac(gamma=1.0))
-        carried = word == "disturbance"  # V carries a bounded one along
+        carried = word == "disturbance"  # V stays bounded with a bounded one
         for key in ("tracking", "estimates", *(() if carried else ("stability", "transient"))):
             assert cells[key].kind == "does not apply" and word in cells[key].why
         assert ("error_bound" in values) is carried
@@ -172,7 +172,7 @@ def test_printed_bounds_are_bounds(value, digits):
 
 
 def test_a_cell_names_all_that_contradicts_it():
-    """The filter is too slow for the condition, and the input is delayed and saturated as well."""
+    """The filter is too slow for the condition, and the input is also delayed and saturated."""
     given = variant(input=PlantInput(delay=0.3, saturation=[-3.0, 3.0]))
     cells, _ = column(given, L1Adaptive(gamma=100.0, filter=input_filter(0.3)))
     for key in ("stability", "tracking"):

@@ -1,4 +1,5 @@
-"""A case with faults has the numbers of the loop without them; nothing is guaranteed of the loop with them."""
+"""The certificate of a case with faults has the numbers of the loop without them. Nothing is guaranteed for the loop with
+faults."""
 
 from dataclasses import replace
 
@@ -83,7 +84,7 @@ def test_a_report_of_runs_with_faults_guarantees_nothing():
 
 @pytest.mark.parametrize("sampled", [True, False])
 def test_an_unstable_loop_with_its_law_is_named(sampled):
-    """With frozen estimates the loop is stable, with the law it is not: no margin is unknown."""
+    """The loop is stable with frozen estimates and unstable with the law, so that no margin is called unknown."""
     case = heater(delay=20.0, gamma=0.2, sampled=sampled)
     found = certify(case.problem, case.controllers, case.simulation)
     certificate, said = found["mrac"], lines_of(found, "mrac")
@@ -102,7 +103,7 @@ def test_an_unstable_loop_with_its_law_is_named(sampled):
 
 
 def test_the_loop_that_is_called_unstable_is_unstable():
-    """A small departure from the equilibrium grows by the eigenvalue; here over many samples of the law's own run."""
+    """A small deviation from the equilibrium grows by the eigenvalue over many samples of a run."""
     import numpy as np
 
     from barbalat import simulate

@@ -1,4 +1,4 @@
-"""``barbalat claims``: the ledger's names, and all of one row, measured."""
+"""``barbalat claims``: the names in the ledger, and the complete measurement of one row."""
 
 import json
 

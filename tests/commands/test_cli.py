@@ -81,14 +81,14 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     page = (out / "report.html").read_text()
     assert "What is guaranteed" in page and "Is it adapting?" in page
     document = json.loads((out / "run.json").read_text())
-    assert set(document["certificates"]) == set(document["controllers"])  # stand beside the contract's keys
+    assert set(document["certificates"]) == set(document["controllers"])  # are in addition to the contract's keys
     assert document["certificates"]["L1"]["condition"]["holds"] is True
     assert document["controllers"]["L1"]["adapting"]["path"][0] > 0
     assert 'data-kind="time"' in page and 'data-kind="loops"' in page
-    assert not re.search(r"""(?:src|href)=["'](?!#)""", page)  # nothing is beside the page or elsewhere
+    assert not re.search(r"""(?:src|href)=["'](?!#)""", page)  # there is no file next to the page or elsewhere
     header, first = (out / "2-l1.csv").read_text().splitlines()[:2]
     assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r,x_hat_1,x_hat_2,filter_1"
-    predictor, filtered = [1, 1], [0]  # the predictor starts at x0, the filter at rest
+    predictor, filtered = [1, 1], [0]  # the predictor starts at x0 and the filter at zero
     assert [float(x) for x in first.split(",")] == [0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, *predictor, *filtered]
     assert f"page: {out}" in capsys.readouterr().out
     assert all(math.isfinite(x) for x in numbers(json.loads((out / "run.json").read_text())))
@@ -111,7 +111,7 @@ def test_no_plots(case_file, tmp_path):
 
 @pytest.mark.parametrize("case", ["f16-short-period", pytest.param("l1-output", marks=pytest.mark.full)])
 def test_every_column_of_every_csv_is_described(case, tmp_path):
-    """By a Data Package; the units are those that the case file states."""
+    """A Data Package describes them, with the units that the case file states."""
     assert main(["run", case, "--out", str(tmp_path), "--no-plots"]) == 0
     package = json.loads((tmp_path / "datapackage.json").read_text())
     files = {resource["path"]: resource["schema"]["fields"] for resource in package["resources"]}
@@ -204,7 +204,7 @@ def test_a_whole_number_may_be_written_with_an_exponent(text, number):
     ("given", "says"), [("s3://b/x", "--out must be a path on this computer"), ("https://b/x", "'https://b/x'")]
 )
 def test_an_export_to_a_url_is_refused_as_it_was_typed(given, says, tmp_path, monkeypatch, capsys):
-    """Before the case is even looked for."""
+    """The command refuses it before it looks for the case."""
     monkeypatch.chdir(tmp_path)
     assert main(["export", "none", "--controller", "L1", "--out", given]) == 2
     said = capsys.readouterr().err
@@ -238,7 +238,7 @@ def test_what_a_command_leaves_is_one_document(typed, keys, tmp_path, monkeypatc
 
 
 def test_help_imports_nothing_heavy():
-    """A fast start by construction: no numerical package is loaded to print the help."""
+    """No numerical package is loaded to print the help, so that it is fast by construction."""
     code = """
 import sys
 from barbalat.cli import main
@@ -255,7 +255,7 @@ finally:
 def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
     monkeypatch.setitem(
         papers(), JAFARI.name, replace(JAFARI, run=lambda progress: section_v_runs)
-    )  # the same, which other tests share
+    )  # the same as above, shared with other tests
     assert main(["reproduce", "--quick", "--out", str(tmp_path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["figures"]) >= {"2", "3", "4", "5"}
@@ -288,7 +288,7 @@ def test_python_dash_m_is_the_command():
 
 @pytest.mark.full
 def test_certify_with_simulated_margins(case_file, capsys):
-    """Both readings; a smaller share of added error is lost at a shorter delay."""
+    """Both definitions of loss. With a smaller allowed increase of the error, loss is at a shorter delay."""
     found = []
     for options in ([], ["--share", "0.3"]):
         assert main(["certify", str(case_file), "--simulate", "--json", *options]) == 0

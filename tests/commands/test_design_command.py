@@ -1,4 +1,4 @@
-"""``barbalat design``: a recommendation with its files, the same again in every bit, and what refuses."""
+"""``barbalat design``: a recommendation with its files, the same result bit for bit in a second run, and refusals."""
 
 import json
 import shutil
@@ -71,7 +71,7 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     assert best["worst"]["settling"] <= 1.5 and best["worst"]["u_max"] <= 8.0
     unmet = any(share["count"] for share in best["held_out"].values())
     assert any("on validation plants it fails" in said for said in told["reasons"]) == unmet
-    # from 1 to -1 the model x' = -4 x + 4 r enters the band of 0.05 at ln(40)/4 s: by hand
+    # by hand: from 1 to -1 the model x' = -4 x + 4 r enters the band of 0.05 at ln(40)/4 s
     assert told["model_settling"] == pytest.approx(np.log(40) / 4, abs=0.01)
     case = load_case("made/design.toml")
     assert [one.name for one in case.controllers] == [name]
@@ -170,7 +170,7 @@ def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_
 
 @pytest.mark.full
 def test_what_the_baseline_alone_misses_is_said_beside_the_schemes_asked_for(tmp_path, capsys):
-    """The limit of the noise's share is below what the baseline alone has."""
+    """The limit of the noise's share is below the share of the baseline alone."""
     (tmp_path / "case.toml").write_text(AROUND_A_BASELINE.replace("noise = 0.05", "noise = 1e-5"))
     assert main(["design", "case.toml", "--schemes", "mrac", "--plants", "2", "--members", "8", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -200,8 +200,8 @@ STEPPING = CASE.replace("SPECIFICATION", "settling = 0.8")
 
 
 def test_settling_is_judged_on_the_steps_that_the_command_makes():
-    """The loop with the true theta is the model, x' = -4 x + 4 r: the first step of 1 is within 0.05 after ln(20)/4 = 0.75 s, and
-    that of 2 after ln(40)/4 = 0.92 s. The disturbance starts after the first step, and is not part of the second."""
+    """The loop with the true theta is the model x' = -4 x + 4 r. The first step, of 1, is within 0.05 after ln(20)/4 = 0.75 s,
+    and the step of 2 after ln(40)/4 = 0.92 s. The disturbance starts after the first step and is not part of the second."""
     case = parse_case(
         STEPPING.replace("[uncertainty]", "[plant.disturbance]\nkind = 'step'\namplitude = 9.0\nstart = 4.0\n[uncertainty]")
     )
@@ -244,7 +244,8 @@ def test_what_validation_plants_do_not_meet_is_missed_and_named():
 
 
 def test_plants_join_the_tuning_where_a_better_tuned_controller_fails():
-    """One that follows better but fails on two plants is tuned again, although another meets everything; a worse one is not."""
+    """A controller that follows better but fails on two plants is tuned again, although another one meets all requirements. A
+    controller that follows worse is not."""
     better, meeting, worse = (
         SimpleNamespace(tuned=SimpleNamespace(error=error), meets=meets)
         for error, meets in ((0.1, False), (0.2, True), (0.3, False))

@@ -24,7 +24,7 @@ REFUSED = {
     "formula-div0": "divides by zero",
     "formula-overflow": "is too large",
 }
-"""What can mean nothing, and a few words of the sentence; all others run."""
+"""Cases without a meaning, with a few words of the sentence. All others run."""
 
 
 def refuse(constant):
@@ -41,15 +41,16 @@ SHOWN = {
     "name-long": (),
     "name-two-diagrams": (),
 }
-"""Names that are shown as they are: markup, mathematics and underscores are letters like others."""
+"""Names that are shown unchanged, because markup, mathematics and underscores are ordinary characters."""
 PLOTTED = {*drawn(HOSTILE, len(HOSTILE) // 6), *(case for case in HOSTILE if case.stem in SHOWN)}
 
 
 @pytest.mark.parametrize("case", HOSTILE, ids=lambda path: path.stem)
 def test_every_command_ends_well(case, tmp_path, capsys):
-    """The commit selects JSON or the screen for the certificate, and the sixth of the cases that has pictures and a page.
+    """The commit selects JSON or the terminal for the certificate, and the sixth of the cases for which there are pictures and a
+    page.
 
-    Where a name is to be shown, there are both screen and pictures.
+    For the names that must be shown, both the terminal and the pictures are tested.
     """
     out = tmp_path / "out"
     pictures = ["--pictures"] if case.stem in SHOWN else [] if case in PLOTTED else ["--no-plots"]
@@ -79,7 +80,7 @@ def test_every_command_ends_well(case, tmp_path, capsys):
 
 
 def test_every_entry_that_claims_something_is_finite(tmp_path):
-    """fuzz-1401: some bounds overflow; the certificate says so for these, and the others are unaffected."""
+    """In fuzz-1401 some bounds overflow. The certificate says so for them, and the others are unaffected."""
     case = load_case(next(path for path in HOSTILE if path.stem == "fuzz-1401"))
     with pytest.warns(RuntimeWarning):
         (found,) = certify(case.problem, case.controllers, case.simulation).values()
@@ -92,7 +93,7 @@ def test_every_entry_that_claims_something_is_finite(tmp_path):
     "error", [KeyError("error_bound"), OverflowError(34, "out of range"), RecursionError("deep"), AssertionError()]
 )
 def test_a_certificate_that_fails_loses_no_run(error, tmp_path, monkeypatch, capsys):
-    """Whatever the reason, it is a finding beside the others' certificates."""
+    """Whatever the reason, the failure is a finding, and the other controllers have their certificates."""
 
     def failing(*_):
         raise error

@@ -12,7 +12,7 @@ from barbalat.cli import main
 
 @pytest.fixture
 def rig(tmp_path, monkeypatch):
-    """x' = -2 x + 3 u under held steps, measured with an error of up to 1e-4; the slope stays below 12."""
+    """A recording of x' = -2 x + 3 u under held steps, measured with an error of up to 1e-4. The slope stays below 12."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     lines, x = ["t,u,speed"], 0.0
@@ -48,7 +48,7 @@ def test_the_page_has_the_residuals_and_the_json_has_all_of_them(rig, capsys, tm
     left, (t, u, x) = told["residuals"], held.T
     assert left["t"] == t.tolist()
     a, b = (told["rows"]["speed"]["nominal"][name] for name in ("speed", "u"))
-    forced, grown = [0.0], np.exp(a * (t - t[0]))  # the exact step of x' = a x + b u under a held input, by hand
+    forced, grown = [0.0], np.exp(a * (t - t[0]))  # by hand: the exact step of x' = a x + b u under a held input
     for k in range(len(t) - 1):
         h = t[k + 1] - t[k]
         forced.append(np.exp(a * h) * forced[-1] + (np.exp(a * h) - 1) / a * b * u[k])
@@ -128,7 +128,7 @@ filter = { kappa = 0.05 }
 
 @pytest.fixture
 def replayed(rig, tmp_path):
-    """The rig's recording with a command of its model, and a case whose plant is off by a = -1 instead of -2."""
+    """The rig's recording with a command of its model, and a case whose plant has a = -1 instead of -2."""
     lines = (tmp_path / "rig.csv").read_text().splitlines()
     (tmp_path / "rig.csv").write_text("\n".join([f"{lines[0]},r", *(f"{line},1.0" for line in lines[1:])]))
     (tmp_path / "rig.toml").write_text(FLOWN)
@@ -136,7 +136,7 @@ def replayed(rig, tmp_path):
 
 
 def test_a_recording_is_replayed_through_the_estimators_of_a_case(replayed, capsys):
-    """The same estimates as of the Python call, for the sampled controller alone."""
+    """The estimates equal those of the Python call. They exist only for the sampled controller."""
     from barbalat.studies import replay
 
     assert main([*replayed, "--json"]) == 0
@@ -187,7 +187,8 @@ def test_what_a_replay_needs_is_said(replayed, rig, tmp_path, capsys):
 
 
 def test_a_dead_time_and_an_operating_point_go_into_the_case(tmp_path, monkeypatch, capsys):
-    """T' = -0.5 (T - 20) + 3 u(t - 0.2 s), in absolute values: the case has the delay, deviations and the point."""
+    """T' = -0.5 (T - 20) + 3 u(t - 0.2 s) is recorded in absolute values. The case has the delay, the deviations and the
+    operating point."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     u, T, lines, grown = np.repeat(rng.uniform(0, 2, 20), 40).tolist(), 20.0, ["t,u,T"], float(np.exp(-0.5 * 0.05))

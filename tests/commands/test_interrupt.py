@@ -1,4 +1,4 @@
-"""Ctrl-C stops a command at once, even if a library underneath swallows it."""
+"""Ctrl-C stops a command at once, even if a library ignores it."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of si
 
 
 def test_an_interrupt_that_is_dropped_comes_again():
-    """As CasADi does: the first two are swallowed, then a loop would run on."""
+    """As with CasADi, the first two interrupts are lost, and a loop would continue."""
     dropped = 0
     with pytest.raises(KeyboardInterrupt), interruptible():
         for _ in range(2):
@@ -58,7 +58,7 @@ def test_what_a_library_makes_of_an_interrupt_is_one():
         with contextlib.suppress(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(20 * RETRY_PERIOD)
-        raise NotImplementedError("Wrong number or type of arguments")  # as CasADi, which has dropped the interrupt
+        raise NotImplementedError("Wrong number or type of arguments")  # as CasADi does, which has dropped the interrupt
     with pytest.raises(SystemError), interruptible():
         raise SystemError("another one")
 
@@ -75,7 +75,7 @@ def test_a_request_to_end_is_told_from_ctrl_c():
 
 @pytest.fixture
 def interrupts():
-    """As in a terminal: if tests run in the background, SIGINT is ignored from the start."""
+    """Handle SIGINT as in a terminal. If tests run in the background, it is ignored from the start."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -83,7 +83,7 @@ def interrupts():
 
 @pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_while_processes_start_is_kept():
-    """They start with the signal blocked; one that arrives meanwhile acts once they have started."""
+    """They start with the signal blocked. A signal that arrives meanwhile takes effect once they have started."""
     with pytest.raises(KeyboardInterrupt):
         with deaf_children():
             os.kill(os.getpid(), signal.SIGINT)
@@ -96,7 +96,7 @@ def test_an_interrupt_while_processes_start_is_kept():
 
 @pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_within_a_library_that_would_report_it_waits():
-    """As SciPy's Fortran does: it prints an exception from its callback to the terminal."""
+    """SciPy's Fortran prints an exception from its callback to the terminal."""
     for _ in range(3):
         said = []
         with pytest.raises(KeyboardInterrupt), interruptible():
@@ -113,7 +113,7 @@ def test_an_interrupt_within_a_library_that_would_report_it_waits():
 @pytest.mark.parametrize("after", [1.0, 1.5, 2.0, 2.5, 5.0])
 @pytest.mark.short(kept=lambda after, number: (after, number) in ((2.5, signal.SIGINT), (2.5, signal.SIGTERM)))
 def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
-    """Ctrl-C also reaches the workers, whereas a termination request reaches only this process; early on workers start, later
+    """Ctrl-C also reaches the workers, whereas a termination request reaches only this process. At first the workers start, later
     they measure."""
     started = subprocess.Popen(
         [sys.executable, "-m", "barbalat", "reproduce", "--out", str(tmp_path / "out")],
@@ -125,7 +125,7 @@ def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
     try:
         out, said = started.communicate(
             timeout=60
-        )  # after a lost interrupt the command runs for minutes; a busy machine is no fault
+        )  # after a lost interrupt the command would run for minutes; a busy machine is not a failure
     finally:
         if started.poll() is None:
             os.killpg(started.pid, signal.SIGKILL)
@@ -149,7 +149,7 @@ def alive(group: int) -> list[str]:
 
 
 def test_an_interrupt_within_an_exec_ends_with_its_code_too(tmp_path):
-    """After one that fell into an exec, as of a dataclass, Python ends itself by the signal, whoever caught it."""
+    """After an interrupt within an exec, such as that of a dataclass, Python ends itself by the signal even if it was caught."""
     (tmp_path / "within_an_exec.py").write_text(
         "import sys\n"
         "from barbalat import cli\n"

@@ -35,7 +35,7 @@ def parsed(line):
     ],
 )
 def test_every_list_takes_every_spelling(start, option, first, second):
-    """Values follow each other or a repeated option; the case comes before or after them."""
+    """The values follow each other or a repeated option, and the case comes before or after them."""
     place = "name" if start == "fly" else "case"
     key = "failure" if "failure" in option else option.removeprefix("--").replace("-", "_")
     both = shlex.split(f"{first} {second}")
@@ -59,7 +59,7 @@ def test_two_lists_before_the_case():
     options = parsed(f"sweep --vary {A} paper --sample {B} x[0]=normal:0:1 --seed -1")
     assert options["case"] == "paper" and options["vary"] == [A] and len(options["sample"]) == 2 and options["seed"] == -1
     assert parsed(f"sweep --vary {A} --sample {B} a=b.toml")["case"] == "a=b.toml"  # a file with an equals sign in its name
-    assert parsed(f"sweep --see 5 --vary {A} paper")["case"] == "paper"  # an option's name cut short
+    assert parsed(f"sweep --see 5 --vary {A} paper")["case"] == "paper"  # an abbreviated name of an option
 
 
 def test_names_may_have_commas_between():

@@ -1,4 +1,5 @@
-"""Mutated case files: every one runs and is certified, or is refused in one sentence, within its time, and the JSON is strict."""
+"""Mutated case files: each one runs and is certified or is refused in one sentence, within a time limit, and the JSON is
+strict."""
 
 import copy
 import json
@@ -15,18 +16,19 @@ from barbalat.cli import main
 from independent import as_toml
 
 SECONDS = 60
-"""For a mutant; the slowest found takes a few where nothing else runs."""
+"""Time limit for a mutant. The slowest known one takes a few seconds on an idle machine."""
 EXTREMES = (
     0, 1, -1, 0.0, -0.0, 5e-324, 1e-300, 1e-12, 1e12, 1e200, 1.7e308, -1e300, 2**31, 2**63, 2**64, 2**64 + 1, 10**400,
     float("inf"), float("nan"), True, "", "x", "1e3", [], [[]], {}, [1.0], [1e300, -1e300], "[/b]", "$\\frac{$", "\x1b[31m",
     "x" * 300, "日本語", "0.5*sin(y)", "x1/0", "sine", "midpoint", "l1", "euler",
 )  # fmt: skip
-"""Values that have broken something before, or might."""
+"""Values that have caused a failure or might cause one."""
 EARLY = {"t_end": 0.1, "dt": 0.001}
-"""Of every mutant, unless it is mutated itself: a run takes no time, so that what is tried is everything else."""
+"""Simulation settings of every mutant, unless they are mutated themselves. A run is so short that the tests mainly cover
+everything else."""
 MOST_STEPS = 1000
 EARLY_OUTPUT = {"t_end": 0.01, "dt": 0.0001}
-"""Where the output is fed back the plants are fast."""
+"""The same for output feedback, where the plants are fast."""
 
 
 def places(table, path=()):
@@ -39,7 +41,7 @@ def places(table, path=()):
 
 
 def mutated(rng, case, donors):
-    """Up to three changes: a value scaled or replaced, a key left out, or one of another case put in."""
+    """A case with up to three changes: a value is scaled or replaced, a key is left out, or a key of another case is inserted."""
     case = copy.deepcopy(case)
     for _ in range(rng.randint(1, 3)):
         paths = [path for path in places(case) if path != ("controller",)]
@@ -61,7 +63,7 @@ def mutated(rng, case, donors):
 
 
 def within_reason(case):
-    """A run of 10^8 steps is no fault but too long for a test."""
+    """Whether a run is short enough. A run of 10^8 steps is valid but too long for a test."""
     simulation = case.get("simulation")
     times = [simulation.get(key) for key in ("t_end", "dt")] if isinstance(simulation, dict) else [None]
     if all(type(time) in (int, float) and 0 < time < 1e300 for time in times) and times[0] > MOST_STEPS * times[1]:
@@ -82,12 +84,12 @@ def graft(rng, case, donor):
 
 
 class TooSlowError(BaseException):
-    """Not an Exception, because code that catches exceptions would hide it."""
+    """Raised after the time limit. It is not an Exception, because code that catches exceptions would hide it."""
 
 
 @contextmanager
 def time_limit(seconds):
-    """An endless loop is a failure; where there is no alarm the whole run of the tests is what ends it."""
+    """Make an endless loop a failure. On systems without an alarm only the time limit of the whole test run ends it."""
     if sys.platform == "win32":
         yield
         return

@@ -63,7 +63,8 @@ def test_its_own_test_passes_as_a_program_and_in_pytest(folder):
 
 
 def test_it_is_the_standard_mrac_with_its_remedy_against_windup():
-    """While no limit acts the law agrees closely with MRAC; at a limit it learns from less error and stays in its set."""
+    """While no limit acts, the law agrees closely with MRAC. At a limit it learns from a smaller error, and its estimates stay in
+    their set."""
     kinds, simulation = problem_kinds(), Simulation(2.0, 2e-3)
     for kind in ("one input", "several inputs", "a tight known set"):
         own, known = simulate(kinds[kind], [MyLaw(10.0), Mrac(gamma=10.0)], simulation).values()

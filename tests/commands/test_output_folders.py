@@ -1,4 +1,4 @@
-"""What the commands leave on disk: the files of one run, all or none, and one sentence if the system refuses."""
+"""The files that the commands leave on disk: all files of a run or none, and one sentence if the system refuses."""
 
 import json
 import os
@@ -13,7 +13,8 @@ from barbalat.cli import main
 
 CASE = bundled()["paper"].read_text().replace("t_end = 60.0", "t_end = 0.5").replace("dt = 1e-4", "dt = 1e-3")
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}
-"""On a full disk Python would leave half of a module's code, at which the next process fails."""
+"""No bytecode is written, because on a full disk Python would leave half of a module's code, with which the next process
+fails."""
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def command(*arguments, **options):
     ],
 )
 def test_a_url_is_no_path(arguments, tmp_path, monkeypatch, capsys):
-    """A path made from a URL would be a folder named after its scheme."""
+    """A URL taken as a path would create a folder named after its scheme."""
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     assert "must be a path on this computer, and URLs are not supported" in capsys.readouterr().err
@@ -76,7 +77,7 @@ def test_two_processes_do_not_share_a_folder(case_file, tmp_path, capsys):
     fcntl.flock(handle, fcntl.LOCK_EX)
     assert main(["run", str(case_file), "--out", str(out)]) == 2
     assert "in use by another run" in capsys.readouterr().err and not list(out.iterdir())
-    os.close(handle)  # or the process's end
+    os.close(handle)  # or the end of the process
     assert main(["run", str(case_file), "--out", str(out), "--no-plots"]) == 0
 
 
@@ -154,7 +155,7 @@ def test_json_of_what_is_not_finite():
 
 
 def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monkeypatch, capsys):
-    """The figures and trajectories are complete; there is no page, not even an older one."""
+    """The figures and trajectories are complete. There is no page, not even an older one."""
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""Controllers of the user's own at the command line: a file that is named, or an installed package that a case names."""
+"""The user's own controllers at the command line, from a file given by name or from an installed package that a case names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.run.engine.simulate import simulate
 from independent import refusal
 
 LAWS = (Path(__file__).parents[1] / "foreign.py").read_text().partition("def wrong(")[0]
-"""Plain, Bare and Proportional; none of them can be made without settings."""
+"""The classes Plain, Bare and Proportional. None of them can be made without settings."""
 CASE = """
 name = "own"
 [plant]
@@ -57,7 +57,7 @@ def documents(capsys, case, laws) -> tuple[dict, dict]:
 
 
 def test_a_list_joins_the_cases_own(folder, capsys):
-    """The same lines as MRAC's give the same figures; the names keep their order."""
+    """The same equations as MRAC's give the same figures. The names keep their order."""
     case, laws = folder(CASE + KNOWN, LAWS + 'CONTROLLERS = [Plain(5.0), Bare(5.0, "second")]\nleft_out = Plain(1.0, "x")')
     run, certified = documents(capsys, case, laws)
     assert list(run) == list(certified) == ["MRAC", "plain", "second"]
@@ -122,14 +122,14 @@ def test_a_class_that_no_table_can_make(folder):
 
 
 def test_no_file_no_code(folder, tmp_path):
-    """A case alone runs nothing: not a file beside it, whatever its name."""
+    """A case alone runs no code, not even from a file in the same folder, whatever its name."""
     case, _ = folder(CASE + OWN, "raise SystemExit(7)")
     assert "scheme" in refusal(lambda: load_case(case))
     assert "is not a file" in refusal(lambda: load_case(case, tmp_path / "other.py"))
 
 
 def test_an_installed_package(tmp_path, monkeypatch, folder):
-    """Registered under barbalat.controllers, imported where a case names it and not before."""
+    """A package registered under barbalat.controllers is imported only when a case names it."""
     (tmp_path / "somelaws.py").write_text(LAWS)
     (tmp_path / "somelaws-1.0.dist-info").mkdir()
     (tmp_path / "somelaws-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: somelaws\nVersion: 1.0\n")

@@ -1,4 +1,4 @@
-"""Controllers of the user's own in pages that simulate, and in trade-offs."""
+"""The user's own controllers in pages that simulate and in trade-offs."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def setting_of(data):
 
 
 def test_a_page_simulates_them_beside_the_cases(folder):
-    """The page has the modules of the Python objects; the case determines what can be moved."""
+    """The page has the modules of the Python objects, and the case determines which numbers have sliders."""
     assert main(["explore", "case.toml", "--controllers", "laws.py", "--no-open"]) == 0
     data = data_of(Path("explore.html").read_text())
     assert [one["name"] for one in data["controllers"]] == ["MRAC", "plain", "second"]
@@ -82,7 +82,7 @@ def test_a_page_simulates_them_beside_the_cases(folder):
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="no JavaScript here")
 def test_what_is_copied_from_the_page_runs(folder):
-    """The copied Python script, with the file beside it, gives the figures of the case without fused multiply-adds."""
+    """The copied Python script, with the file in the same folder, gives the figures of the case without fused multiply-adds."""
     assert main(["explore", "case.toml", "--controllers", "laws.py", "--no-open"]) == 0
     data = data_of(Path("explore.html").read_text())
     script = f"import {{ pythonOf }} from {json.dumps(COPIES.as_uri())};\nprocess.stdout.write(pythonOf("
@@ -98,7 +98,7 @@ def test_what_is_copied_from_the_page_runs(folder):
 
 
 def test_a_sweeps_worst_members_have_pages_of_them(folder):
-    """Each page has the one controller, with the member's numbers."""
+    """Each page has only this controller, with the member's numbers."""
     sweep = ["sweep", "case.toml", "--controllers", "laws.py", "--vary", "plant.theta[0]=-1:1:3", "--no-bounds", "--out", "study"]
     assert main(sweep) == 0
     found = json.loads(Path("study/sweep.json").read_text())["metrics"]["max_abs_e[0]"]
@@ -120,7 +120,7 @@ def test_one_of_a_files_controllers_joins_alone(folder):
 
 @pytest.mark.full
 def test_a_trade_off_has_them_as_they_are_or_with_their_knobs(folder, capsys):
-    """Plain has MRAC's lines, and so its error and its delays at the same gain."""
+    """Plain has MRAC's equations, and therefore MRAC's error and delays at the same gain."""
     knobs = """
 import numpy as np
 from barbalat.controllers.tuning_grid import TuningGrid

@@ -1,4 +1,4 @@
-"""How much of the work is done and how long the rest takes, by a clock that the test sets."""
+"""The completed share of the work and the remaining time, by a clock that the test sets."""
 
 import io
 import sys
@@ -13,7 +13,7 @@ from barbalat.commands.progress import Work, say
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Advance the clock by these seconds, of which this process had the given share of a core."""
+    """Advance the clock by these seconds, in which this process had the given share of a core."""
     now = [100.0, 1.0]
     monkeypatch.setattr(time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(time, "process_time", lambda: 100.0 + now[1] * (now[0] - 100.0))
@@ -21,7 +21,7 @@ def clock(monkeypatch):
 
 
 def test_it_never_runs_backwards_and_is_right_within_a_factor_of_two(clock):
-    """A part that takes four times its estimate, beside one that takes as long as expected."""
+    """One part takes four times its estimate, the other one as long as expected."""
     work, seen = Work({"simulating": 5.0, "drawing": 2.0}, Console()), []
     with work.part("simulating") as progress:
         for k in range(1, 21):
@@ -52,12 +52,12 @@ def test_what_is_overdue_still_takes_a_moment(clock):
     work = Work({"certifying": 1.0}, Console())
     with work.part("certifying"):
         clock[0] += 20
-        assert work.left == pytest.approx(10)  # nobody knows: half as long again
+        assert work.left == pytest.approx(10)  # unknown, so that half of the elapsed time is assumed
     assert work.left == 0
 
 
 def test_on_a_busy_machine_all_takes_as_much_longer(clock):
-    """With a quarter of a core 20 s of work take 80 s; the parts that others do are not judged by it."""
+    """With a quarter of a core 20 s of work take 80 s. This does not apply to the parts done by other processes."""
     clock[1] = 0.25
     for here, whole in ((True, 80.0), (False, 20.0)):
         work = Work({"certifying": 12.0, "drawing": 8.0}, Console())
@@ -67,8 +67,8 @@ def test_on_a_busy_machine_all_takes_as_much_longer(clock):
 
 
 def test_no_time_is_told_before_it_is_known_within_a_factor_of_two(clock):
-    """The remaining time is shown for a part with a known pace, not while most of it is only an estimate, which is wrong by a
-    factor of three here."""
+    """The remaining time is shown for a part with a known pace. It is not shown while most of it is only an estimate, which is
+    wrong by a factor of three here."""
     work = Work({"simulating": 30.0, "drawing": 4.1}, Console())
     known = []
     with work.part("simulating") as progress:
@@ -99,7 +99,7 @@ def test_of_a_long_part_the_time_is_told_from_the_first_hundredths_on(clock):
 
 
 def test_what_is_started_once_is_no_pace(clock):
-    """Compiling takes 20 s and everything else 10 s: the overall pace would predict 400 s, then 200 s."""
+    """Compilation takes 20 s and everything else 10 s. The overall pace would predict 400 s, then 200 s."""
     work, known = Work({"all": 5.0}, Console()), []
     with work.part("all") as progress:
         clock[0] += 20.0
@@ -120,7 +120,7 @@ class Terminal(io.StringIO):
 
 
 def test_a_long_sentence_is_folded_on_a_terminal_and_one_line_elsewhere(monkeypatch):
-    """No line is longer, none ends between a number and its unit, and nothing else is changed."""
+    """No line exceeds the width or ends between a number and its unit, and nothing else is changed."""
     text = "barbalat: controller 1 (model reference adaptive): sample_time must be so many whole steps of 0.001 s, got 0.0105 s"
     for stream, lines in ((Terminal(), 3), (io.StringIO(), 1)):
         monkeypatch.setattr(sys, "stderr", stream)
@@ -132,7 +132,7 @@ def test_a_long_sentence_is_folded_on_a_terminal_and_one_line_elsewhere(monkeypa
 
 
 def test_without_a_terminal_a_long_work_says_how_far_it_is(monkeypatch, capsys):
-    """In a log or a pipe there is no bar: nothing at first, then one line, and nothing after the work is done."""
+    """In a log or a pipe there is no bar. At first there is nothing, then one line, and nothing after the end of the work."""
     monkeypatch.setattr(progress, "FIRST_LINE", 0.01)
     with progress.work({"contest": 100.0}) as running, running.part("contest") as advanced:
         advanced(0.25)

@@ -1,4 +1,4 @@
-"""Standard output and error that are closed, on a full disk, or have no reader: every command behaves in the same way."""
+"""Standard output and error that are closed, on a full disk or without a reader: every command behaves in the same way."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def place(tmp_path):
 
 
 def shell(line, folder, **environment):
-    """Run a command line with redirections: its exit code and its standard error."""
+    """Run a command line with redirections and return its exit code and its standard error."""
     done = subprocess.run(
         ["bash", "-c", line.replace("barbalat", f"'{sys.executable}' -m barbalat", 1)],
         cwd=folder, env=ENVIRONMENT | environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
@@ -60,7 +60,7 @@ def shell(line, folder, **environment):
 @pytest.mark.parametrize("arguments", COMMANDS)
 @pytest.mark.short(kept=lambda arguments, unbuffered: arguments in KEPT and not unbuffered)
 def test_a_closed_standard_output(arguments, unbuffered, place):
-    """One sentence before any work, and no files are left."""
+    """There is one sentence before any work, and no files are left."""
     assert shell(f"barbalat {arguments} >&-", place, PYTHONUNBUFFERED=unbuffered)[:2] == (1, CLOSED)
     assert shell(f"barbalat {arguments} >&- 2>&-", place, PYTHONUNBUFFERED=unbuffered)[:2] == (1, "")
     assert [file.name for file in place.iterdir()] == ["case.toml"]
@@ -92,7 +92,7 @@ def test_a_reader_that_left(arguments, unbuffered, place):
 )
 @pytest.mark.short(kept=lambda arguments, code, lost: arguments == "new new.toml")
 def test_notes_that_are_lost_change_nothing(arguments, code, lost, place):
-    """Neither the exit code nor the output changes; no note is mixed with results."""
+    """Neither the exit code nor the output changes, and no note is mixed with results."""
     told = shell(f"barbalat {arguments}", place)[2]
     (place / "new.toml").unlink(missing_ok=True)
     assert shell(f"barbalat {arguments} {lost}", place) == (code, "", told)
@@ -116,7 +116,7 @@ with notes(), open("results", "wb") as file:
 
 
 def test_another_pipe_that_breaks_is_told(monkeypatch, capsys):
-    """For example a worker's pipe: only a closed standard output ends the command silently."""
+    """An example is a worker's pipe. Only a closed standard output ends the command silently."""
 
     def broken(_):
         raise BrokenPipeError(32, "Broken pipe")

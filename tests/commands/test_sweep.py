@@ -1,4 +1,4 @@
-"""``barbalat sweep``: the contract's document, a member run again, one sentence for bad input."""
+"""``barbalat sweep``: the contract's document, a member that is run again, and one sentence for bad input."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""Contests: margins against brute force, same seed same result, failures counted, intervals against others' code."""
+"""Contests: margins compared with brute force, the same result for the same seed, the count of failures, and intervals compared
+with other code."""
 
 from __future__ import annotations
 
@@ -57,7 +58,7 @@ class ThenHeld:
 
 
 def borne_by_hand(controller, theta: float, delay: float = 0.0, gain: float = 1.0) -> bool:
-    """Whether u comes to rest with the command held, in a single long run."""
+    """Whether u becomes constant under a constant command in a single long run."""
     path = PlantInput(delay=delay, gain=gain) if delay or gain != 1 else None
     plant = Plant(A_m=[[-2.0]], b=[1.5], theta=[theta], x0=[0.3], input=path)
     longer = replace(SIMULATION, t_end=24.0, record_points=10_000)
@@ -98,7 +99,7 @@ def _rms(controller, theta: float) -> float:
 
 
 def test_who_diverges_on_what_no_tuning_saw_is_counted_and_stays_in():
-    """x' = (30 (theta - 1) - 2) x + ...: stable on the case's own plant, unstable for theta above 1.07."""
+    """x' = (30 (theta - 1) - 2) x + ... is stable on the case's own plant and unstable for theta above 1.07."""
     plant = Plant(A_m=[[-2.0]], b=[30.0], theta=[1.0], x0=[0.3])
     problem, simulation = replace(DRIVE, plant=plant), Simulation(t_end=4.0, dt=2e-3)
     rule = Rule(delay_margin=0.01, gain_margin=1.05, plants=1, trials=288)
@@ -182,7 +183,7 @@ def test_bad_input_is_one_sentence():
 
 
 APART = replace(DRIVE, uncertainty=ParameterBox(lower=[-1.0], upper=[3.0]))
-"""A known set whose middle, 1, is not where estimates start by default."""
+"""A known set whose centre, 1, differs from the default initial estimates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +222,7 @@ class OutsideEquations:
 
 @dataclass(frozen=True, eq=False)
 class Chosen(ExternalFunction):
-    """The user has set its initial estimates."""
+    """A law whose initial estimates the user has set."""
 
     name: str = "chosen"
 
@@ -233,7 +234,7 @@ class Chosen(ExternalFunction):
 
 @dataclass(frozen=True, eq=False)
 class Fixed(Plain):
-    """It has no field for initial estimates and starts at zero."""
+    """A law that has no field for initial estimates and starts at zero."""
 
     name: str = "plain"
 
@@ -242,7 +243,7 @@ class Fixed(Plain):
 
 
 def test_a_law_from_outside_starts_where_the_others_do():
-    """Initial estimates are set if the class has a field theta_hat0 at its default; a user's value is kept."""
+    """Initial estimates are set if the class has a field theta_hat0 with its default value. A user's value is kept."""
     own = [ExternalFunction(), Chosen(), Fixed(1.0)]
     entrants, _ = entrants_of(APART, SIMULATION, schemes=["mrac"], own=own)
     starts = {one.name: start_of(APART, one.controller([2.0])).tolist() for one in entrants}
@@ -265,7 +266,8 @@ def test_who_starts_elsewhere_is_said():
 
 
 def test_a_contest_of_many_short_runs_is_announced_with_its_time():
-    """12,000 steps beside an observer take less time than the equations of each run: three minutes by measurement."""
+    """12,000 steps with an observer take less time than setting up the equations of each run. The measured total is three
+    minutes."""
     told = []
     rule = Rule(delay_margin=0.005, plants=3, trials=288)
     with Budget(told=told.append):

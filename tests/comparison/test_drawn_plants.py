@@ -1,4 +1,4 @@
-"""Plants that are drawn from the ranges of physical parameters, beside a truth with formulas of its own."""
+"""Plants drawn from the ranges of physical parameters, with a truth that has its own formulas."""
 
 from __future__ import annotations
 

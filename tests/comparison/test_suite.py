@@ -1,4 +1,4 @@
-"""The public suite: its hash, the admissible submissions, and rebuilt rows of its table."""
+"""The public suite: its hash, the admissible submissions, and recomputed rows of its table."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def test_a_case_that_an_entry_does_not_take_leaves_it_the_others(tmp_path):
 
 
 def test_a_part_of_the_table_is_rebuilt():
-    """One entry of the quick case: equal bit for bit here and in another process, and equal to the stored one to nine digits on
-    any machine."""
+    """One entry of the quick case equals that of another process bit for bit, and the stored one to nine digits on any
+    machine."""
     command = [sys.executable, "-m", "barbalat", "contest", "--suite", "--quick", "--schemes", "adrc", "--json"]
     by_command = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     found = standings(schemes=["adrc"], quick=True)
@@ -114,7 +114,8 @@ def test_a_part_of_the_table_is_rebuilt():
 
 @pytest.mark.full
 def test_cases_side_by_side_are_those_one_after_the_other():
-    """The baseline alone, which has no settings to tune, on every case in separate processes, compared with the stored rows."""
+    """The baseline alone has no settings to tune. It runs on every case in separate processes and is compared with the stored
+    rows."""
     found = standings(schemes=["baseline"], processes=2)
     assert [row["case"] for row in found.rows] == list(found.suite.tables)
     stored = {f"{row['entry']} on {row['case']}" for row in stored_table()["rows"] if row["entry"] == "Baseline"}
@@ -122,7 +123,7 @@ def test_cases_side_by_side_are_those_one_after_the_other():
 
 
 def test_what_differs_is_named(tmp_path):
-    """The rule's own tuning, submitted as fixed, has the rule's error; a differing stored row is reported."""
+    """The rule's own tuning, submitted as fixed, has the rule's error. A stored row that differs is reported."""
     row = next(one for one in stored_table()["rows"] if (one["case"], one["entry"]) == ("servo", "ADRC"))
     head = 'name = "servo"\n[[controller]]\nname = "Mine"\nscheme = "adrc"\nsample_time = 0.004\n'
     text = f"{head}bandwidth = {row['tuning']['bandwidth']!r}\n"
@@ -156,7 +157,7 @@ def test_the_stored_table_is_of_this_suite():
 
 
 def test_l1_is_tuned_over_both_filters_and_ends_of_ranges_are_marked():
-    """The ranges of the second time constant, from the first one to (6); the page marks a tuning at an end with a star."""
+    """The second time constant ranges from the first one to (6). The page marks a tuning at an end with a star."""
     suite = Suite.read()
     case, held = suite.case("section-v"), suite.sample_time("section-v")
     entrants, _ = entrants_of(case.problem, case.simulation, schemes=("l1", "robust-mrac"), sample_time=held)

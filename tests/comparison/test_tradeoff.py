@@ -1,4 +1,4 @@
-"""Trade-offs: fronts against brute force, all bundled cases, the forecast of the time, the page's words."""
+"""Trade-offs: fronts compared with brute force, all bundled cases, the forecast of the time, and the page's text."""
 
 from __future__ import annotations
 
@@ -98,7 +98,8 @@ TURN = {"first-order", *drawn(STATE_FEEDBACK, 3)}
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.bulk] * (name not in TURN)) for name in STATE_FEEDBACK])
 @pytest.mark.short(kept=lambda name: name == "first-order")
 def test_every_bundled_case_with_measured_state(name):
-    """Few tunings over a sixth of the run: each scheme has some that follow, and these tolerate some delay before loss."""
+    """A few tunings over a sixth of the run. Each scheme has some that follow the command, and these tolerate some delay before
+    loss."""
     case = load_case(name)
     simulation = replace(case.simulation, t_end=case.simulation.t_end / 6)
     found = trade_off(case.problem, simulation, density=2, plants=1)
@@ -112,8 +113,8 @@ def test_every_bundled_case_with_measured_state(name):
 
 
 def test_largest_gain_along_a_run_against_the_bound_of_certify(section_v):
-    """|x| along the run is below the bound that certify takes: the gain is therefore larger, by a factor that the bound of a sine
-    explains."""
+    """|x| along the run is below the bound that certify uses. The gain is therefore larger, by a factor explained by the bound of
+    a sine."""
     simulation = Simulation(t_end=60.0, dt=1e-3)
     bound = certify(section_v, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
     found, how = grids.largest_gain(section_v, simulation)
@@ -123,7 +124,7 @@ def test_largest_gain_along_a_run_against_the_bound_of_certify(section_v):
 
 
 def test_oscillator_of_two_inputs_is_that_of_each_where_they_are_apart():
-    """Two equal plants side by side have the modes of one, twice: the square of its characteristic polynomial."""
+    """Two equal independent plants have the modes of one plant twice, with the square of its characteristic polynomial."""
     A_m, b = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([0.0, 1.0])
     zero = np.zeros((2, 2))
     one = Known(A_m=A_m, b=b, k_0=1.0, x0=np.zeros(2), estimate_set=None)
@@ -165,7 +166,8 @@ def _two_gains(make=lambda gamma: Mrac(gamma=gamma)):
 
 
 def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
-    """Noise of 0.1 s and samples of 0.2 s: 3 steps, 12 ms, would be too short a run for either. The error is with the noise."""
+    """With noise of 0.1 s and samples of 0.2 s, a run of 3 steps, 12 ms, would be too short for either. The error includes the
+    noise."""
     noisy = replace(SMALL, sensor=Sensor(noise=Noise(std=0.05, sample_time=0.1)))
     (plain,) = trade_off(SMALL, BRIEF, knobs=_two_gains(), plants=2).clouds
     found = trade_off(noisy, BRIEF, knobs=_two_gains(), plants=2)
@@ -173,18 +175,19 @@ def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
     assert (found.clouds[0].error != plain.error).all()
     assert any("without the case's measurement noise" in note for note in found.notes)
     member = noisy, Sampled(Mrac(gamma=1.0), 0.2)
-    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # the page is made and not refused
+    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # the page is written and not refused
 
 
 @pytest.mark.parametrize("gain", [None, 2.0])
 def test_a_known_set_without_zero_starts_in_its_middle(gain):
-    """With an unknown input gain every scheme was left out and the page was empty; without one its own start was refused."""
+    """With an unknown input gain every scheme used to be left out, and the page was empty. Without one, the scheme's own initial
+    estimates were refused."""
     plant = SMALL.plant if gain is None else replace(SMALL.plant, input=PlantInput(gain=gain))
     known = None if gain is None else (1.5, 3.0)
     apart = replace(SMALL, plant=plant, uncertainty=ParameterBox(lower=[0.5], upper=[2.5]), input_gain=known)
     chosen, left_out = default_knobs(apart, BRIEF, density=2)
     assert {"MRAC", "L1-AC"} <= {one.scheme for one in chosen}
-    assert ("Baseline" in {one.scheme for one in chosen}) == (gain is not None)  # no other fixed loop takes an unknown gain
+    assert ("Baseline" in {one.scheme for one in chosen}) == (gain is not None)  # no other fixed loop accepts an unknown gain
     assert any("estimates start in its middle, [1.5]" in sentence for sentence in left_out)
     for one in [each for each in chosen if each.scheme != "Baseline"]:
         start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
@@ -206,7 +209,7 @@ def test_the_baseline_alone_takes_part_beside_a_baseline_whose_parameters_are_th
 
 
 def test_the_normalised_law_is_also_tried_far_slower_than_the_model():
-    """Its rate is at most Gamma: from a hundredth of the slowest rate of the other gains."""
+    """Its rate is at most Gamma, so that its gains start at a hundredth of the slowest rate of the others."""
     times = np.array([0.1, 1.0])
     scale = TuningScale(highest_gain=1e3, highest_square=1e3, times=times, density=2, known=SMALL.known, sample_time=0.01)
     gains = NormalizedMrac.knobs(scale).values["gamma"]
@@ -240,7 +243,7 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
 
 
 def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):
-    """With a clock that follows the model exactly, the model's three numbers come back."""
+    """With a clock that follows the model exactly, the result is the model's three numbers."""
     call, member, step = 0.3, 2e-3, 5e-8
     monkeypatch.setattr(forecast, "_timed", lambda members, _, steps: call + len(members) * (member + steps * step))
     members = [(section_v, Mrac(gamma=1.0))] * 100
@@ -249,7 +252,7 @@ def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):
 
 
 def test_forecast_is_refined_by_what_was_seen():
-    """With 30 s expected, the estimates give each part's share and the pace gives its duration."""
+    """With an expected time of 30 s, the estimates determine each part's share, and the pace determines its duration."""
     expected = forecast.Forecast({"a": 10.0, "b": 20.0})
     assert expected.total("a", 0.0, 0.0) == 30.0
     assert expected.total("a", 0.5, 10.0) == 60.0  # a sixth of it took 10 s
@@ -259,14 +262,14 @@ def test_forecast_is_refined_by_what_was_seen():
 
 
 def test_a_forecast_wrong_by_a_factor_of_four_is_right_after_a_tenth():
-    """65 s of work that were estimated as 260 s, as on a machine that was busy while the small ensembles were timed."""
+    """65 s of work are estimated as 260 s, as on a machine that was busy while the small ensembles were timed."""
     expected = forecast.Forecast({"a": 80.0, "b": 180.0})
     for seconds in range(7, 20):
         assert expected.total("a", seconds / 20, seconds) == pytest.approx(65.0)
 
 
 def _found(section_v, onset, loss) -> TradeOff:
-    """Two schemes with one tuning each of the same error, and these delays."""
+    """Two schemes with one tuning each, with the same error and these delays."""
     clouds = tuple(
         Cloud(scheme=name, tunings=({"gamma": 1.0},), error=np.array([[0.005]]), onset=np.array([[a]]), loss=np.array([[b]]))
         for name, a, b in zip(("one", "other"), onset, loss, strict=True)
@@ -291,7 +294,7 @@ def test_the_sentence_on_the_ranking(section_v):
 
 
 def test_the_worst_of_several_plants_is_shown_before_the_case_s_own(section_v):
-    """One scheme is best on its own plant, and follows no other."""
+    """One scheme is best on its own plant and does not follow on any other."""
     own = _found(section_v, (0.5, 0.3), (0.5, 0.3))
     elsewhere = ([[0.005, 0.5]], [[0.005, 0.005]])
     clouds = [
@@ -322,7 +325,7 @@ def test_labels_cover_neither_lines_nor_each_other():
 
 
 def test_a_registered_scheme_brings_its_own_knobs(section_v, monkeypatch):
-    """There is no list of schemes besides the registry: one more line there adds a scheme to the comparison."""
+    """There is no list of schemes other than the registry. A further line there adds a scheme to the comparison."""
 
     class Slow:
         @classmethod
@@ -340,7 +343,7 @@ def test_a_registered_scheme_brings_its_own_knobs(section_v, monkeypatch):
 
 
 def test_an_unknown_gain_of_one_in_the_case_makes_no_other_structure_than_the_drawn_ones():
-    """The case's plant has the default gain of 1; the drawn ones have others, and all run in one ensemble."""
+    """The case's plant has the default gain of 1, the drawn ones have other gains, and all run in one ensemble."""
     plant = Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=[1.0, -1.0])
     box = ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0])
     model = ReferenceModel(k_0=0.3)

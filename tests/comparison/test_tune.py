@@ -1,4 +1,5 @@
-"""Tunings: against brute force, against a bound known in closed form, against trade-offs' fronts; the case file; bad input."""
+"""Tunings: comparison with brute force, with a bound known in closed form and with the fronts of trade-offs; the case file; bad
+input."""
 
 from __future__ import annotations
 
@@ -76,7 +77,7 @@ def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_
     assert (effort > limit).any() and (effort <= limit).any()  # the constraint decides
     best = error[effort <= limit].min()
     chosen = found.controllers["MRAC"].chosen
-    # a step of the grid changes the error by 1 %, as it changes gamma by 2 %
+    # a step of the grid changes gamma by 2 % and the error by 1 %
     assert chosen.meets and chosen.value <= best * 1.002 and chosen.value >= best * 0.98
     assert "MRAC" in found.controllers and "L1" not in found.controllers
     changed = [new for new, old in zip(found.text.splitlines(), DRIVE.splitlines(), strict=True) if new != old]
@@ -126,7 +127,7 @@ modification = { sigma = 0.1 }
 
 @pytest.mark.parametrize(("text", "knobs"), [(OUTPUT, ["filter.kappa"]), (NETWORK, ["gamma", "modification.sigma"])])
 def test_what_a_scheme_says_is_turned_needs_no_vary(tmp_path, text, knobs):
-    """The error is smaller than with a tuning by hand; the ends of the ranges are valid controllers too."""
+    """The error is smaller than with a manual tuning. The ends of the ranges are also valid controllers."""
     (tmp_path / "case.toml").write_text(text)
     found = tune(tmp_path / "case.toml", "rms_e", subject_to=["max_abs_u <= 30"], plants=1, trials=288)
     (tuned,) = found.controllers.values()
@@ -137,14 +138,15 @@ def test_what_a_scheme_says_is_turned_needs_no_vary(tmp_path, text, knobs):
 
 
 def test_no_known_set_is_taken_for_a_networks_weights():
-    """The onset compares the estimates' motion with their own range, and theta's range is not that of the weights."""
+    """The start of oscillation is detected by the estimates' motion relative to their range, and theta's range is not that of the
+    weights."""
     case = parse_case(NETWORK)
     assert np.isinf(known_width(case.problem, case.controllers[0])).all()
     assert known_width(case.problem, Mrac(gamma=1.0)).tolist() == [6.0]
 
 
 def test_margins_of_each_input_count_by_the_worst():
-    """``delay_margin_each`` as a constraint is the margin of the input that tolerates least."""
+    """As a constraint, ``delay_margin_each`` is the smallest margin of an input."""
     case = load_case("lateral-aircraft")
     law = L1PiecewiseConstant(sample_time=0.05, filter=input_filter(0.3))
     certificate = certify(case.problem, [law], case.simulation)[law.name]
@@ -156,7 +158,7 @@ def test_margins_of_each_input_count_by_the_worst():
 
 @pytest.mark.full
 def test_a_certificates_condition_stops_the_filter_where_it_flips(drive):
-    """The delay margin grows with kappa, so that the best filter is the slowest that the condition admits."""
+    """The delay margin grows with kappa, so that the best filter is the slowest one that satisfies the condition."""
     found = tune(
         drive, "delay_margin", maximize=True, subject_to=["condition < 1"], plants=1, trials=288,
         vary={"controller[1].filter.kappa": "0.01:3:log"},
@@ -195,9 +197,10 @@ law = { kind = "least-squares", covariance0 = 500.0 }
 
 
 def _with_the_cases_filter(knobs):
-    """L1's knobs with (6), exactly, and the highest gain: tune varies the numbers of a case's filter, not its shape.
+    """L1's tuned settings with exactly (6) and the highest gain. tune varies the numbers of a case's filter but not its
+    structure.
 
-    At gains near MRAC's a valley, a hundredth of the gain's range wide and 3 % lower, may be missed by 384 trials.
+    At gains near MRAC's, 384 trials may miss a minimum that is 3 % lower and as wide as a hundredth of the gain's range.
     """
     highest = float(knobs.values["gamma"][-1])
     return TuningGrid(
@@ -251,7 +254,7 @@ def test_command_and_its_page(drive, tmp_path, capsys):
 
 
 def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
-    """Some plants of the known set are unstable and need more than the limits allow, so no constraint is the cause."""
+    """Some plants of the known set are unstable and need more input than the limits allow, so that no constraint is the cause."""
     text = DRIVE.replace("[reference_model]", "[plant.input]\nsaturation = [-0.1, 0.1]\n[reference_model]")
     text = text.replace("t_end = 4.0", "t_end = 30.0").replace("lower = [-3.0]\nupper = [3.0]", "lower = [-0.5]\nupper = [6.0]")
     found = tune(
@@ -333,7 +336,8 @@ def test_a_controller_without_knobs_is_left_out_of_all_and_refused_alone(tmp_pat
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_search_comes_close_to_where_a_constraint_binds(seed):
-    """The smallest admissible x, with a second number of little influence, like L1's filter and gain under a delay."""
+    """The search for the smallest admissible x with a second number of little influence, like L1's filter and gain with a
+    delay."""
     limit = 0.2 + 0.1 * seed
     tried = []
 
@@ -360,7 +364,8 @@ ROBUST = 'name = "MRAC"\nscheme = "robust-mrac"\ntau = 0.1\nlaw = { kind = "leas
 
 
 def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(tmp_path):
-    """At h = 0.02 s RK4 damps the fast law's ringing: estimates vary at 0.17/s at Gamma = 1e4, and at 0.41/s at a finer step."""
+    """At h = 0.02 s RK4 damps the oscillation of the fast law. At Gamma = 1e4 the estimates vary at 0.17/s, and at 0.41/s with a
+    finer step."""
     coarse = DRIVE.replace("dt = 1e-3", "dt = 0.02")
     case = tmp_path / "coarse.toml"
     case.write_text(coarse)
@@ -377,7 +382,7 @@ def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(
     (note,) = (one for one in found["1.2e4"].notes if "none of 288 tunings" in one)
     assert "at a step 4 times smaller as well" in note
     assert any("which violates theta_hat_variation_rate <= 0.2" in one for one in found["1.2e4"].notes)
-    assert "gamma = 3.0" in found["1.2e4"].text  # the case file keeps its own
+    assert "gamma = 3.0" in found["1.2e4"].text  # the case file keeps its own step
     (gamma,) = wrong.nearest.tuning.values()
     rates = []
     for h in ("0.02", "0.001"):
@@ -394,7 +399,7 @@ def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(
 
 
 def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
-    """Its margin knows neither the actuator's limits nor a moving command."""
+    """Its margin includes neither the actuator's limits nor a varying command."""
     case = tmp_path / "drive.toml"
     case.write_text(DRIVE)
     found = tune(str(case), "rms_e", subject_to=["delay_margin_adapting >= 1e-3"], controller="MRAC", plants=1, trials=288)
@@ -420,7 +425,8 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
 
 @pytest.mark.full
 def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tmp_path):
-    """With noise in the onset's runs, tune once returned a gain whose estimates oscillate far below the required delay."""
+    """With noise in the runs for the start of oscillation, tune once returned a gain at which the estimates oscillate far below
+    the required delay."""
     noise = "[sensor.noise]\nstd = 0.05\nsample_time = 0.01\n"
     (tmp_path / "noisy.toml").write_text(DRIVE.replace("[reference_model]", f"{noise}[reference_model]"))
     asked, found = 0.1, {}

@@ -1,4 +1,4 @@
-"""A case file's table for each registered signal, regressor and law; one registered without a table fails its contract."""
+"""A case file's table for each registered signal, regressor and law. A registered class without a table fails its contract."""
 
 from adaptation.examples import LAW_EXAMPLES
 
@@ -14,15 +14,15 @@ SIGNALS = {
     "mat": {"file": "r.mat"},
 }
 CSV = "t,r\n0,2\n1,3\n"
-"""What stands in that file."""
+"""The contents of that file."""
 
 REGRESSORS = {
     "polynomial": {"degree": 1, "constant": False},
     "gaussian": {"centers": [[0.0, 1.0], [1.0, 0.0]], "width": 2.0},
     "terms": {"terms": ["x1", "abs(x1)*x2"]},
 }
-"""Each with two components for two states."""
+"""Regressors, each with two components for two states."""
 
 LAWS = {"lyapunov": {"gamma": 2.0}} | {name: example.numbers for name, example in LAW_EXAMPLES.items()}
 LAWS |= {"gradient": {"gamma": [1.0, 2.0]}, "integral-cost": {"gamma": [[2.0, 1.0], [1.0, 2.0]], "forgetting": 0.4}}
-"""A diagonal and a matrix among them."""
+"""Laws, some of them with a diagonal or a matrix as gain."""

@@ -1,4 +1,5 @@
-"""What an addition needs: only the places that CONTRIBUTING lists, filled in a copy; then all its contracts hold.
+"""An addition needs changes only in the places that CONTRIBUTING lists. They are made in a copy, in which all contracts must
+hold.
 
 A claim and a paper are added in ``tests/papers/test_slices.py``, a vehicle in ``tests/vehicles/test_a_vehicle_is_one_folder.py``.
 """
@@ -60,7 +61,7 @@ ADDED = {"signal": "wave", "scheme": "knower", "law": "descent", "solver": "trap
 
 
 def copied(file: Path, to: Path, **names: str) -> None:
-    """A module of the package, repeated with other names."""
+    """A copy of a module of the package with other names."""
     text = file.read_text()
     for old, new in names.items():
         text = re.sub(rf"\b{old}\b", new, text)
@@ -76,7 +77,7 @@ def inserted(file: Path, after: str, line: str) -> None:
 
 
 def add_scheme(package: Path, tests: Path) -> None:
-    """The file, its line in the registry, its public name, its certificate, an example: five places."""
+    """Add a scheme in five places: the file, its line in the registry, its public name, its certificate and an example."""
     copied(package / "controllers/known_parameters.py", package / "controllers/knower.py", KnownParameters="Knower")
     inserted(
         package / "controllers/__init__.py",
@@ -101,7 +102,8 @@ def add_scheme(package: Path, tests: Path) -> None:
 
 
 def add_law(package: Path, tests: Path) -> None:
-    """The file, its line in the registry, its public name, an example: four places; and its row on the page on laws."""
+    """Add a law in four places: the file, its line in the registry, its public name and an example; and its row on the page on
+    laws."""
     laws = package / "adaptation/laws"
     copied(laws / "gradient.py", laws / "descent.py", Gradient="Descent")
     line = "from barbalat.adaptation.laws.gradient import Gradient as Gradient"
@@ -120,7 +122,7 @@ def add_law(package: Path, tests: Path) -> None:
 
 
 def add_signal(package: Path, tests: Path) -> None:
-    """A class, its line in the registry, its public name, an example: four places."""
+    """Add a signal in four places: a class, its line in the registry, its public name and an example."""
     smooth = package / "signals/smooth.py"
     (sine,) = re.findall(r"\n@dataclass\(frozen=True\)\nclass Sine\(.*?(?=\n@|\Z)", smooth.read_text(), re.DOTALL)
     smooth.write_text(smooth.read_text() + sine.replace("class Sine(", "class Wave("))
@@ -136,7 +138,7 @@ def add_signal(package: Path, tests: Path) -> None:
 
 
 def add_solver(package: Path, tests: Path) -> None:
-    """A tableau, its name in the registry, its public name, its step by hand in the tests: four places."""
+    """Add a solver in four places: a tableau, its name in the registry, its public name and its step by hand in the tests."""
     tableau, registry = package / "solvers/tableau.py", package / "solvers/registry.py"
     with tableau.open("a") as file:
         file.write('TRAPEZOID = Tableau("trapezoid", 2, ((), (1.0,)), (1 / 2, 1 / 2), (0.0, 1.0))\n')
@@ -149,7 +151,7 @@ def add_solver(package: Path, tests: Path) -> None:
 
 
 def numbers(folder: Path, **names: str) -> tuple[dict, dict]:
-    """What ``run`` and ``certify`` print of the case with these names."""
+    """The output of ``run`` and ``certify`` for the case with these names."""
     (folder / "case.toml").write_text(CASE.format(**names))
     said = [json.loads(barbalat_says(command, "case.toml", "--json", path=folder)) for command in ("run", "certify")]
     return said[0]["controllers"], said[1]["controllers"]
@@ -157,7 +159,8 @@ def numbers(folder: Path, **names: str) -> tuple[dict, dict]:
 
 @pytest.mark.full
 def test_a_scheme_a_law_a_signal_and_a_solver_take_the_places_of_contributing(tmp_path):
-    """All four in one copy: they work in case files, run, certify, and meet the contracts of everything registered."""
+    """All four are added in one copy. They work in case files, run and certify, and satisfy the contracts of all registered
+    names."""
     package, tests = package_in(tmp_path / "src"), tmp_path / "tests"
     shutil.copytree(HERE / "tests", tests, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(HERE / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("gallery"))

@@ -11,7 +11,8 @@ GENERATED = {"cases.md"}  # from docstrings, which name symbols as code does
 INDEX = ROOT / "docs" / "index.md"
 NOT_COUNTED = {"Reference", "Laboratory notebook"}
 MOST_WORDS = 35_000
-"""On the site outside reference and notebook, code and formulas apart: what a reader can be asked to look through."""
+"""Largest number of words on the site without the reference, the notebook, code and formulas: as much as a reader can be expected
+to read."""
 SPELLED = re.compile(r"(?<![\w./])(theta|omega)(_hat|_tilde)?(?!\w)|(?<![\w./])(Gamma|kappa|epsilon|lambda)(?!\w)|<=|>=")
 
 
@@ -42,7 +43,8 @@ def test_links_between_pages_lead_somewhere_in_the_repository(page):
 
 
 def words(page: Path) -> int:
-    """Words of two letters and more; names in the text count, blocks of code, formulas and links' targets do not."""
+    """The number of words of two letters or more. Names in the text count, but blocks of code, formulas and link targets do
+    not."""
     text = re.sub(r"^[ ]*```.*?^[ ]*```$|^---\n.*?^---$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"\$\$.*?\$\$|\$[^$\n]*\$|\]\([^)]*\)", "", text, flags=re.DOTALL)
     return len(re.findall(r"[^\W\d_]{2}[\w'’-]*", text))

@@ -1,4 +1,4 @@
-"""Mathematics on the site: docutils sets some subscripts wrongly, and every formula of the pages is corrected."""
+"""Mathematics on the site: docutils places some subscripts wrongly, and every formula of the pages is corrected."""
 
 import importlib.util
 import re

@@ -66,7 +66,7 @@ NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 MEASURED = re.compile(r"\*Measured on \d{4}-\d\d-\d\d, commit [0-9a-f]{7}")
 OF_FAULTS = {"tests"}  # the heading names the commit and the seed
 MOST_NUMBERS = 12
-"""In a table that nobody need call measured: indices, limits, defaults."""
+"""Tables with numbers that are not measured: indices, limits, defaults."""
 
 
 @pytest.mark.parametrize("path", sorted(DOCS.rglob("*.md")), ids=lambda path: path.stem)

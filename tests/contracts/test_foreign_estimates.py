@@ -1,5 +1,5 @@
-"""Laws from outside whose estimates are not the problem's parameters: every command accepts them and says what it can't know
-about them."""
+"""Laws from outside whose estimates are not the problem's parameters: every command accepts them and states what is unknown about
+them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("law", [*CONTROLLERS, *SAMPLED], ids=lambda law: f"{law.name} {type(law).__name__}")
 def test_a_run_compares_what_can_be_compared(linear, law):
-    """True values if there are as many estimates as parameters; otherwise none, and one sentence says so."""
+    """There are true values if there are as many estimates as parameters. Otherwise there are none, and one sentence says so."""
     (run,) = simulate(linear, [law], SIMULATION).values()
     count, known = run.theta_hat.shape[1], COMPARED[law.name]
     assert np.isfinite(run.states).all()
@@ -132,7 +132,7 @@ def test_trade_offs(linear):
 @pytest.mark.parametrize("target", ["c99", "fmu2", "fmu3"])
 @pytest.mark.parametrize("law", SAMPLED, ids=NAMES)
 def test_exports(linear, law, target):
-    """Only the sources are checked; every export's own test shows that the compiled C equals the simulation bit for bit."""
+    """Only the sources are checked. The test of every export shows that the compiled C equals the simulation bit for bit."""
     if target == "c99":
         assert "controller.c" in files(linear, law, SIMULATION)
     else:
@@ -140,7 +140,7 @@ def test_exports(linear, law, target):
 
 
 def test_a_page_of_sliders(linear):
-    """True values and their lines appear if the numbers agree; named estimates keep their names in the page."""
+    """True values and their lines appear if the numbers agree. Named estimates keep their names on the page."""
     (data,) = (explore(linear, CONTROLLERS, SIMULATION).contents.data["controllers"],)
     assert [one["name"] for one in data] == NAMES
     assert [one["true"] is not None for one in data] == [COMPARED[one["name"]] for one in data]
@@ -197,7 +197,7 @@ def test_names_that_are_not_as_many_as_the_estimates(linear):
 
 
 def test_ideal_values_are_the_laws_own_to_know(linear):
-    """Weights are not taken for parameters if the law says so, even if there are equally many."""
+    """Weights are not treated as parameters if the law says so, even if their numbers are equal."""
 
     class Other(HighOrder):
         def bind(self, known):

@@ -9,11 +9,11 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PAGE = (ROOT / "docs" / "licences.md").read_text()
 SHOWN = {"control": "python-control", "numpy": "NumPy"}
-"""Names of the page, where they are not the packages' own."""
+"""Names on the page that differ from those of the packages."""
 
 
 def required(requirement, found):
-    """The package of a requirement and all that it needs, without extras."""
+    """The package of a requirement and all its dependencies, without extras."""
     name = re.match(r"[A-Za-z0-9._-]+", requirement).group().lower().replace("_", "-")
     if name in found or "extra ==" in requirement or "sys_platform" in requirement or "platform_system" in requirement:
         return

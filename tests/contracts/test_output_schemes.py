@@ -39,7 +39,7 @@ EXAMPLES = [
 ]
 
 SHORT_PAIRS = {(1, "rk4"), (2, "euler"), (2, "heun")}
-"""Order and solver together in short; what does not depend on the order is looked at with the second alone."""
+"""The short tests vary order and solver together. Tests that do not depend on the order use only the second one."""
 
 
 def problem(n, **changes):
@@ -94,7 +94,7 @@ def test_the_kernel_does_what_plain_stepping_does(example, solver):
 
 @pytest.mark.short(kept=lambda example: example[1:] == (2, 0))
 def test_the_error_of_a_solver_falls_with_its_order(example):
-    """Halving the step of RK4 three times before any bound is met: the differences fall by 2^4 = 16 each, within a third."""
+    """RK4's step is halved three times before any bound is reached. Each difference is smaller by 2^4 = 16, within a third."""
     given, controller = example
     ends = []
     for k in range(4):
@@ -114,7 +114,7 @@ def test_the_exact_jacobian_against_differences(example):
 @pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)
 @pytest.mark.short(kept=lambda name, n, i: n == 2)
 def test_it_tracks(name, n, i):
-    """The tail error is a fraction of the model's output, 0.9; without control the unstable plants leave all bounds."""
+    """The tail error is a fraction of the model's output, 0.9. Without control the unstable plants exceed all bounds."""
     run = long_run(n, name, i)
     assert run.diverged_at is None
     assert run.figures["tail_max_abs_e"][0] < 0.5
@@ -145,7 +145,7 @@ def test_settings_are_frozen(example):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_rest_stays_rest(example):
-    """r = 0, d = 0: nothing moves, not even by a rounding."""
+    """With r = 0 and d = 0 nothing moves, not even by a rounding."""
     given, controller = example
     (run,) = simulate(replace(given, reference=Constant(0.0)), [controller], Simulation(t_end=1.0, dt=2.0**-6)).values()
     start = run.theta_hat[0]
@@ -188,7 +188,7 @@ def test_sampled_fast_it_is_the_continuous_controller(example, discretization):
         sampled = Sampled(controller=controller, sample_time=2.0**-9, discretization=discretization)
         sampled.bind(given.known)
     except ValueError as error:
-        assert discretization == "midpoint" and "midpoint" in str(error)  # refused where there is no proof
+        assert discretization == "midpoint" and "midpoint" in str(error)  # refused if there is no proof
         pytest.skip(str(error))
     simulation = Simulation(t_end=3.0, dt=2.0**-10)
     held, continuous = (simulate(given, [c], simulation)[controller.name] for c in (sampled, controller))

@@ -1,4 +1,4 @@
-"""The contract of every registered name: an example, a row of docs/cases.md, for a scheme its certificate, and a form in case
+"""The contract of every registered name: an example, a row in docs/cases.md, a certificate for a scheme, and a form in case
 files."""
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ HOMES = {
     "signals": (barbalat.signals, SIGNALS.values()),
     "regressors": (barbalat.regressors, REGRESSORS.values()),
 }
-"""The public modules, with what is registered that they offer."""
+"""The public modules with the registered names that they offer."""
 
 
 @pytest.mark.parametrize("registry", HOMES)
@@ -157,13 +157,13 @@ ROOMS = {
     "solvers": lambda value: isinstance(value, Tableau),
 }
 NO_CHOICE_OF_A_CASE = (Sampled, Clock, Linear, AUTO)
-"""Sampling is two keys of every controller, t is what a plant's formula asks for, and phi(x) = x what stands without a key; auto
-stands for what a tolerance chooses."""
+"""Classes without a kind of their own: sampling is two keys of every controller, t is needed by a plant's formula, phi(x) = x is
+used without a key, and auto is the solver that a tolerance selects."""
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_everything_written_is_registered(room):
-    """A class or tableau in one of these folders or files that is missing from every registry."""
+    """No class or tableau in these folders and files is missing from every registry."""
     place = import_module(f"barbalat.{room}")
     inside = [import_module(found.name) for found in walk_packages(getattr(place, "__path__", ()), f"{place.__name__}.")]
     written = {name: value for module in (place, *inside) for name, value in vars(module).items() if ROOMS[room](value)}
@@ -178,7 +178,7 @@ def test_the_docs_hold_what_the_registries_make():
 
 @pytest.mark.parametrize("problem", CASES)
 def test_editors_get_a_schema(problem):
-    """JSON Schema with every kind and scheme, each key described."""
+    """The JSON Schema contains every kind and scheme, and each key has a description."""
     schema = case_table(problem).model_json_schema()
     assert all(value["description"] for value in schema["properties"].values())
     tags = {value.get("const") for table in schema["$defs"].values() for value in table["properties"].values()}
@@ -190,7 +190,7 @@ def test_editors_get_a_schema(problem):
 
 
 def test_every_key_has_a_meaning():
-    """Written once, in the docstring of the settings: for the docs and for the schema of editors."""
+    """It is written once, in the docstring of the settings, for the docs and for the schema of editors."""
     for problem in CASES:
         case_table(problem)
     tables = [table for table in Table.__subclasses__() if table.recipe.settings.__module__.startswith("barbalat.")]
@@ -207,7 +207,7 @@ def folder(tmp_path):
 
 
 def of_case_file(registry, name, folder):
-    """The object that the example's table makes."""
+    """The object made from the example's table."""
     registered, examples = EXAMPLES[registry]
     table = table_of(registered[name], "kind", name).model_validate({"kind": name, **examples[name]})
     return made(table, Context(folder), name)
@@ -244,14 +244,16 @@ def test_a_signal_has_the_shape_of_the_times(name, shape, folder):
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_before_is_the_limit_from_the_left(name, folder):
-    """At every time of the grid, jumps included: the value just before it. 1e-6: smooth signals move by that much in 1e-8 s."""
+    """The value just before every instant of the grid, including jumps. The tolerance is 1e-6 because smooth signals move by that
+    much in 1e-8 s."""
     signal, t = of_case_file("signal", name, folder), np.linspace(0, 20, 401)
     np.testing.assert_allclose(signal.before(t[1:]), signal(t[1:] - 1e-9), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_signal_says_where_it_jumps_or_bends(name, folder):
-    """Where its second differences are large: 1e-6, ten times those of the fastest smooth example over 1e-4 s."""
+    """Jumps and bends are where second differences exceed 1e-6, which is ten times those of the fastest smooth example over 1e-4
+    s."""
     signal, h = of_case_file("signal", name, folder), 1e-4
     t = h * np.arange(-10, 200_000)
     broken = t[1:-1][np.abs(np.diff(signal(t), 2)) > 1e-6]
@@ -259,7 +261,7 @@ def test_a_signal_says_where_it_jumps_or_bends(name, folder):
     for instant in broken:
         assert np.abs(said - instant).min(initial=np.inf) <= h
     for instant in said[(said > t[0]) & (said < t[-1])]:
-        assert name == "chirp" or np.abs(broken - instant).min(initial=np.inf) <= h  # whose frequency bends alone
+        assert name == "chirp" or np.abs(broken - instant).min(initial=np.inf) <= h  # in which only the frequency bends
 
 
 @pytest.mark.parametrize("name", SIGNALS)
@@ -272,7 +274,7 @@ def test_the_bound_of_a_signal_bounds_it(name, folder):
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_signal_says_whether_it_settles(name, folder):
-    """After a thousand seconds every example that settles has settled."""
+    """Every example that settles is constant after a thousand seconds."""
     signal = of_case_file("signal", name, folder)
     assert isinstance(signal, SettlingSignal)
     assert signal.settles == (np.ptp(signal(np.linspace(1000, 1100, 1001))) == 0)
@@ -318,7 +320,7 @@ class Half(Mrac):
 
 @pytest.fixture
 def registered(monkeypatch):
-    """A signal and a scheme from outside, each with one line in its registry."""
+    """A signal and a scheme from outside the package, each with one line in its registry."""
     monkeypatch.setitem(SIGNALS, "ramp", Ramp)
     monkeypatch.setitem(SCHEMES, "half", Half)
     for cached in (case_table, table_of):

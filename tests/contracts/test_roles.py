@@ -1,4 +1,4 @@
-"""Laws from outside that declare their state by roles, without a field theta_hat: every command takes them."""
+"""Laws from outside that declare their state by roles, without a field theta_hat. Every command accepts them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def linear(problems):
 
 @pytest.fixture
 def told(tmp_path, monkeypatch, capsys):
-    """What a command prints for a case with the three laws, or with those of another file."""
+    """The output of a command for a case with the three laws or with those of another file."""
     (tmp_path / "case.toml").write_text(OWN)
     monkeypatch.chdir(tmp_path)
 
@@ -54,7 +54,7 @@ def told(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("laws", [CONTROLLERS, SAMPLED], ids=["continuous", "sampled"])
 def test_results_follow_the_roles(linear, laws):
-    """The first layer fills theta_hat and a second one has its own columns; true values are those declared by a role."""
+    """The first layer is theta_hat, and a second one has its own columns. True values are those declared by a role."""
     sixteen, layers, none = (simulate(linear, laws, SIMULATION)[name] for name in NAMES)
     theta = linear.plant.theta.tolist()
     assert [sixteen.theta_hat.shape[1], layers.theta_hat.shape[1], none.theta_hat.shape[1]] == [16, 2, 0]
@@ -66,7 +66,7 @@ def test_results_follow_the_roles(linear, laws):
 
 
 def test_columns_hold_the_whole_state(linear):
-    """Each entry of the controller's state appears once, under a descriptive name; the same in pandas and xarray."""
+    """Each entry of the controller's state appears once with a descriptive name, also in pandas and xarray."""
     (run,) = simulate(linear, [TwoLayers()], SIMULATION).values()
     own = ["theta_hat_1", "theta_hat_2", "ahead_1", "ahead_2", "P_1_1", "P_1_2", "P_2_1", "P_2_2", "x_hat_1", "x_hat_2"]
     columns = run.columns()
@@ -89,13 +89,13 @@ def test_names_of_columns_are_nobody_elses():
 
 
 def test_what_diverges_is_the_first_layer(linear):
-    """Diverging weights count as a diverging run, as for theta_hat."""
+    """Diverging weights make a run diverge, as for theta_hat."""
     wild = Sixteen(gamma=-1e4)
     assert simulate(linear, [wild], Simulation(t_end=20.0, dt=1e-2))["sixteen"].diverged_at is not None
 
 
 def test_a_freeze_keeps_every_layer_and_the_memory(linear):
-    """It lets the predictor continue, also in sampled controllers."""
+    """The predictor continues, also in sampled controllers."""
     loop = ClosedLoop.of(linear, SAMPLED[1])
     start = loop.computer.initial(np.array([0.3, -0.2]))
     moved = loop.computer.act(start, np.array([0.5, 0.1]), np.array(1.0))
@@ -106,7 +106,8 @@ def test_a_freeze_keeps_every_layer_and_the_memory(linear):
 
 
 def test_a_margin_tells_where_the_loop_rests(linear):
-    """Under the largest command, every layer is at its true value if one is known, or else where Newton's method found it."""
+    """Under the largest command, every layer is at its true value if this is known, or else at the equilibrium found by Newton's
+    method."""
     found = certify(linear, CONTROLLERS, SIMULATION)
     layers = found["two layers"].entry("delay_margin").rest
     assert [one.true for one in layers.estimates] == [True, True] and layers.where == "k_hat = k, h_hat = h"

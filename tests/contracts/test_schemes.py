@@ -1,4 +1,5 @@
-"""The contract of every registered scheme: a new scheme joins SCHEMES, gets an example in independent.py, and is tested here."""
+"""The contract of every registered scheme: a new scheme is added to SCHEMES, has an example in independent.py, and is tested
+here."""
 
 from __future__ import annotations
 
@@ -23,11 +24,11 @@ ORDERS = (1, 2, 3)
 EXAMPLES = [(name, n, i) for name in SCHEMES for n in ORDERS for i in range(len(example_controllers(n).get(name, [None])))]
 
 SHORT_PAIRS = ((1, "euler"), (2, "rk4"), (3, "heun"))
-"""Order and solver together in short; what does not depend on the order is looked at with the second alone."""
+"""The short tests vary order and solver together. Tests that do not depend on the order use only the second one."""
 
 
 def kept_in_short(example, solver):
-    """The second pair of every example, and by turns the first or the third."""
+    """Whether the short tests keep a pair: the second pair of every example, and alternately the first or the third."""
     _, n, i = example
     return (n, solver) in (SHORT_PAIRS[1], SHORT_PAIRS[i % 2 * 2])
 
@@ -43,7 +44,7 @@ def example(request, problems):
 
 @pytest.fixture
 def adaptive(example):
-    """An example that estimates parameters, or what follows from them; examples without estimates are exempt here."""
+    """Whether an example estimates parameters or numbers derived from them. Examples without estimates are exempt here."""
     problem, controller = example
     equations = controller.bind(problem.known)
     if not isinstance(equations, Estimating):
@@ -56,7 +57,7 @@ def adaptive(example):
 
 @cache
 def long_run(problem, controller):
-    """64 s: ten periods of the slowest command; enough for the estimates to do their work."""
+    """A run of 64 s, which is ten periods of the slowest command and enough for the estimates to converge."""
     return simulate(problem, [controller], Simulation(t_end=64.0, dt=2.0**-6))[controller.name]
 
 
@@ -88,9 +89,9 @@ def test_the_flat_state_and_its_parts(example):
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.short(kept=kept_in_short)
 def test_the_kernel_does_what_plain_stepping_does(example, solver):
-    """Machine code, tables, blocks and record against a Python loop over the textbook formulas.
+    """Machine code, tables, blocks and record agree with a Python loop over the textbook formulas.
 
-    1e-9: 160 steps of roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
+    The tolerance is 1e-9: 160 steps with roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
     """
     problem, controller = example
     dt, steps = 2.0**-7, 160
@@ -110,7 +111,8 @@ def with_setting(controller, **changes):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
-    """A box that ends at 0.8 theta, started in its corner: the law pushes outward; over every step, to the last bit."""
+    """The box ends at 0.8 theta, and the estimate starts in its corner, so that the law drives it outward. It stays inside at
+    every step to the last bit."""
     problem, controller = adaptive
     corner = 0.8 * problem.plant.theta
     box = ParameterBox(lower=-np.abs(corner), upper=np.abs(corner))
@@ -122,7 +124,7 @@ def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
     assert inside.diverged_at is None
     assert (inside.envelope.theta_hat_min >= box.lower).all()
     assert (inside.envelope.theta_hat_max <= box.upper).all()
-    assert (np.abs(outside.theta_hat) > box.upper).any()  # it did want to
+    assert (np.abs(outside.theta_hat) > box.upper).any()  # without the box it would leave
 
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
@@ -139,7 +141,7 @@ def test_tracking_at_a_moderate_gain(example):
             assert adapted.figures["tail_max_abs_e"] == pytest.approx(left_alone.figures["tail_max_abs_e"], rel=1e-12)
         return
     assert adapted.diverged_at is None
-    if isinstance(controller, BaselineAlone):  # its fixed gains keep it bounded but need not reduce the error
+    if isinstance(controller, BaselineAlone):  # its fixed gains keep the loop bounded but need not reduce the error
         return
     limit = np.inf if left_alone.diverged_at else max(left_alone.figures["tail_max_abs_e"])
     assert max(adapted.figures["tail_max_abs_e"]) < 0.75 * limit
@@ -151,7 +153,9 @@ def test_shapes_and_numbers_of_a_result(example):
     n, result = problem.plant.n, long_run(problem, controller)
     count = len(result.t)
     assert result.t[0] == 0
-    if isinstance(controller, BaselineAlone) and result.diverged_at:  # nothing stabilises it: the record ends there
+    if (
+        isinstance(controller, BaselineAlone) and result.diverged_at
+    ):  # nothing stabilises the plant, so that the record ends there
         assert 0 < result.t[-1] <= result.diverged_at
         assert long_run(problem, Mrac(gamma=1e-30)).diverged_at
     else:
@@ -206,7 +210,7 @@ def test_settings_are_frozen(example):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_settings_do_not_share_what_the_user_may_change(adaptive):
-    """The initial estimate does not follow when the array that was given is changed afterwards."""
+    """The initial estimate does not change if the given array is changed afterwards."""
     problem, controller = adaptive
     given = np.full(problem.plant.n, 0.1)
     settings = with_setting(controller, theta_hat0=given)
@@ -224,7 +228,7 @@ def test_the_initial_estimate_is_where_the_run_starts(adaptive):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_rest_stays_rest(example):
-    """x(0) = 0, r = 0, d = 0: nothing moves, not even by a rounding."""
+    """With x(0) = 0, r = 0 and d = 0 nothing moves, not even by a rounding."""
     given, controller = example
     p = given.plant
     problem = Problem(plant=Plant(A_m=p.A_m, b=p.b, theta=p.theta), reference=Constant(0.0))
@@ -235,7 +239,7 @@ def test_rest_stays_rest(example):
 
 @pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_disturbance_reaches_the_plant(example):
-    """With d the run differs; with d = 0 it equals the run without d, up to roundings of sums in another order."""
+    """With d the run differs. With d = 0 it equals the run without d, up to roundings of sums in a different order."""
     given, controller = example
     arguments = {"plant": given.plant, "reference": given.reference, "uncertainty": given.uncertainty}
     simulation = Simulation(t_end=4.0, dt=2.0**-8)

@@ -1,4 +1,4 @@
-"""The contract of every registered solver; tests/solvers covers the mathematics of the methods."""
+"""The contract of every registered solver. tests/solvers covers the mathematics of the methods."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_the_registry_uses_the_name(solver):
 
 
 def test_it_is_explicit(solver):
-    """Row i of a has i entries: a stage uses earlier ones only."""
+    """Row i of a has i entries, so that a stage uses only earlier ones."""
     assert [len(row) for row in solver.a] == list(range(len(solver.b)))
     assert len(solver.c) == len(solver.b)
     assert solver.c[0] == 0
@@ -38,7 +38,7 @@ def test_it_is_frozen_and_can_be_a_key(solver):
 
 
 def test_a_polynomial_of_its_degree_is_integrated_exactly(solver):
-    """x' = t^(p-1): a method of order p gives t^p/p to rounding."""
+    """For x' = t^(p-1) a method of order p gives t^p/p up to rounding."""
     h, x = 0.5, 0.0
     for k in range(4):
         signals = {node: np.float64((k + node) * h) ** (solver.order - 1) for node in solver.nodes}
@@ -61,7 +61,7 @@ def test_the_limit_acts_on_every_stage(solver):
 
 
 def test_high_gain_stays_bounded_through_the_limit(section_v, solver):
-    """Fig. 3's setting at ten times its step: the estimate saturates at the box and nothing becomes NaN."""
+    """In Fig. 3's setting at ten times its step, the estimate saturates at the box, and nothing becomes NaN."""
     controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
     result = simulate(section_v, [controller], Simulation(t_end=10.0, dt=1e-3, solver=solver))["L1"]
     assert result.diverged_at is None
@@ -69,9 +69,9 @@ def test_high_gain_stays_bounded_through_the_limit(section_v, solver):
 
 
 def test_through_the_projection_as_plain_stepping(problems, solver):
-    """The box leaves theta_1 = 1 out, so the estimate rests on a face part of the time, at a gain without numerical chaos.
+    """The box excludes theta_1 = 1, so that the estimate is on a face part of the time, at a gain without numerical chaos.
 
-    1e-10: 1500 steps of roundings of states of order 1, not amplified.
+    The tolerance 1e-10 is for roundings of states of order 1 in 1500 steps, without amplification.
     """
     given = problems[2]
     problem = Problem(
@@ -91,7 +91,8 @@ def test_through_the_projection_as_plain_stepping(problems, solver):
 
 
 def test_the_region_of_stability_is_left_once_along_a_ray_into_the_left_half_plane(solver):
-    """The search for the largest step bisects on this; 1e-13: roundings of the growth at the start of a ray."""
+    """The search for the largest step relies on this for its bisection. The tolerance 1e-13 is for roundings of the growth at the
+    start of a ray."""
     for angle in np.linspace(np.pi / 2 + 1e-6, np.pi, 500):
         outside = solver.growth(np.geomspace(1e-4, 2 * solver.reach, 2000) * np.exp(1j * angle)) > 1e-13
         assert (np.diff(outside.astype(int)) >= 0).all()
@@ -100,5 +101,5 @@ def test_the_region_of_stability_is_left_once_along_a_ray_into_the_left_half_pla
 def test_growth_is_the_amplification_less_one(solver):
     z = np.array([0.3 - 0.2j, -1.0 + 2.0j, 5j, -40.0])
     np.testing.assert_allclose(solver.growth(z), np.abs(solver.amplification(z)) ** 2 - 1, rtol=1e-12)
-    assert solver.growth(np.array([-1e-20]))[0] == pytest.approx(-2e-20, rel=1e-12)  # lost without the care
+    assert solver.growth(np.array([-1e-20]))[0] == pytest.approx(-2e-20, rel=1e-12)  # lost without this care
     assert solver.reach > max(solver.imaginary_limit, solver.real_limit)

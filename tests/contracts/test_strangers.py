@@ -1,4 +1,4 @@
-"""Classes from outside the package run, and the output says what can't be known about them."""
+"""Classes from outside the package run, and the output states what is unknown about them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Strange:
 
 @pytest.mark.parametrize("scheme", [NormalizedMrac, lambda law: RobustMrac(tau=0.2, law=law)])
 def test_a_law_from_outside_runs_as_the_law_that_it_copies(problems, scheme):
-    """The same lines: to the last bit, continuous and sampled by Euler steps."""
+    """The same equations give the same run to the last bit, continuous and sampled by Euler steps."""
     for make in (lambda c: c, lambda c: Sampled(controller=c, sample_time=5e-3, discretization="euler")):
         runs = [simulate(problems[2], [make(scheme(law=law))], SIMULATION) for law in (Strange(7.0), Gradient(gamma=7.0))]
         found, expected = (next(iter(run.values())) for run in runs)
@@ -66,7 +66,7 @@ def test_nothing_is_claimed_of_a_law_from_outside(problems):
 
 
 def test_a_scheme_from_outside(problems):
-    """It runs, continuous and sampled; only the class itself could know a midpoint form."""
+    """It runs, continuous and sampled. Only the class itself could have a midpoint form."""
     plain = Plain(5.0)
     run = simulate(problems[2], [plain], SIMULATION)["plain"]
     assert np.isfinite(run.states).all() and run.adapting.on_bounds is None and run.adapting.excitation is None
@@ -78,7 +78,8 @@ def test_a_scheme_from_outside(problems):
 
 
 def test_the_form_of_a_class_from_outside_does_not_matter(problems):
-    """Dataclasses or not, the equations in an object of their own or not: the same bits, also where numbers vary."""
+    """The results are the same bit for bit whether or not the class is a dataclass or keeps its equations in a separate object,
+    also if numbers vary."""
     runs = [simulate_ensemble([(problems[2], make(g)) for g in (1.0, 2.0, 5.0)], SIMULATION) for make in (Plain, Bare)]
     assert runs[0].varied == runs[1].varied == 1
     np.testing.assert_array_equal(runs[0].metrics.rms_e, runs[1].metrics.rms_e)
@@ -86,7 +87,7 @@ def test_the_form_of_a_class_from_outside_does_not_matter(problems):
 
 
 def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
-    """They equal those of MRAC with the same equations; margins are accessed by name, like results."""
+    """They equal those of MRAC with the same equations. Margins are accessed by name, like results."""
     problem, simulation = problems[2], Simulation(t_end=5.0, dt=1e-2)
     controllers = [Mrac(gamma=10.0, projection=False), Plain(10.0), Bare(10.0), Proportional([1.0, 1.0])]
     found = delay_margins(problem, controllers, simulation, scan=4, resolution=0.2)
@@ -106,7 +107,7 @@ def test_what_is_no_law():
 
 @pytest.mark.parametrize("name", LAWS)
 def test_every_registered_law_knows_what_it_guarantees(name):
-    """In words: bounded, and converging to zero without a set and modifications, unless the law's example says otherwise."""
+    """The words are bounded and, without a set and modifications, converging to zero, unless the law's example says otherwise."""
     example = LAW_EXAMPLES[name]
     found = guarantee_of(LAWS[name](**example.numbers), None)
     assert found.bounded == found.error_to_zero == example.unexcited

@@ -1,7 +1,7 @@
-"""The whole table, scheme x option x plant x signal x target: each cell is either built or refused as declared.
+"""The whole table of schemes, options, plants, signals and targets: each cell is either built or refused as declared.
 
-Registered names join automatically; a setting of a scheme, of a plant's input or of a sensor without an example here fails a
-test.
+Registered names are included automatically. A setting of a scheme, of a plant's input or of a sensor without an example here
+fails a test.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ from independent import example_controllers, example_output_controllers, refusal
 T = 2.0**-6
 SIMULATION = Simulation(t_end=32 * T, dt=T / 2)
 LIMITED = PlantInput(saturation=[-3.0, 3.0])
-"""Whatever is asked for against windup has limits to care for."""
+"""Limits for every option against windup."""
 PLAIN = replace(STATE, plant=replace(STATE.plant, input=LIMITED), sensor=None)
 PLAIN_OUTPUT = replace(OUTPUT, plant=replace(OUTPUT.plant, input=LIMITED), sensor=None)
 
@@ -102,7 +102,7 @@ OPTIONS: dict[str, tuple[Any, ...]] = {
     "design_plant": (TransferFunction([1.0], [1.0, 2.0]),),
     "feedforward": (TransferFunction([1.0], [0.1, 1.0]),),
 }
-"""By the field of a scheme that has a default, values of it; of a type that only other schemes' field of that name takes, too."""
+"""Values for each field of a scheme that has a default, including types that only the same field of other schemes accepts."""
 INPUTS = {
     "quantization": 0.01, "saturation": [-2.0, 4.0], "rate_limit": 50.0, "actuator": TransferFunction([1.0], [0.05, 1.0]),
     "multiplicative": TransferFunction([0.1, 0.0], [0.05, 1.0]), "gain": 0.7, "delay": 1.5 * T, "history": 0.2,
@@ -152,7 +152,8 @@ def optional(kind: type) -> list[str]:
 
 
 def with_options(scheme: str) -> Iterator[Cell]:
-    """A value that no example of the scheme accepts makes no cell: another scheme's setting has that name."""
+    """The options of a scheme. A value that no example of the scheme accepts makes no cell, because it belongs to another
+    scheme's setting of the same name."""
     for name, kind, examples, problem in schemes(scheme):
         for i, controller in enumerate(examples):
             yield Cell(name, f"example-{i + 1}", problem, controller)
@@ -172,7 +173,7 @@ def takes(controller: Any, option: str, value: Any, problem: Any) -> bool:
 
 
 def with_plants(scheme: str) -> Iterator[Cell]:
-    """Everything that stands between controller and plant, disturbances, and plants that not every scheme takes."""
+    """Everything between controller and plant, disturbances, and plants that not every scheme accepts."""
     for name, kind, (controller, *_), problem in schemes(scheme):
         made = {f"input-{key}": input_of(problem, key, value) for key, value in INPUTS.items()}
         made |= {f"sensor-{key}": replace(problem, sensor=Sensor(**{key: value})) for key, value in SENSORS.items()}
@@ -193,13 +194,13 @@ def input_of(problem: Any, key: str, value: Any) -> Any:
 
 
 def at_samples(cell: Cell) -> Any:
-    """The controller as a computer runs it; Euler's step is every scheme's."""
+    """The sampled form of a controller. Every scheme has Euler's step."""
     loop = ClosedLoop.of(cell.problem, cell.controller)
     return cell.controller if loop.sampled else Sampled(controller=cell.controller, sample_time=T, discretization="euler")
 
 
 def traced(cell: Cell) -> None:
-    """Traced as for a page and an FMU, with symbols in place of numbers, which reveals a branch on a value."""
+    """Trace a cell as for a page and an FMU, with symbols in place of numbers, which reveals a branch on a value."""
     opened = replace(SIMULATION, fused=False)
     Family.of([(cell.problem, cell.controller)], opened)
     sampled = at_samples(cell)
@@ -209,7 +210,7 @@ def traced(cell: Cell) -> None:
 
 
 def paged(problem: Any, controller: Any) -> None:
-    """A whole page without its sliders."""
+    """Write a whole page without its sliders."""
     described = Described.of(ObjectSource(Case(problem, (controller,), SIMULATION)))
     described.__dict__["sliders"] = []
     described.as_data()
@@ -232,7 +233,7 @@ def cells_of(scheme: str) -> list[Cell]:
 
 NAMES = [*SCHEMES, *(f"{name} of y" for name in OUTPUT_SCHEMES)]
 EVERY = 8
-"""Cells of which the short command traces one; every scheme begins with another one."""
+"""Number of cells of which the short command traces one. Every scheme begins with a different cell."""
 
 
 def test_every_setting_of_a_scheme_has_an_example_that_it_takes():
@@ -251,7 +252,7 @@ def test_every_setting_of_a_scheme_has_an_example_that_it_takes():
 @pytest.mark.short(kept=lambda scheme, which: which == 0)
 @pytest.mark.parametrize("scheme", NAMES)
 def test_every_scheme_bears_open_numbers_with_every_option_and_plant(scheme, which):
-    """Continuous and sampled, as in a page's module and an FMU: everything else computes only with numbers."""
+    """Continuous and sampled, as in a page's module and an FMU. Everything else computes only with numbers."""
     cells = cells_of(scheme)
     assert len(cells) > EVERY
     for cell in cells[(which + NAMES.index(scheme)) % EVERY :: EVERY]:
@@ -261,7 +262,7 @@ def test_every_scheme_bears_open_numbers_with_every_option_and_plant(scheme, whi
 @pytest.mark.full
 @pytest.mark.parametrize("scheme", NAMES)
 def test_every_target_builds_every_scheme(scheme):
-    """The targets alternate over a scheme's cells; a target that accepts continuous time gets both forms."""
+    """The targets alternate over a scheme's cells. A target that accepts continuous time builds both forms."""
     for (k, cell), (target, build) in zip(enumerate(cells_of(scheme)), cycle(TARGETS_BUILT.items()), strict=False):
         sampled = at_samples(cell)
         if sampled is not cell.controller and target.startswith("export"):
@@ -287,7 +288,7 @@ def test_a_scheme_takes_a_plant_or_declares_that_it_does_not(scheme, feature):
 
 
 def fitted(controller: Any, problem: Any) -> Any:
-    """With as many known parameters, and a model of the size, as the problem has."""
+    """A controller with as many known parameters and a model of the same size as the problem has."""
     if isinstance(controller, MracClosedLoop):
         return replace(controller, model_feedback=-np.eye(problem.known.n))
     if not isinstance(controller, KnownParameters):
@@ -297,7 +298,7 @@ def fitted(controller: Any, problem: Any) -> Any:
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_page_keeps_a_signal_as_it_is_declared(name, tmp_path):
-    """Rows, points and the module are made for the command and for a disturbance."""
+    """Rows, points and the module are made for the signal as a command and as a disturbance."""
     signal = signal_of(name, tmp_path)
     assert in_pages(signal) == in_pages(SIGNALS[name])
     assert is_formula(signal) == (in_pages(signal) == "formula") and is_computed(signal) == (in_pages(signal) != "rows")
@@ -311,7 +312,7 @@ def test_a_page_keeps_a_signal_as_it_is_declared(name, tmp_path):
 @pytest.mark.full
 @pytest.mark.parametrize("name", SIGNALS)
 def test_every_target_builds_every_signal(name, tmp_path):
-    """As a command and as a disturbance."""
+    """Every signal is built as a command and as a disturbance."""
     signal = signal_of(name, tmp_path)
     sampled = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     for problem in (replace(PLAIN, reference=signal), replace(PLAIN, disturbance=signal)):
@@ -320,7 +321,7 @@ def test_every_target_builds_every_signal(name, tmp_path):
 
 
 def signal_of(name: str, tmp_path: Path) -> Any:
-    """Of its example."""
+    """The signal of an example."""
     (tmp_path / "r.csv").write_text(case_examples.CSV)
     savemat(tmp_path / "r.mat", {"t": [0.0, 1.0], "r": [1.0, 2.0]})
     table = table_of(SIGNALS[name], "kind", name).model_validate({"kind": name, **case_examples.SIGNALS[name]})
@@ -328,7 +329,7 @@ def signal_of(name: str, tmp_path: Path) -> Any:
 
 
 def test_targets_ask_for_what_they_declare():
-    """For each requirement there is a problem that lacks it and is refused; a problem that meets all is accepted."""
+    """For each requirement a problem that violates it is refused. A problem that meets all requirements is accepted."""
     clocked = replace(PLAIN_OUTPUT, plant=replace(PLAIN_OUTPUT.plant, nonlinear="0.1*sin(t)*y"))
     lacking = {MEASURED_STATE: PLAIN_OUTPUT, KNOWN_SET: replace(PLAIN, uncertainty=None), NO_CLOCK: clocked}
     assert lacking.keys() == {need for target in TARGETS for need in target.problem}
@@ -348,10 +349,10 @@ def test_targets_ask_for_what_they_declare():
 
 
 def test_who_takes_part_in_a_contest_is_who_says_what_is_tuned():
-    """Except the schemes that do not accept the plant, each of which is listed as left out."""
+    """The exceptions are the schemes that do not accept the plant, each of which is listed as left out."""
     found, left = entrants_of(FEATURED["several inputs"], Simulation(t_end=2.0, dt=1e-2))
     taking = [name for name, kind in SCHEMES.items() if is_tunable(kind) and "several inputs" not in kind.beyond]
-    assert len(found) == len(taking) - 1  # the baseline alone takes part beside a baseline
+    assert len(found) == len(taking) - 1  # "baseline alone" takes part only in cases with a baseline
     beside, _ = entrants_of(FEATURED["a baseline"], Simulation(t_end=2.0, dt=1e-2), schemes=["mrac", "baseline"])
     assert [one.name for one in beside] == ["MRAC", "Baseline"]
     assert all(any(one.startswith(f"{name} is omitted") for one in left) for name in SCHEMES if not is_tunable(SCHEMES[name]))

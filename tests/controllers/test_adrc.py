@@ -1,4 +1,4 @@
-"""Active disturbance rejection: the textbooks' controllers, its neighbours among the L1 schemes, and what its observer sees."""
+"""Active disturbance rejection: the textbooks' controllers, the related L1 schemes, and the signals of its observer."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -20,9 +20,9 @@ W = np.geomspace(1e-2, 1e3, 40)
 
 
 def test_the_textbook_s_first_order_controller():
-    """Herbst (2013): u = (K_p (r - z_1) - z_2)/b_0 with l_1 = 2 omega_o, l_2 = omega_o^2, around an integrator's y' = b_0 u + f.
+    """Herbst (2013) has u = (K_p (r - z_1) - z_2)/b_0 with l_1 = 2 omega_o and l_2 = omega_o^2 for the integrator y' = b_0 u + f.
 
-    From y to -u it is [(K_p l_1 + l_2) s + K_p l_2]/[b_0 s (s + l_1 + K_p)], by hand; K_p is the model's pole.
+    By hand, the controller from y to -u is [(K_p l_1 + l_2) s + K_p l_2]/[b_0 s (s + l_1 + K_p)]. K_p is the model's pole.
     """
     K_p, omega_o, b_0, theta = 3.0, 12.0, 2.0, 1.5
     plant = Plant(A_m=[[-K_p]], b=[1.0], theta=[theta])
@@ -34,7 +34,8 @@ def test_the_textbook_s_first_order_controller():
 
 
 def test_the_textbook_s_second_order_loop_has_its_poles_where_the_bandwidths_are():
-    """A double integrator, K_p = omega_c^2, K_d = 2 omega_c: (s + omega_c)^2 (s + omega_o)^3. 1e-9: of the coefficients."""
+    """For a double integrator with K_p = omega_c^2 and K_d = 2 omega_c the polynomial is (s + omega_c)^2 (s + omega_o)^3. The
+    tolerance of its coefficients is 1e-9."""
     omega_c, omega_o = 2.0, 10.0
     K = np.array([omega_c**2, 2 * omega_c])
     plant = Plant(A_m=[[0.0, 1.0], -K], b=[0.0, 1.0], theta=K)  # x'' = u
@@ -55,7 +56,7 @@ def test_with_the_whole_state_it_is_the_limit_of_l1_with_fast_adaptation(section
 def test_the_piecewise_constant_law_tends_to_it_with_its_sample_time(section_v):
     """The law's estimate is a difference over one sample of length T, so the two runs differ by the order of T.
 
-    k_0 r passes C there; here a constant command of zero is followed from x_0, which is what the two have in common.
+    In the piecewise-constant law k_0 r passes through C. Here both follow a constant command of zero from x_0.
     """
     problem = replace(section_v, reference=Constant(0.0))
     (linear,) = simulate(problem, [Adrc(bandwidth=20.0)], Simulation(t_end=4.0, dt=1e-3)).values()
@@ -68,7 +69,7 @@ def test_the_piecewise_constant_law_tends_to_it_with_its_sample_time(section_v):
 
 
 def test_a_constant_disturbance_vanishes_and_is_what_is_estimated(problems):
-    """f = theta'x + d: the estimate's error obeys f_tilde' = -omega_o f_tilde - f', which vanishes at rest."""
+    """With f = theta'x + d the estimation error satisfies f_tilde' = -omega_o f_tilde - f' and vanishes at equilibrium."""
     problem = replace(problems[2], reference=Constant(1.0), disturbance=Step(amplitude=3.0, start=1.0))
     for controller in (Adrc(bandwidth=10.0), Adrc(bandwidth=15.0, output=[1.0, 0.0])):
         (run,) = simulate(problem, [controller], Simulation(t_end=40.0, dt=2e-3)).values()
@@ -79,7 +80,8 @@ def test_a_constant_disturbance_vanishes_and_is_what_is_estimated(problems):
 
 
 def test_the_estimate_against_the_exact_response_of_its_filter(problems):
-    """f_hat = omega_o/(s + omega_o) [f] along a run, by the exact response between samples of f; 1e-5: f averaged over 1 ms."""
+    """f_hat = omega_o/(s + omega_o) [f] along a run, by the exact response between samples of f. The tolerance is 1e-5 because f
+    is averaged over 1 ms."""
     omega_o, problem = 5.0, problems[2]
     (run,) = simulate(problem, [Adrc(bandwidth=omega_o)], Simulation(t_end=5.0, dt=1e-3, record_points=5000)).values()
     f = run.x @ problem.plant.theta
@@ -93,7 +95,7 @@ def test_the_estimate_against_the_exact_response_of_its_filter(problems):
 
 
 def test_several_inputs():
-    """Each input has its own disturbance; both vanish, through a coupled b."""
+    """Each input has its own disturbance, and the effect of both vanishes with a coupled b."""
     plant = Plant(A_m=[[-2.0, 0.0], [0.0, -3.0]], b=[[1.0, 0.2], [0.0, 1.0]], theta=[0.5, -0.3, 0.2, 0.4], x0=[0.3, -0.2])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2 * np.eye(2)), reference=(Constant(1.0), Constant(-0.5)))
     (run,) = simulate(problem, [Adrc(bandwidth=20.0, nominal=[0.1, 0.0, 0.0, 0.3])], Simulation(t_end=20.0, dt=2e-3)).values()
@@ -101,7 +103,7 @@ def test_several_inputs():
 
 
 def test_a_limit_that_the_observer_knows_does_not_wind_it_up(problems):
-    """A disturbance of 3 with |u| <= 1 for 5 s: afterwards the observer that was fed with u demands far more than needed."""
+    """A disturbance of 3 acts for 5 s with |u| <= 1. Afterwards an observer with u as its input demands far more than needed."""
     plant = replace(problems[2].plant, input=PlantInput(saturation=[-1.0, 1.0]), theta=[0.0, 0.0], x0=[0.0, 0.0])
     held = Step(amplitude=3.0, start=1.0)
     problem = replace(problems[2], plant=plant, reference=Constant(0.0), disturbance=held, uncertainty=None)
@@ -109,12 +111,13 @@ def test_a_limit_that_the_observer_knows_does_not_wind_it_up(problems):
     fed, saturated = (
         simulate(problem, [Adrc(bandwidth=10.0, saturated_predictor=on)], simulation)["ADRC"] for on in (False, True)
     )
-    assert abs(saturated.u[-1]) == pytest.approx(3.0, rel=1e-3)  # what would be needed
+    assert abs(saturated.u[-1]) == pytest.approx(3.0, rel=1e-3)  # the input that would be needed
     assert abs(fed.u[-1]) > 20.0
 
 
 def test_sampled_it_tends_to_the_continuous_one(problems):
-    """The trapezoidal rule at 40 ms and 20 ms, under a constant command: of second order once it has started, ZOH of first."""
+    """At 40 ms and 20 ms under a constant command, the error of the trapezoidal rule is of second order after the start, that of
+    ZOH of first order."""
     problem = replace(problems[2], reference=Constant(1.0))
     simulation = Simulation(t_end=2.0, dt=2e-3)
     for adrc in (Adrc(bandwidth=5.0), Adrc(bandwidth=5.0, output=[1.0, 0.0])):
@@ -128,7 +131,7 @@ def test_sampled_it_tends_to_the_continuous_one(problems):
 
 def test_what_the_output_does_not_see_is_refused(problems):
     known = problems[2].known
-    assert "must make every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 1.0]).bind(known))  # not a constant f
+    assert "must make every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 1.0]).bind(known))  # f is not constant
     assert "must make every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 0.0]).bind(known))
     assert "output" in refusal(lambda: Adrc(bandwidth=5.0, output=[1.0]).bind(known))
     assert "bandwidth" in refusal(lambda: Adrc(bandwidth=0.0))

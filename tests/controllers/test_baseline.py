@@ -1,4 +1,5 @@
-"""A baseline with laws that add to it: against SciPy, python-control's formulas by hand, and statements of Lavretsky and Wise."""
+"""A baseline with laws that add to it, compared with SciPy, with python-control's formulas by hand and with statements of
+Lavretsky and Wise."""
 
 from __future__ import annotations
 
@@ -78,7 +79,8 @@ def controllers(n):
 
 @pytest.mark.parametrize("kind", BASELINES)
 def test_on_the_nominal_plant_every_loop_is_the_model(kind):
-    """The laws have nothing to learn: e stays at the roundings of 8,000 steps, and the estimates stay at the baseline's gains."""
+    """The laws have nothing to learn, so that e stays at the roundings of 8,000 steps and the estimates stay at the baseline's
+    gains."""
     problem = posed(kind)
     found = simulate(problem, controllers(problem.plant.n), SIMULATION)
     moved = np.abs(found["Baseline"].x_m).max()
@@ -90,13 +92,13 @@ def test_on_the_nominal_plant_every_loop_is_the_model(kind):
 
 
 def off_nominal(kind):
-    """A plant that differs by theta, with half the input effectiveness."""
+    """A plant that differs from the nominal one by theta and has half of the input effectiveness."""
     truth = Truth(A=A + np.outer(B, [0.3, -0.1]), b=0.5 * B)
     return posed(kind, truth=truth, input_gain=(0.4, 1.5))
 
 
 def by_hand(kind, x, xi, r):
-    """u of the baseline, and xi', by the kind's own definition."""
+    """u of the baseline and xi' by the definition of its kind."""
     K, e = BASELINES[kind], r - x[0]
     if kind == "pi":
         return K.k_p * e + K.k_i * xi[0], np.array([e])
@@ -105,7 +107,7 @@ def by_hand(kind, x, xi, r):
         return K.k_p * e + K.k_i * xi[0] + K.k_d * slope, np.array([e, slope])
     if kind == "system":  # (-s - 2)/(0.01 s + 1) = -100 + 98/(0.01 s + 1)
         return -100.0 * e + 98.0 * xi[0], (e - xi) / 0.01
-    if kind == "state":  # c'x = r at rest: u = k_r r - K'x
+    if kind == "state":  # c'x = r at equilibrium with u = k_r r - K'x
         K = np.array([-2.0, -1.0])
         return r / (np.array(ALPHA) @ np.linalg.solve(np.outer(B, K) - A, B)) - K @ x, np.zeros(0)
     raise AssertionError(kind)
@@ -151,7 +153,8 @@ def test_integral_action_leaves_no_error_beside_a_constant_disturbance_that_stat
 
 
 def test_a_sampled_baseline_is_its_recursion():
-    """The integral by the trapezoidal rule of what is measured, under the command that is held; the plant by its exponential."""
+    """The integral of the measurement is by the trapezoidal rule under the held command, and the plant moves by its
+    exponential."""
     problem, T = off_nominal("lqi"), 0.05
     run = simulate(problem, [Sampled(BaselineAlone(), T)], replace(SIMULATION, record_points=161))["Baseline"]
     whole = np.zeros((3, 3))
@@ -195,7 +198,8 @@ def test_symbols_are_numbers(kind):
 
 
 def test_l1_filters_what_adapts_and_not_the_baseline():
-    """With a filter that passes almost nothing the loop is the baseline's; unfiltered, L1-AC would lose this plant."""
+    """With a filter that passes almost nothing, the loop is that of the baseline. If the baseline were filtered too, L1-AC would
+    not stabilise this plant."""
     problem = off_nominal("lqi")
     runs = simulate(problem, [L1Adaptive(gamma=20.0, filter=input_filter(1e6)), BaselineAlone()], SIMULATION)
     np.testing.assert_allclose(runs["L1"].x, runs["Baseline"].x, atol=1e-5)
@@ -320,7 +324,8 @@ def test_bad_input_is_one_sentence(old, new, said):
 
 
 def test_an_output_that_comes_to_rest_at_zero_cannot_follow():
-    """A pendulum on a cart hangs upright at every place of the cart; rounding left its gain at rest at about 1e-18."""
+    """A pendulum on a cart has an equilibrium at every position of the cart. Rounding used to leave its static gain at about
+    1e-18."""
     cart = (
         np.array([[0, 0, 1, 0], [0, 0, 0, 1], [0, 1.594, -11.6, -0.0065], [0, 24.6, -27.4, -0.1]]),
         np.array([0, 0, 1.52, 3.46]),
@@ -370,7 +375,8 @@ SAMPLED
 
 @pytest.mark.parametrize("sampled", ["", "sample_time = 0.01"])
 def test_without_a_baseline_the_scheme_has_the_gains_of_the_declared_values_and_says_them(sampled):
-    """(s + 2)(s + 3) by hand: u = 6 J/0.5 r - [(6 J - k)/0.5, (5 - 0.2) J/0.5] x; the middle of the box is elsewhere."""
+    """By hand, the poles (s + 2)(s + 3) give u = 6 J/0.5 r - [(6 J - k)/0.5, (5 - 0.2) J/0.5] x. The centre of the box
+    differs."""
     case = parse_case(WITHOUT_A_BASELINE.replace("SAMPLED", sampled))
     J, k = 0.04, 0.12
     expected = [(6 * J - k) / 0.5, 4.8 * J / 0.5]

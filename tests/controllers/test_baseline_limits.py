@@ -1,4 +1,4 @@
-"""A baseline at the limits, with and without anti-windup, and one whose control another code computes."""
+"""A baseline at the limits, with and without anti-windup, and a baseline that is computed by other code."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ SIMULATION = Simulation(t_end=6.0, dt=1e-3, record_points=300)
 
 
 def drive(baseline, reference=None, limit=LIMIT, **more):
-    """A drive that can just reach its command, after seconds at the limit."""
+    """A drive that can just reach its command after seconds at the limit."""
     plant = Plant(A=A, b=B, baseline=baseline, input=PlantInput(saturation=[-limit, limit]))
     return Problem(plant=plant, reference=reference or Constant(2.0), **more)
 
 
 def by_textbook(kind, x, own, r):
-    """u, the integral's part and the rates without anti-windup, from the definition of this kind: e = r - x."""
+    """u, the integral's part and the rates without anti-windup, by the definition of this kind with e = r - x."""
     e, given = r - x, KINDS[kind]
     if kind == "lqi":
         K = drive(given).plant.theta
@@ -50,7 +50,8 @@ def by_textbook(kind, x, own, r):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_integral_is_tracked_back_as_in_the_textbook(kind):
-    """Astrom and Murray, section 11.4: the integral's part of u moves by (v - u)/T_t; SciPy integrates it beside the plant."""
+    """In section 11.4 of Astrom and Murray the integral's part of u changes by (v - u)/T_t. SciPy integrates it with the
+    plant."""
     problem = drive(KINDS[kind])
     run = simulate(problem, [BaselineAlone()], SIMULATION)["Baseline"]
     states = problem.plant.n - 1
@@ -62,7 +63,7 @@ def test_the_integral_is_tracked_back_as_in_the_textbook(kind):
 
     expected = solve_ivp(rates, (0.0, 6.0), np.zeros(1 + states), t_eval=run.t, method="DOP853", rtol=1e-10, atol=1e-12).y
     assert run.figures["max_abs_u"] > 1.5 * LIMIT
-    np.testing.assert_allclose(run.x[:, 0], expected[0], atol=2e-4)  # a limit that is left between two steps
+    np.testing.assert_allclose(run.x[:, 0], expected[0], atol=2e-4)  # the limit is left between two steps
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -149,7 +150,7 @@ void flown(int count, const double *x, const double *r, const double *u_baseline
 
 
 def test_an_existing_loop_of_its_own_code_is_heard(tmp_path):
-    """Its PI by another rule, in Python: u is its output plus the adaptive part, and the limits act on the sum."""
+    """Its PI is another rule in Python. u is its output plus the adaptive part, and the limits act on the sum."""
     compiler = require_compiler()
     folder = export_controller(EXTERNAL, Sampled(Mrac(gamma=20.0), 0.02), SIMULATION, out=tmp_path / "out")
     texts = {name: (folder / name).read_text() for name in ("controller.h", "controller.c")}
@@ -162,7 +163,7 @@ def test_an_existing_loop_of_its_own_code_is_heard(tmp_path):
     for name, u_baseline in given.items():
         flown(60, *(part.ctypes.data_as(ctypes.c_void_p) for part in (x, r, u_baseline, u[name], within[name])))
         np.testing.assert_array_equal(within[name], np.clip(u[name], -50.0, 50.0))
-    assert u["as it is"][0] == given["as it is"][0]  # nothing has been learnt yet
+    assert u["as it is"][0] == given["as it is"][0]  # the law has not learnt anything yet
     assert u["moved"][0] == given["moved"][0]
     spoken = u["as it is"] - given["as it is"]
     assert np.abs(spoken[1:]).max() > 0.01
@@ -286,7 +287,7 @@ sample_time = 0.02
 
 @pytest.mark.parametrize("limit", ["0.2", "0.0"])
 def test_the_linear_margins_ignore_anti_windup_where_u_rests_beyond_a_limit(limit):
-    """At rest under the command u is 0.5: the loop that is cut off there has other margins, and is no linear loop."""
+    """At equilibrium under the command u is 0.5. A loop whose limit is lower than that has no linear loop."""
     margins = []
     for winds, at in (("anti_windup = 0.5", limit), ("", limit), ("anti_windup = 0.5", "5.0")):
         case = parse_case(AT_A_LIMIT.replace("LIMIT", at).replace("ANTI_WINDUP", winds))

@@ -45,7 +45,7 @@ def test_the_loop_is_the_model(problems, gain, regressor):
 
 
 def test_a_disturbance_moves_the_error_through_the_model_alone():
-    """e' = A_m e + b d: SciPy's response to a step, exact on its grid."""
+    """e' = A_m e + b d agrees with SciPy's response to a step, which is exact on its grid."""
     A_m, b = np.array([[0.0, 1.0], [-0.3, -1.0]]), np.array([0.0, 1.0])
     plant = Plant(A_m=A_m, b=b, theta=[4.0, -3.0], x0=[1.0, 1.0])
     problem = Problem(

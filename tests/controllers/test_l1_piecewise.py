@@ -1,4 +1,4 @@
-"""The piecewise-constant L1 law against SciPy's discretisations, formulas by hand and simulations."""
+"""The piecewise-constant L1 law, compared with SciPy's discretisations, formulas by hand and simulations."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_it_is_the_linear_time_invariant_realisation(name):
-    """1e-11: roundings of 300 samples in numbers of size 1, times 1/T in sigma_hat."""
+    """The tolerance is 1e-11: roundings of numbers of size 1 in 300 samples, times 1/T in sigma_hat."""
     problem, controller = CASES[name]
     _, x, r, u, _ = sampled_run(problem, controller)
     equations = controller.bind(problem.known)
@@ -94,7 +94,7 @@ def test_it_is_the_linear_time_invariant_realisation(name):
 
 @pytest.mark.parametrize("name", ["exact", "several"])
 def test_the_estimate_is_a_difference_of_two_measurements(name):
-    """sigma_hat[i+1] = B^-1 Phi^-1 e^(A_m T) (x[i+1] - e^(A_m T) x[i] - Phi b u[i]): no gain, no state."""
+    """sigma_hat[i+1] = B^-1 Phi^-1 e^(A_m T) (x[i+1] - e^(A_m T) x[i] - Phi b u[i]) has no gain and no state."""
     problem, controller = CASES[name]
     plant, T = problem.plant, controller.sample_time
     _, x, _, u, sigma_hat = sampled_run(problem, controller)
@@ -107,8 +107,8 @@ def test_the_estimate_is_a_difference_of_two_measurements(name):
 
 @pytest.mark.parametrize("name", ["exact", "several"])
 def test_u_is_what_scipys_trapezoidal_rule_makes_of_the_estimates(name):
-    """From 5 s on: SciPy's filter starts before the first sample and ours at it, but both have forgotten their start by then
-    (e^-50)."""
+    """They agree from 5 s on. SciPy's filter starts before the first sample and ours at it, but by then the initial values have
+    decayed by e^-50."""
     problem, controller = CASES[name]
     m, T, C = problem.plant.inputs, controller.sample_time, controller.filter
     _, _, r, u, sigma_hat = sampled_run(problem, controller)
@@ -119,7 +119,7 @@ def test_u_is_what_scipys_trapezoidal_rule_makes_of_the_estimates(name):
 
 @pytest.mark.parametrize(("a", "left"), [(-5.0, 0.0124), (-10.0, 0.0247)])
 def test_what_is_left_of_a_constant_disturbance_at_400_hz(a, left):
-    """sigma_hat goes to e^(aT) of it: 1.24 % and 2.47 % remain, whatever C."""
+    """sigma_hat tends to e^(aT) times the disturbance, so that 1.24 % and 2.47 % remain for any C."""
     T, plant = 1 / 400, Plant(A_m=[[-2.0]], b=[1.0], theta=[0.0])
     problem = Problem(plant=plant, disturbance=Constant(3.0), reference=Constant(0.0))
     flown = L1PiecewiseConstant(sample_time=T, filter=input_filter(0.05), as_flown=AsFlown(predictor_poles=a))
@@ -129,7 +129,7 @@ def test_what_is_left_of_a_constant_disturbance_at_400_hz(a, left):
 
 
 def test_the_dc_gain_of_the_exact_form_with_any_input_matrix():
-    """B^-1 e^(A_m T) B of a matched and an unmatched constant."""
+    """B^-1 e^(A_m T) B for a matched and an unmatched constant."""
     given = several_inputs()
     B, T = input_directions(given.plant.b), 0.05
     sigma = np.array([1.0, -2.0, 0.7])
@@ -145,7 +145,7 @@ def test_the_dc_gain_of_the_exact_form_with_any_input_matrix():
 
 
 def integrator(**more):
-    """x' = u + d, with the baseline u_b = r - x in A_m."""
+    """The plant x' = u + d with the baseline u_b = r - x in A_m."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0], **({"x0": more.pop("x0")} if "x0" in more else {}))
     return Problem(plant=plant, **({"reference": Step(1.0, start=0.0)} | more))
 
@@ -160,7 +160,7 @@ def flown(T, kappa, *, assumed=None, a=0.0):
 def test_on_an_integrator_with_a_at_zero_it_is_a_pi():
     """u = -[z D/((z - 1) N) + (z + 1) g/(N T)] x, N = (1 + g) z + g, D = (1 + g) z + g - 1, g = w_c T/2.
 
-    By hand from sigma_hat = (1 - 1/z) x/T - u/z and C = g (z + 1)/D. For T -> 0: -(1 + w_c + w_c/s) x.
+    This follows by hand from sigma_hat = (1 - 1/z) x/T - u/z and C = g (z + 1)/D. For T -> 0 it is -(1 + w_c + w_c/s) x.
     """
     T, w_c = 0.01, 4.0
     g = w_c * T / 2
@@ -186,10 +186,11 @@ def test_the_integral_action_of_that_pi_takes_a_constant_disturbance_away():
 
 @pytest.mark.parametrize("T", [0.001, 0.004])
 def test_noise_grows_in_the_estimate_and_not_in_u(T):
-    """s sqrt(2)/T in sigma_hat. In u s w_c/sqrt(2): the trapezoidal rule's mean of two samples takes a root of 2.
+    """The deviation is s sqrt(2)/T in sigma_hat and s w_c/sqrt(2) in u, as the trapezoidal rule's mean of two samples divides by
+    sqrt(2).
 
-    5 %: 1/sqrt(2 N) of N >= 5000 samples is 1 %; the loop's own answer and w_c T are of the order of 2 %. 15 % in u, where
-    the baseline, of gain 1 beside w_c = 10, adds its own; the certificate has the exact value.
+    The tolerance is 5 %: 1/sqrt(2 N) for N >= 5000 samples is 1 %, and the loop's response and w_c T are about 2 %. It is 15 % in
+    u, because the baseline, with a gain of 1 compared with w_c = 10, adds its own part. The certificate has the exact value.
     """
     s, w_c = 0.01, 10.0
     problem = integrator(reference=Constant(0.0), sensor=Sensor(noise=Noise(std=s, sample_time=T, seed=2)))
@@ -199,9 +200,9 @@ def test_noise_grows_in_the_estimate_and_not_in_u(T):
 
 
 def test_a_loop_that_runs_five_times_as_fast_as_told_has_five_times_its_baseline():
-    """x' = u = u_b/(1 - (1 - r) C) with C fast: x goes to r as 1 - e^(-5 t), with the baseline alone as 1 - e^(-t).
+    """For x' = u = u_b/(1 - (1 - r) C) with a fast C, x tends to r as 1 - e^(-5 t), and with the baseline alone as 1 - e^(-t).
 
-    0.01: a sample and five times C's lag, 1 ms together, at the largest slope of 5/s, twice.
+    The tolerance 0.01 is twice the effect of a sample and five times C's lag, 1 ms together, at the largest slope of 5/s.
     """
     T = 2e-4
     run, x, *_ = sampled_run(integrator(), flown(T, 0.0004, assumed=5 * T), t_end=0.5)
@@ -214,7 +215,7 @@ def test_a_loop_that_runs_five_times_as_fast_as_told_has_five_times_its_baseline
 
 @pytest.mark.parametrize(("ratio", "lost"), [(1.9, False), (2.1, True)])
 def test_without_the_filter_it_is_lost_at_twice_the_assumed_sample_time(ratio, lost):
-    """u[k] = u_b - (r - 1) u[k-1]: with the filter the loop tolerates the same ratio."""
+    """Without the filter, u[k] = u_b - (r - 1) u[k-1]. With the filter the loop tolerates the same ratio."""
     T = 1e-3
     run, *_ = sampled_run(integrator(), flown(T, None, assumed=T / ratio), t_end=5.0, steps=1)
     assert (run.diverged_at is not None or np.abs(run.u).max() > 1e3) == lost
@@ -223,9 +224,10 @@ def test_without_the_filter_it_is_lost_at_twice_the_assumed_sample_time(ratio, l
 
 
 def test_for_short_samples_section_v_has_the_tail_of_the_gradient_law_at_a_high_gain(section_v):
-    """In proportion to T, so that two sample times give the limit; 1 %: the gradient law's own sample time leaves 0.6 %.
+    """The difference is proportional to T, so that two sample times give the limit. The tolerance is 1 %, of which the gradient
+    law's own sample time causes 0.6 %.
 
-    The sampled gradient law tolerates Gamma = 1e8. No known set: its projection would act.
+    The sampled gradient law tolerates Gamma = 1e8. There is no known set, because its projection would act.
     """
     problem = Problem(plant=section_v.plant, reference_model=section_v.reference_model, reference=section_v.reference)
     C = input_filter(0.02)
@@ -240,7 +242,8 @@ def test_for_short_samples_section_v_has_the_tail_of_the_gradient_law_at_a_high_
 
 
 def test_what_is_unmatched_leaves_the_output_alone_where_that_is_asked():
-    """A constant along A_m's first row moves x_1; compensated, what is left is what the estimate leaves, e^(A_m T) - I."""
+    """A constant disturbance along A_m's first row moves x_1. With compensation only the estimate's error remains, e^(A_m T) -
+    I."""
     acts = (Disturbance(direction=[1.0, 0.0], signal=Constant(1.0)),)
     left = {}
     for output in (None, [1.0, 0.0]):
@@ -252,7 +255,7 @@ def test_what_is_unmatched_leaves_the_output_alone_where_that_is_asked():
 
 
 def test_the_compensation_is_the_inverse_over_all_frequencies():
-    """C H_m^-1 H_um by transfer functions; short samples, so that the trapezoidal rule is C(s)."""
+    """C H_m^-1 H_um is computed by transfer functions. The samples are so short that the trapezoidal rule agrees with C(s)."""
     problem, T = second_order(), 1e-5
     plant, c = problem.plant, np.array([1.0, 0.0])
     f = L1PiecewiseConstant(sample_time=T, filter=SECOND, output=c).bind(problem.known).filter
@@ -266,7 +269,7 @@ def test_the_compensation_is_the_inverse_over_all_frequencies():
 
 
 def test_a_saturated_command_into_the_predictor_keeps_the_estimate():
-    """With sat(u) sigma_hat equals the disturbance, of size 1; without it, the missing input is taken for a disturbance and u
+    """With sat(u) sigma_hat equals the disturbance, of size 1. Without it, the missing input appears as a disturbance, and u
     diverges."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], input=PlantInput(saturation=[-1.0, 1.0]))
     problem = Problem(plant=plant, disturbance=Constant(-2.0), reference=Constant(3.0))
@@ -295,7 +298,7 @@ def test_frozen_it_keeps_its_estimate_and_follows_at_once_afterwards():
 
 
 def test_the_first_sample_says_nothing_of_what_acts():
-    """The predictor starts at the measured state, wherever that is: no start-up transient."""
+    """The predictor starts at the measured state, wherever that is, so that there is no start-up transient."""
     _, _, _, u, sigma_hat = sampled_run(*CASES["exact"])
     assert not sigma_hat[0].any() and u[0] == 0
 
@@ -326,7 +329,8 @@ def test_what_is_refused(change, word):
 
 
 def test_the_filter_must_serve_the_output_of_the_highest_relative_degree():
-    """The first output is two integrations away from its input, the second one: C(s) = 1/(kappa s + 1) serves only the second."""
+    """The first output is two integrations away from its input and the second output one. C(s) = 1/(kappa s + 1) is sufficient
+    only for the second."""
     plant = Plant(
         A_m=[[0.0, 1.0, 0.0], [-1.0, -2.0, 0.0], [0.0, 0.0, -1.0]], b=[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], theta=np.zeros(6)
     )
@@ -356,9 +360,9 @@ def test_it_is_sampled_by_nature():
 
 @pytest.mark.parametrize("gap", [1, 2, 3, 10, 200])
 def test_after_a_gap_the_estimate_has_answered_once_what_acted_in_it(gap) -> None:
-    """In one dimension, where the weight of a gap is exact: a jump at its beginning is answered as without a gap.
+    """In one dimension the weight of a gap is exact, so that the response to a jump at its beginning is as without a gap.
 
-    The response to the next sample is the same: the predictor forgets its past.
+    The response to the next sample is the same too, because the predictor does not depend on its past.
     """
     a, T, steps = -2.0, 0.02, np.exp(-2.0 * 0.02)
     plant = Plant(A_m=[[a]], b=[1.0], theta=[0.0], x0=[0.0])

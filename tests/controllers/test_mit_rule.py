@@ -19,7 +19,7 @@ HALF_PERIOD = 10.0  # s, of the case's square wave
 
 
 def textbook(gamma, until):
-    """Example 5.2 in its own symbols, with a_m/(p + a_m) before u_c and y; (y, y_m, theta_1, theta_2) after ``until`` s."""
+    """(y, y_m, theta_1, theta_2) after ``until`` s in Example 5.2, in its own symbols and with a_m/(p + a_m) before u_c and y."""
     state = np.zeros(6)
     for k in range(round(until / HALF_PERIOD)):
         u_c = 1.0 if k % 2 == 0 else -1.0
@@ -35,7 +35,7 @@ def textbook(gamma, until):
 
 
 def test_the_textbook_s_first_order_plant():
-    """1e-9: RK4 at 1 ms over 100 s, with motions on a scale of a second."""
+    """The tolerance 1e-9 is for RK4 at 1 ms over 100 s, with motions on a scale of a second."""
     case = load_case("astrom-wittenmark")
     run = simulate(case.problem, case.controllers, case.simulation)["MIT rule"]
     y, y_m, theta_1, theta_2 = textbook(1.0, 100.0)
@@ -44,7 +44,7 @@ def test_the_textbook_s_first_order_plant():
 
 
 def test_it_goes_down_the_gradient_of_the_squared_error(problems):
-    """d(c'e)/dk of runs whose gains stand still at the ideal ones, by central differences; 1e-4: h^2 of them."""
+    """d(c'e)/dk is by central differences of runs with constant ideal gains. The tolerance 1e-4 is the h^2 of the differences."""
     problem, c, at = problems[2], np.array([1.0, 0.3]), Simulation(t_end=3.0, dt=1e-3)
     plant = replace(problem.plant, x0=np.zeros(2))
     problem, k_r, h = replace(problem, plant=plant, uncertainty=None), 2.0, 1e-3
@@ -62,7 +62,7 @@ def test_it_goes_down_the_gradient_of_the_squared_error(problems):
 
 
 def feedforward_textbook(gamma, until, *, amplitude=1.0, k=1.0, k_0=2.0):
-    """Example 5.1 in its own symbols: y' = -y + k u, y_m' = -y_m + k_0 u_c, u = theta u_c, theta' = -gamma e y_m."""
+    """Example 5.1 in its own symbols with y' = -y + k u, y_m' = -y_m + k_0 u_c, u = theta u_c, theta' = -gamma e y_m."""
 
     def rates(t, state):
         y, y_m, theta = state
@@ -73,7 +73,7 @@ def feedforward_textbook(gamma, until, *, amplitude=1.0, k=1.0, k_0=2.0):
 
 
 def test_the_textbook_s_feedforward_gain():
-    """RK4 at 1 ms over 20 s: 1e-9. docs/plants.md states how far theta overshoots 2."""
+    """The tolerance 1e-9 is for RK4 at 1 ms over 20 s. docs/plants.md states how far theta overshoots 2."""
     case = load_case("mit-feedforward")
     runs = simulate(case.problem, case.controllers, case.simulation)
     for gamma, largest in ((0.5, 2.0), (1.0, 2.53), (2.0, 3.09)):
@@ -84,7 +84,7 @@ def test_the_textbook_s_feedforward_gain():
 
 
 def test_a_small_command_makes_it_slow_and_a_large_one_bursts():
-    """The numbers of docs/plants.md, by the textbook's equations: with a tenth of the command theta has not converged after 400
+    """The numbers of docs/plants.md by the textbook's equations. With a tenth of the command theta has not converged after 400
     s."""
     assert round(feedforward_textbook(1.0, 400.0, amplitude=0.1)[2], 2) == 1.73
     case = load_case("mit-feedforward")
@@ -95,7 +95,8 @@ def test_a_small_command_makes_it_slow_and_a_large_one_bursts():
 
 @pytest.mark.parametrize("amplitude", [0.5, 2.0])
 def test_its_speed_goes_with_the_squared_command(amplitude):
-    """gamma a^2 = 1 with a small gamma: theta after 20 s is that of gamma = 1 and a = 1 exactly, as e y_m scales with a^2."""
+    """With gamma a^2 = 1 and a small gamma, theta after 20 s is exactly that of gamma = 1 and a = 1, as e y_m is proportional to
+    a^2."""
     assert feedforward_textbook(1 / amplitude**2, 20.0, amplitude=amplitude)[2] == pytest.approx(
         feedforward_textbook(1.0, 20.0)[2], abs=1e-9
     )
@@ -107,7 +108,8 @@ def test_its_speed_goes_with_the_squared_command(amplitude):
 
 
 def feedforward_alone(r, gamma, *, start=0.49, theta_hat0=(0.0, 0.0)):
-    """k G(s) with G = 1/(s^2 + A_1 s + A_2), k = 2, model G A_2, at a constant command; theta -> A_2/2."""
+    """The feedforward for k G(s) with G = 1/(s^2 + A_1 s + A_2), k = 2 and the model G A_2 under a constant command, where theta
+    -> A_2/2."""
     plant = Plant(A_m=[[0.0, 1.0], [-A_2, -A_1]], b=[0.0, 1.0], theta=[0.0, 0.0], x0=[r, 0.0], input=PlantInput(gain=2.0))
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=A_2), reference=Constant(r))
     controller = MitRule(gamma=gamma, k_r0=start * A_2, theta_hat0=theta_hat0, feedforward_only=True)
@@ -130,7 +132,7 @@ def test_a_feedforward_alone_bursts_above_it(factor):
 
 
 def test_with_all_its_gains_frozen_a_feedforward_is_no_loop():
-    """The loop then tolerates any delay; with its law active it has a finite margin."""
+    """The loop then tolerates any delay, but with an active law it has a finite margin."""
     case = load_case("mit-feedforward")
     found = certify(case.problem, case.controllers[:1], case.simulation)["gamma = 0.5"].values
     assert found["delay_margin"] is None and 0 < found["delay_margin_adapting"] < 10
@@ -145,7 +147,8 @@ A_1, A_2 = 1.2, 0.8  # of G = 1/(s^2 + A_1 s + A_2)
 
 
 def at_constant_command(r, gamma, **more):
-    """A second-order plant at rest on the model's state with gains off by a thousandth, and what certify says about the law."""
+    """A second-order plant in equilibrium at the model's state with gains that are wrong by a thousandth, and certify's statement
+    on the law."""
     plant = Plant(A_m=[[0.0, 1.0], [-A_2, -A_1]], b=[0.0, 1.0], theta=[0.5, -0.4], x0=[r, 0.0], input=PlantInput(gain=2.0))
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=A_2), reference=Constant(r))
     controller = MitRule(gamma=gamma, theta_hat0=[0.2501, -0.2], k_r0=A_2 / 2, **more)
@@ -154,7 +157,7 @@ def at_constant_command(r, gamma, **more):
 
 
 def grows(problem, controller):
-    """Whether e ends larger than it was in the first 8 s of 400 s."""
+    """Whether e at the end of 400 s is larger than in the first 8 s."""
     (run,) = simulate(problem, [controller], Simulation(t_end=400.0, dt=0.01)).values()
     if run.diverged_at is not None:
         return True
@@ -172,13 +175,13 @@ def test_the_largest_gain_is_the_textbook_s_condition():
 
 @pytest.mark.parametrize("factor", [0.85, 1.15])
 def test_a_high_gain_loses_it(factor):
-    """0.85 and 1.15: the growth rate at these is above 0.01/s either way, over 400 s."""
+    """At the factors 0.85 and 1.15 the rate of decay or growth exceeds 0.01/s, over 400 s."""
     *_, certificate = at_constant_command(1.0, 0.1)
     assert grows(*at_constant_command(1.0, 0.1 * factor * certificate.values[MARGIN])[:2]) == (factor > 1)
 
 
 def bursts(problem, controller, r):
-    """Under a square wave of that size, whether e stays above a tenth of it; else it is below a thousandth."""
+    """Whether e stays above a tenth of the amplitude under a square wave. Otherwise it is below a thousandth."""
     square = replace(problem, reference=Square(amplitude=r, frequency=0.3))
     (run,) = simulate(square, [controller], Simulation(t_end=400.0, dt=0.01)).values()
     assert max(run.figures["tail_max_abs_e"]) > 0.1 * r or max(run.figures["tail_max_abs_e"]) < 1e-3 * r
@@ -186,7 +189,7 @@ def bursts(problem, controller, r):
 
 
 def test_a_large_command_loses_it_and_normalisation_does_not():
-    """At the same gain: from r = 1 to r = 2; the certificate says both beforehand, and guarantees neither."""
+    """The gain is the same for r = 1 and r = 2. The certificate predicts both results and guarantees neither."""
     runs = {(r, alpha): at_constant_command(r, 0.1, normalization=alpha) for r in (1.0, 2.0) for alpha in (None, 1.0)}
     lost = {key: bursts(problem, controller, key[0]) for key, (problem, controller, _) in runs.items()}
     assert lost == {(1.0, None): False, (2.0, None): True, (1.0, 1.0): False, (2.0, 1.0): False}

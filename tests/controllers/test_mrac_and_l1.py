@@ -1,4 +1,4 @@
-"""Eqs (3)-(8), written out a second time in plain NumPy, and integrated by a method of order eight."""
+"""Eqs (3)-(8), written a second time in plain NumPy and integrated by a method of order eight."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def final(problem, controller):
 
 
 def lyapunov_vector(plant):
-    """P b, from the vectorised equation (A_m' (+) A_m') vec P = -vec I."""
+    """P b from the vectorised equation (A_m' (+) A_m') vec P = -vec I."""
     A, n = plant.A_m.T, plant.n
     P = np.linalg.solve(np.kron(A, np.eye(n)) + np.kron(np.eye(n), A), -np.eye(n).ravel()).reshape(n, n)
     return P @ plant.b
@@ -39,7 +39,7 @@ def filter_matrices(controller, n_channels=1):
 
 
 def written_out(problem, controller, disturbance=lambda t: 0.0):
-    """The derivative of (x, x_m, theta_hat, x_hat, filter) from the paper, and its start."""
+    """The derivative of (x, x_m, theta_hat, x_hat, filter) by the paper's equations, and its initial value."""
     plant, k_0, r = problem.plant, problem.reference_model.k_0, problem.reference
     n, P_b, gamma = plant.n, lyapunov_vector(plant), controller.gamma
     l1 = isinstance(controller, L1Adaptive)
@@ -92,10 +92,10 @@ def test_a_matched_disturbance_enters_with_the_input(problems):
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("projection", [True, False])
 def test_without_its_filter_l1_is_mrac(problems, n, projection):
-    """Section III.A: with C = 1, x_hat = x_m for all t. The two programs differ in the order of their sums only.
+    """By Section III.A, x_hat = x_m for all t with C = 1. The two programs differ only in the order of their sums.
 
-    Tolerance: a rounding of 1e-16 of states of order 10 in each of 4000 steps, passed on by a loop that does not amplify
-    (gamma is small, the estimates converge): 4000 * 10 * 1e-16 = 4e-12. A wrong term shows at 1e-3 and above.
+    The tolerance 4000 * 10 * 1e-16 = 4e-12 is for a rounding of 1e-16 of states of order 10 in each of 4000 steps in a loop that
+    does not amplify, because gamma is small and the estimates converge. A wrong term would cause 1e-3 or more.
     """
     simulation = Simulation(t_end=16.0, dt=2.0**-8)
     pair = [
@@ -111,7 +111,7 @@ def test_without_its_filter_l1_is_mrac(problems, n, projection):
 
 
 def test_without_its_filter_l1_is_mrac_in_section_v(section_v):
-    """Also through the projection, with states near 100 and a gain of 1: 20 000 steps * 100 * 1e-16 = 2e-10."""
+    """It also holds with projection, states near 100 and a gain of 1. The tolerance is 20 000 steps * 100 * 1e-16 = 2e-10."""
     pair = [Mrac(gamma=1.0), L1Adaptive(gamma=1.0, filter=None, name="L1, C = 1")]
     mrac, l1 = simulate(section_v, pair, Simulation(t_end=20.0, dt=1e-3)).values()
     np.testing.assert_allclose(l1.x, mrac.x, rtol=0, atol=2e-10)
@@ -120,21 +120,22 @@ def test_without_its_filter_l1_is_mrac_in_section_v(section_v):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_lyapunov_function_never_grows(problems, n):
-    """V = e'Pe + |theta_tilde|^2/gamma, V' = -|e|^2: V plus the integral of |e|^2 is constant, by Theorem 1's proof."""
+    """V = e'Pe + |theta_tilde|^2/gamma has V' = -|e|^2, so that V plus the integral of |e|^2 is constant, by Theorem 1's
+    proof."""
     problem, gamma = problems[n], 10.0
     steps = 2**12
     result = simulate(problem, [Mrac(gamma=gamma, projection=False)], Simulation(t_end=8.0, dt=8 / steps, record_points=steps))[
         "MRAC"
     ]
-    P = linalg.solve_continuous_are(problem.plant.A_m, np.zeros((n, 1)), np.eye(n), np.eye(1))  # with no input: Lyapunov
+    P = linalg.solve_continuous_are(problem.plant.A_m, np.zeros((n, 1)), np.eye(n), np.eye(1))  # without input, by Lyapunov
     V = np.einsum("ki,ij,kj->k", result.e, P, result.e) + ((result.theta_hat - problem.plant.theta) ** 2).sum(axis=1) / gamma
     dissipated = np.concatenate([[0.0], np.cumsum((result.e[1:] ** 2 + result.e[:-1] ** 2).sum(axis=1)) * 8 / steps / 2])
     np.testing.assert_allclose(V + dissipated, V[0], rtol=1e-5)  # the trapezoidal rule: h^2 = 4e-6 times curvature
 
 
 def test_the_initial_estimate_is_taken(problems):
-    """theta_hat(0) = theta: nothing to learn, e stays zero to rounding."""
+    """With theta_hat(0) = theta there is nothing to learn, and e stays zero up to rounding."""
     problem = problems[3]
     result = simulate(problem, [Mrac(gamma=20.0, theta_hat0=problem.plant.theta)], Simulation(t_end=8.0, dt=2.0**-7))["MRAC"]
-    assert max(result.figures["max_abs_e"]) < 1e-13  # 1000 steps of roundings of states of order 1, damped by A_m
+    assert max(result.figures["max_abs_e"]) < 1e-13  # roundings of states of order 1 in 1000 steps, damped by A_m
     np.testing.assert_allclose(result.theta_hat, np.tile(problem.plant.theta, (len(result.t), 1)), atol=1e-12)

@@ -1,4 +1,4 @@
-"""MRAC with a closed-loop reference model: against the standard MRAC at L = 0."""
+"""MRAC with a closed-loop reference model, compared with the standard MRAC at L = 0."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ SIMULATION = Simulation(t_end=10.0, dt=1e-3)
 
 
 def test_without_feedback_it_is_the_standard_mrac(problems):
-    """With L = 0 the model is (2); equal but for the order of roundings."""
+    """With L = 0 the model is (2), and the runs agree up to the order of roundings."""
     runs = simulate(problems[2], [Mrac(gamma=2.0), MracClosedLoop(gamma=2.0, model_feedback=np.zeros((2, 2)))], SIMULATION)
     plain, closed = runs.values()
     np.testing.assert_allclose(closed.theta_hat, plain.theta_hat, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Direct MRAC: the textbook's first-order plant, the standard MRAC as its limit, and any gain of the input."""
+"""Direct MRAC: the textbook's first-order plant, the standard MRAC as a limit, and any input gain."""
 
 from dataclasses import replace
 
@@ -17,7 +17,8 @@ HALF_PERIOD = 10.0  # s, of the case's square wave
 
 
 def textbook(gamma, until):
-    """Example 5.7's equations in its own symbols, (y, y_m, theta_1, theta_2) after ``until`` s, by error-controlled steps."""
+    """(y, y_m, theta_1, theta_2) after ``until`` s by the equations of Example 5.7 in its own symbols, with error-controlled
+    steps."""
     state = np.zeros(4)
     for k in range(round(until / HALF_PERIOD)):
         u_c = 1.0 if k % 2 == 0 else -1.0
@@ -33,7 +34,7 @@ def textbook(gamma, until):
 
 @pytest.mark.parametrize(("name", "gamma"), [("Direct MRAC", 1.0), ("Direct MRAC, gamma = 5", 5.0)])
 def test_the_textbook_s_first_order_plant(name, gamma):
-    """1e-9: RK4 at 1 ms over 100 s, with motions on a scale of a second."""
+    """The tolerance 1e-9 is for RK4 at 1 ms over 100 s, with motions on a scale of a second."""
     case = load_case("astrom-wittenmark")
     run = simulate(case.problem, case.controllers, case.simulation)[name]
     y, y_m, theta_1, theta_2 = textbook(gamma, 100.0)
@@ -45,7 +46,7 @@ def test_the_textbook_s_first_order_plant(name, gamma):
 
 
 def test_with_a_feedforward_that_rests_it_is_the_standard_mrac(problems):
-    """omega = 1, k_r_hat(0) = k_0, and a gain that moves it by less than a rounding."""
+    """It equals the standard MRAC for omega = 1, k_r_hat(0) = k_0 and a gain that moves k_r_hat by less than a rounding."""
     controllers = [Mrac(gamma=2.0), DirectMrac(gamma=2.0, gamma_r=1e-30)]
     plain, direct = simulate(problems[2], controllers, Simulation(t_end=10.0, dt=1e-3)).values()
     np.testing.assert_allclose(direct.theta_hat, plain.theta_hat, atol=1e-12)
@@ -54,7 +55,7 @@ def test_with_a_feedforward_that_rests_it_is_the_standard_mrac(problems):
 
 @pytest.mark.parametrize("omega", [0.2, 5.0])
 def test_the_gains_find_the_ideal_ones_whatever_the_input_s_gain(problems, omega):
-    """Three sines for three gains: k_x -> theta/omega, k_r -> k_0/omega, and e -> 0, with no interval of omega known."""
+    """With three sines for three gains, k_x -> theta/omega, k_r -> k_0/omega and e -> 0, without a known interval of omega."""
     plant = replace(problems[2].plant, input=PlantInput(gain=omega))
     problem = Problem(
         plant=plant,
@@ -72,7 +73,8 @@ def test_the_gains_find_the_ideal_ones_whatever_the_input_s_gain(problems, omega
     "theta", [ParameterBox(lower=[-1.0, -0.5], upper=[4.0, 2.0]), ParameterBall(center=[0.5, -1.0], radius=1.5)]
 )
 def test_the_sets_of_the_ideal_gains(problems, theta):
-    """theta/omega lies in them for every theta and omega, and the estimates stay in them; 1e-12: a ball's roundings."""
+    """theta/omega is in these sets for every theta and omega, and the estimates stay in them. The tolerance 1e-12 is for a ball's
+    roundings."""
     plant = replace(problems[2].plant, theta=theta.middle, input=PlantInput(gain=2.0))
     problem = replace(problems[2], plant=plant, uncertainty=theta, input_gain=(0.5, 4.0))
     equations = DirectMrac(gamma=500.0).bind(problem.known)
@@ -96,7 +98,7 @@ K_0_2 = np.array([[1.5, 0.0], [0.2, 1.0]])
 
 
 def several(**more):
-    """Three states, two inputs of unknown effectiveness, two commands."""
+    """A problem with three states, two inputs of unknown effectiveness and two commands."""
     plant = Plant(
         A_m=A_M, b=B_M, theta=THETA_2.reshape(-1), x0=[0.3, -0.1, 0.2], input=[PlantInput(gain=omega) for omega in OMEGA_2]
     )
@@ -105,7 +107,7 @@ def several(**more):
 
 
 def by_matrices(gamma, gamma_r, until):
-    """K_x' = gamma phi e'PB, K_r' = -gamma_r B'Pe r', u = -K_x'x + K_r r as the textbooks write it; (x, x_m, K_x, K_r)."""
+    """(x, x_m, K_x, K_r) by the textbooks' equations K_x' = gamma phi e'PB, K_r' = -gamma_r B'Pe r', u = -K_x'x + K_r r."""
     P = solve_continuous_lyapunov(A_M.T, -np.eye(3))
 
     def rates(t, state):
@@ -121,7 +123,7 @@ def by_matrices(gamma, gamma_r, until):
 
 
 def test_several_inputs_are_the_textbooks_matrices():
-    """1e-8: RK4 at 1 ms over 20 s, with motions on a scale of a second."""
+    """The tolerance 1e-8 is for RK4 at 1 ms over 20 s, with motions on a scale of a second."""
     (run,) = simulate(several(), [DirectMrac(gamma=6.0, gamma_r=2.0)], Simulation(t_end=20.0, dt=1e-3)).values()
     expected = by_matrices(6.0, 2.0, 20.0)
     found = np.concatenate([run.x[-1], run.x[-1] - run.e[-1], run.theta_hat[-1], run.reported["k_r_hat"][-1]])
@@ -131,7 +133,8 @@ def test_several_inputs_are_the_textbooks_matrices():
 
 @pytest.mark.full
 def test_the_gains_of_several_inputs_find_the_ideal_ones():
-    """Four sines for five gains of each input, in three states: K_x -> theta/omega, K_r -> k_0/omega; both within a hundredth."""
+    """With four sines for five gains of each input and three states, K_x -> theta/omega and K_r -> k_0/omega, both within a
+    hundredth."""
     (run,) = simulate(several(), [DirectMrac(gamma=40.0)], Simulation(t_end=600.0, dt=2e-3)).values()
     np.testing.assert_allclose(run.theta_hat[-1], (THETA_2 / OMEGA_2).reshape(-1), atol=1e-2)
     np.testing.assert_allclose(run.reported["k_r_hat"][-1], (K_0_2 / OMEGA_2[:, None]).reshape(-1), atol=1e-2)
@@ -139,7 +142,7 @@ def test_the_gains_of_several_inputs_find_the_ideal_ones():
 
 
 def test_the_bound_of_several_inputs_is_kept_and_its_v_never_grows(sample):
-    """V by hand along runs; the bound from it; plants at random with effectivenesses from a fifth to five."""
+    """V and the bound from it are computed by hand along runs of random plants with effectivenesses from a fifth to five."""
     random, at, close = np.random.default_rng(6), Simulation(t_end=15.0, dt=2e-3, record_points=2000), 0.0
     P = solve_continuous_lyapunov(A_M.T, -np.eye(3))
     for _ in range(sample(2, 12)):

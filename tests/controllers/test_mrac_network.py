@@ -1,4 +1,4 @@
-"""MRAC with a network: its equations in other symbols, the identity that its bounds rest on, what it learns."""
+"""MRAC with a network: its equations in other symbols, the identity behind its bounds, and what it learns."""
 
 from dataclasses import replace
 
@@ -27,9 +27,8 @@ def unknown(x):
 
 @pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
 def test_a_run_is_the_equations_neuron_by_neuron(leakage):
-    """Written out for one neuron after the other, by SciPy's error-controlled steps; 1e-8: RK4 of motions of a second at 1 ms,
-
-    with a corner of the e-modification where e'P b changes its sign.
+    """The equations are written for one neuron after the other and integrated by SciPy's error-controlled steps. The tolerance
+    1e-8 is for RK4 at 1 ms with motions of a second and a corner of the e-modification where e'P b changes its sign.
     """
     controller = NetworkMrac(gamma=20.0, gamma_v=7.0, leakage=leakage, neurons=3, scale=[2.0, 0.5], seed=4, spread=1.5)
     V_0 = controller.bind(SINE.known).V_0
@@ -70,7 +69,8 @@ TWO_INPUTS = Problem(
 @pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
 @pytest.mark.short(kept=lambda leakage: leakage is LEAKAGES[1])
 def test_a_run_with_two_inputs_is_the_equations_weight_by_weight(leakage):
-    """As above, with the sum of |mu_j| in the e-modification: 1e-7, of corners where one of two changes its sign."""
+    """As above, with the sum of |mu_j| in the e-modification. The tolerance 1e-7 is for corners where one of the two changes its
+    sign."""
     controller = NetworkMrac(gamma=20.0, gamma_v=7.0, leakage=leakage, neurons=2, scale=[2.0, 0.5], seed=4)
     V_0, plant, P = controller.bind(TWO_INPUTS.known).V_0, TWO_INPUTS.plant, TWO_INPUTS.known.P
     assert np.abs(plant.A_m.T @ P + P @ plant.A_m + np.eye(2)).max() < 1e-12
@@ -105,7 +105,7 @@ def test_a_run_with_two_inputs_is_the_equations_weight_by_weight(leakage):
 
 @pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
 def test_what_its_weights_gain_is_what_e_gives_up(leakage):
-    """U' = 2 e'P b W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2) at random states, to rounding: x enters by h alone."""
+    """U' = 2 e'P b W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2) at random states, up to rounding. x enters only through h."""
     controller, random = NetworkMrac(gamma=3.0, gamma_v=0.4, leakage=leakage, neurons=5), np.random.default_rng(1)
     for problem, r in [(SINE, np.array(0.3)), (TWO_INPUTS, np.array([0.3, -0.7]))] * 25:
         equations, known = controller.bind(problem.known), problem.known
@@ -122,7 +122,7 @@ def test_what_its_weights_gain_is_what_e_gives_up(leakage):
 
 @pytest.mark.full
 def test_it_learns_what_no_regressor_was_given_for():
-    """Beside the same network switched off: an error of a tenth or less, with either modification."""
+    """The error is at most a tenth of that with the network switched off, with either modification."""
     problem = replace(SINE, reference=Square(amplitude=1.0, frequency=0.5))
     made = [NetworkMrac(gamma=1e-9, leakage=FixedSigma(0.002), name="off")]
     made += [NetworkMrac(gamma=50.0, leakage=one, name=type(one).__name__) for one in (FixedSigma(0.002), LEAKAGES[1])]
@@ -132,7 +132,7 @@ def test_it_learns_what_no_regressor_was_given_for():
 
 
 def test_the_initial_inner_weights_are_those_of_the_seed():
-    """By the definition of PCG64's raw bits, whose upper 53 are a double in [0, 1)."""
+    """They follow from the definition of PCG64's raw bits, whose upper 53 are a double in [0, 1)."""
     raw = np.random.PCG64(7).random_raw(6)
     expected = [1.5 * (2 * (int(bits) // 2**11 / 2**53) - 1) for bits in raw]
     assert initial_inner_weights(7, 1.5, (2, 3)).ravel().tolist() == expected
@@ -143,7 +143,8 @@ def test_the_initial_inner_weights_are_those_of_the_seed():
 
 
 def test_euler_s_steps_of_the_sampled_form():
-    """Every 10 ms by hand from what the run measured, the model under its held command by SciPy: to rounding."""
+    """The steps of 10 ms are computed by hand from the run's measurements, and the model under its held command by SciPy. They
+    agree up to rounding."""
     controller, T = NetworkMrac(gamma=5.0, leakage=LEAKAGES[0], neurons=2), 0.01
     at = Simulation(t_end=1.0, dt=1e-3, record_points=1000)
     (run,) = simulate(SINE, [Sampled(controller, T, discretization="euler")], at).values()

@@ -1,4 +1,5 @@
-"""State feedback of an observer's estimate: against SciPy's integration of the loop by hand, and margins against eigenvalues."""
+"""State feedback of an observer's estimate, compared with SciPy's integration of the loop by hand, and margins compared with
+eigenvalues."""
 
 from __future__ import annotations
 
@@ -78,7 +79,8 @@ def posed(kind, **more):
 
 
 def test_the_gains_are_those_of_their_definition():
-    """Luenberger: the eigenvalues asked for, sampled at exp(pole T); Kalman: SciPy's Riccati equations, solved here again."""
+    """The Luenberger observer has the required eigenvalues, and exp(pole T) if sampled. The Kalman filter agrees with SciPy's
+    solution of the Riccati equations."""
     fixed = {kind: posed(kind).observer for kind in OBSERVERS}
     wanted = np.sort_complex([-12.0, -14.0, -10.0 + 8.0j, -10.0 - 8.0j])
     for step, expected in ((None, wanted), (T, np.exp(wanted * T))):
@@ -96,7 +98,7 @@ def test_the_gains_are_those_of_their_definition():
 
 
 class ByHand:
-    """The observers as their definitions have them; gains are taken from the package, whose values another test holds."""
+    """The observers by their definitions, with the package's gains, which another test checks."""
 
     def __init__(self, kind, step):
         self.kind, made = kind, posed(kind).observer.equations(X0, None, step)
@@ -112,7 +114,7 @@ class ByHand:
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_mrac_on_the_estimate_is_what_scipy_integrates(kind):
-    """A plant that differs from the nominal one, with a sensor lag and with limits that act on the plant and in the observer."""
+    """The plant differs from the nominal one and has a sensor lag. Limits act on the plant and in the observer."""
     low, high = -1.0, 1.2
     problem = posed(kind, input=PlantInput(saturation=[low, high]), sensor=Sensor(lag=0.02))
     gamma, hand = 3.0, ByHand(kind, None)
@@ -133,7 +135,9 @@ def test_mrac_on_the_estimate_is_what_scipy_integrates(kind):
 
     s = solve_ivp(rates, (0.0, 4.0), starts, t_eval=run.t, method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.01).y
     assert np.abs(np.clip(run.u, low, high) - run.u).max() > 0.1  # the limits act
-    np.testing.assert_allclose(run.x, s[:4].T, atol=2e-6)  # where u meets its limit, a step of 1e-3 keeps second order
+    np.testing.assert_allclose(
+        run.x, s[:4].T, atol=2e-6
+    )  # where u reaches its limit, the error of a step of 1e-3 is of second order
     np.testing.assert_allclose(run.theta_hat, s[10 + l :].T, atol=2e-6)
 
 
@@ -169,7 +173,8 @@ LOST = (5, 6, 7, 20, 50, 51)
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_a_lost_sample_is_predicted_and_corrects_nothing(kind):
-    """By hand, around the truth's exact motion: x_hat goes on by the nominal plant alone; a derivative keeps its value."""
+    """By hand, with the exact motion of the truth. Without a sample, x_hat moves by the nominal plant alone, and a derivative
+    keeps its value."""
     times = [[k * T - T / 4, k * T + T / 4] for k in LOST]
     problem = replace(posed(kind), faults=(Dropout(times=times),))
     alone = Sampled(controller=BaselineAlone(nominal=problem.plant.theta), sample_time=T)
@@ -201,7 +206,7 @@ def test_a_lost_sample_is_predicted_and_corrects_nothing(kind):
 @pytest.mark.parametrize("kind", ("luenberger", "kalman"))
 @pytest.mark.parametrize("delay", (0.4 * T, T, 2.3 * T))
 def test_a_sampled_observer_contains_the_delay_of_the_input(kind, delay):
-    """On the nominal plant from a measured x0 the run is the one without an observer; the simulated plant may have another
+    """On the nominal plant with a measured x0 the run equals that without an observer. The simulated plant may have a different
     delay."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     limits = PlantInput(saturation=[-0.4, 0.3], delay=delay)
@@ -226,7 +231,7 @@ def test_a_sampled_observer_contains_the_delay_of_two_inputs():
 
 
 def test_an_exact_model_is_estimated_exactly_and_changes_nothing():
-    """From a measured x0 the estimate equals the nominal plant's state, so the run is the one without an observer."""
+    """With a measured x0 the estimate equals the nominal plant's state, so that the run equals that without an observer."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     plant = replace(posed("kalman").plant, x0=still)
     for kind in ("luenberger", "kalman"):
@@ -256,7 +261,7 @@ def test_equations_mean_the_same_in_symbols_and_numbers(kind, controller):
 
 
 class TestMargins:
-    """The design's own loop, linear with theta known, written out here: u = k_0 r - theta'x_hat."""
+    """The design's linear loop with known theta, u = k_0 r - theta'x_hat, written here by hand."""
 
     def loop(self, problem):
         made, theta = problem.observer.equations(X0, None, None), problem.plant.theta
@@ -326,7 +331,7 @@ class TestMargins:
 
 
 def test_nothing_is_guaranteed_beside_an_observer():
-    """One sentence says why; without the observer the same case has its bound."""
+    """One sentence states the reason. Without the observer the same case has its bound."""
     problem = posed("kalman", truth=None)
     found = certify(problem, [Mrac(gamma=3.0), Sampled(controller=Mrac(gamma=3.0, name="sampled"), sample_time=T)], SIMULATION)
     for certificate in found.values():
@@ -470,7 +475,7 @@ def with_pi(kind, **more):
 
 @pytest.mark.parametrize("kind", ["luenberger", "kalman"])
 def test_a_pi_controller_acts_on_the_measured_state_itself(kind):
-    """Whatever the observer estimates: SciPy integrates the plant and the integral alone."""
+    """It does not depend on the observer's estimate: SciPy integrates only the plant and the integral."""
     problem = with_pi(kind)
     run, true_A = simulate(problem, [BaselineAlone()], SIMULATION)["Baseline"], problem.simulated.A
 
@@ -487,7 +492,8 @@ def test_a_pi_controller_acts_on_the_measured_state_itself(kind):
 
 @pytest.mark.parametrize("kind", ["luenberger", "kalman"])
 def test_a_measured_state_is_sampled_or_predicted_in_simulation_and_c(kind):
-    """With lost samples, a shell and a delay in the observer; without losses PI and margins are those without an observer."""
+    """The test has lost samples, a shell and a delay in the observer. Without losses, the PI and its margins are those without an
+    observer."""
     sampled = Sampled(controller=BaselineAlone(), sample_time=T)
     problem = with_pi(
         kind, input=PlantInput(saturation=[-1.0, 1.2], delay=1.7 * T), shell=Shell(longest_outage=0.2, fallback="hold")
@@ -506,7 +512,7 @@ def test_a_measured_state_is_sampled_or_predicted_in_simulation_and_c(kind):
 
 
 def test_a_measured_state_continues_as_predicted_through_a_lost_sample():
-    """Its component of x_hat is the sample where there is one, and else the model's prediction."""
+    """Its component of x_hat is the sample if there is one, and otherwise the model's prediction."""
     made = with_pi("kalman").observer.equations(X0, None, T)
     plain = posed("kalman").observer
     unchanged = replace(with_pi("kalman").observer, direct=()).equations(X0, None, T)
@@ -525,12 +531,12 @@ LABELS = Labels(names=["angle", "rate"])
 
 
 ENCODERS = {"Q": [0.0, 0.0, 10.0, 10.0], "R": [8.7e-14, 3.9e-10]}
-"""Of a cart-pendulum whose cart has an encoder of 20 um: SciPy's continuous solver fails on these numbers as they stand."""
+"""Numbers of a cart-pendulum whose cart has an encoder of 20 um. SciPy's continuous solver fails on them without scaling."""
 
 
 @pytest.mark.parametrize("step", (None, 0.002, 1e-5))
 def test_a_fine_encoder_has_a_kalman_filter(step):
-    """Its poles are those of the Hamiltonian matrix; with short samples the sampled filter has them too."""
+    """Its poles are those of the Hamiltonian matrix. With short samples the sampled filter has the same poles."""
     pendulum = [[0.0, 0, 1, 0], [0, 0, 0, 1], [0, 1.5, -15.0, -0.004], [0, 26.5, -34.0, -0.08]]
     plant = Plant(A=pendulum, b=[0.0, 0.0, 2.0, 4.5], poles=[-5.0, -6.0, -7.0, -8.0])
     observer = Problem(plant=plant, observer=KalmanObserver(**ENCODERS, measured=C)).observer
@@ -551,7 +557,7 @@ def test_a_fine_encoder_has_a_kalman_filter(step):
 
 
 def test_why_there_is_no_filter_is_told():
-    """An integrator that Q leaves undriven is named; without one the message blames the numbers and not a mode."""
+    """The message names an integrator that Q does not drive. If there is none, the numbers are the reason and not a mode."""
     plant = Plant(A=[[0.0, 0.0], [0.0, -1.0]], b=[1.0, 1.0], poles=[-1.0, -2.0])
     posed = Problem(plant=plant, observer=KalmanObserver([0.0, 1.0], 1.0, measured=[[1.0, 1.0]]))
     for step in (None, 0.01):
@@ -593,7 +599,7 @@ def test_what_is_not_seen_is_told():
     plant = Plant(A_m=[[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, -1.0]], b=[1.0, 0.0, 1.0], theta=[0.0, 0.0, 0.0])
     design = LuenbergerObserver([-5.0, -6.0, -7.0], measured=[[0.0, 1.0, 0.0]])
     assert "must make the plant observable, but the mode at -1" in refusal(lambda: Problem(plant=plant, observer=design))
-    Problem(plant=plant, observer=KalmanObserver(1.0, 1.0, measured=design.measured))  # what decays need not be seen
+    Problem(plant=plant, observer=KalmanObserver(1.0, 1.0, measured=design.measured))  # a mode that decays need not be observable
     unstable = Plant(A=[[1.0, 0.0], [0.0, 0.0]], b=[1.0, 1.0], poles=[-1.0, -2.0])
     blind = KalmanObserver(1.0, 1.0, measured=[[0.0, 1.0]])
     assert "the mode at 1 is not visible in C" in refusal(lambda: Problem(plant=unstable, observer=blind))
@@ -645,7 +651,7 @@ def test_the_keys_of_another_kind_are_told_in_one_line():
 
 
 def test_a_sampled_dynamic_baseline_has_its_margins_over_the_known_set():
-    """The loop beside the nominal one is that of the plant with that theta; the baseline's own state does not change."""
+    """The loop at another theta is that of the plant with that theta. The baseline's own state does not change."""
     plant = Plant(A=A, b=B, x0=X0, baseline=LqiBaseline(Q=[1.0, 1.0, 0.1, 0.1, 4.0], R=1.0, output=C[0]))
     change = np.array([0.1, -0.2, 0.05, 0.1, 0.0])
     known = ParameterBox(lower=plant.theta - 2 * abs(change), upper=plant.theta + 2 * abs(change))

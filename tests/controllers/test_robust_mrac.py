@@ -1,4 +1,4 @@
-"""Eqs (13)-(16): the swapping identity (docs/equations.md, section 5), the sign of W_c0, the scheme written out a second time."""
+"""Eqs (13)-(16): the swapping identity (docs/equations.md, section 5), the sign of W_c0, and the scheme written a second time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def random_problem(seed: int, n: int, relative_degree: int) -> tuple[Problem, np
 
 
 def auxiliary_lag(tau: float, order: int) -> tuple[np.ndarray, ...]:
-    """1/(tau s + 1)^order in state space, by SciPy."""
+    """1/(tau s + 1)^order in state space by SciPy."""
     A, B, C, _ = scipy_signal.tf2ss([1.0], np.atleast_1d(np.poly([-1 / tau] * order)) * tau**order)
     return A, B[:, 0], C[0]
 
@@ -59,10 +59,10 @@ CASES = [(n, n_star) for n in (1, 2, 3, 4) for n_star in range(1, n + 1)]
     kept=lambda n, relative_degree, law, level: n < 4 and (n + relative_degree + (law == "gradient") + (level < 1)) % 2
 )
 def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law, level):
-    """c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1[Xi theta_hat'] + W_m(s)[u_a], whatever drives u_a, and through the projection.
+    """c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1[Xi theta_hat'] + W_m(s)[u_a] for any u_a, also with projection.
 
-    With u limited to ``level`` and the model fed with sat(u), what the limit takes away stands beside u_a. The state of
-    (sI - A_m)^-1 b [u_a] is added here. 1e-8: the integration's 1e-11 over a stable system of condition 1e2.
+    With u limited to ``level`` and sat(u) in the model, the part removed by the limit is added to u_a. The state of (sI - A_m)^-1
+    b [u_a] is added here. The tolerance 1e-8 is the integration's 1e-11 for a stable system with a condition number of 1e2.
     """
     problem, c_0 = random_problem(1, n, relative_degree)
     if limited := np.isfinite(level):
@@ -90,7 +90,7 @@ def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law, 
         left.append(c_0 @ (x - x_m))
         right.append(estimation.epsilon * estimation.m_s_squared + c_0 @ state.swapping + c_0 @ y[-n:])
         moved = max(moved, abs(c_0 @ state.swapping))
-    assert moved > 1e-3 * np.abs(left).max()  # the swapping term counts: with the other sign the next line fails
+    assert moved > 1e-3 * np.abs(left).max()  # the swapping term is not negligible: with the other sign the next line fails
     np.testing.assert_allclose(right, left, atol=1e-8 * np.abs(left).max())
 
 
@@ -98,9 +98,9 @@ def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law, 
 @pytest.mark.parametrize("printed_sign", [False, True])
 @pytest.mark.short(kept=lambda n, relative_degree, printed_sign: n < 4)
 def test_what_the_auxiliary_input_leaves_of_the_error(n, relative_degree, printed_sign):
-    """With the right sign c_0'e = (1 - 1/(tau s + 1)^n*)[epsilon m_s^2 + c_0'(...)]; the printed sign violates it.
+    """With the right sign, c_0'e = (1 - 1/(tau s + 1)^n*)[epsilon m_s^2 + c_0'(...)]. The printed sign violates it.
 
-    The lag is integrated beside the loop; tolerances as above. n = 1 and n* = 1, least squares.
+    The lag is integrated with the loop. The tolerances are as above, with n = 1, n* = 1 and least squares.
     """
     problem, c_0 = random_problem(2, n, relative_degree)
     tau = 0.4
@@ -142,9 +142,9 @@ def largest_output_error(problem, c_0, tau, *, printed_sign=False):
 
 
 def test_the_erratum_in_section_v(section_v):
-    """max|c_0'e| shrinks in proportion to tau with the right sign and does not with the printed one.
+    """max|c_0'e| is proportional to tau with the right sign, but not with the printed one.
 
-    Measured over 20 s, h = 1e-3, least squares with covariance(0) = 500 I:
+    Measured over 20 s with h = 1e-3 and least squares with covariance(0) = 500 I:
     tau             0.1    0.05   0.025  0.0125
     right sign      3.35   1.65   0.819  0.408    (slope 1.01)
     printed sign    92.4   93.2   93.6   93.8
@@ -167,11 +167,11 @@ def test_the_error_shrinks_with_tau_for_any_relative_degree(n, relative_degree):
     assert np.polyfit(np.log(taus), np.log(right), 1)[0] == pytest.approx(1, abs=0.15)
 
 
-# --- the scheme written out from the paper ---
+# --- the scheme written from the paper ---
 
 
 def written_out(problem, controller, n_star):
-    """x, x_m, theta_hat, P, xi, Xi, n_d, w (swapping), v (Q): from (13)-(16), with Q realised by SciPy from W_m by SciPy."""
+    """x, x_m, theta_hat, P, xi, Xi, n_d, w (swapping) and v (Q) by (13)-(16), with W_m and the realisation of Q by SciPy."""
     plant, k_0, r = problem.plant, problem.reference_model.k_0, problem.reference
     n, A_m, b, c_0 = plant.n, plant.A_m, plant.b, controller.c_0
     alpha_0, delta_0 = controller.normalization.alpha_0, controller.normalization.delta_0
@@ -239,9 +239,9 @@ def test_against_the_paper_written_out(problems, n, n_star, c_0, law, kind):
 @pytest.mark.parametrize("n", [2, 3])
 @pytest.mark.short(kept=lambda n: n == 2)
 def test_the_covariance_of_the_run(problems, n):
-    """P(t)^-1 - P(0)^-1 = int phi phi'/m^2 along the run, with the projection on and off: (15) as printed.
+    """P(t)^-1 - P(0)^-1 = int phi phi'/m^2 along the run, with and without projection, by (15) as printed.
 
-    The integral by Simpson's rule over every step (error h^4); phi from the recorded states.
+    The integral is by Simpson's rule over every step (error h^4), with phi from the recorded states.
     """
     problem, steps = problems[n], 2048
     law = LeastSquares(covariance0=20.0)
@@ -261,7 +261,7 @@ def test_the_covariance_of_the_run(problems, n):
 
 
 def test_the_normalised_scheme_has_no_auxiliary_input(section_v):
-    """It is the robust scheme in the limit of a slow auxiliary input: Q = W_m^-1/(tau s + 1) ~ 1/tau."""
+    """It is the limit of the robust scheme for a slow auxiliary input: Q = W_m^-1/(tau s + 1) ~ 1/tau."""
     law = Gradient(gamma=10.0)
     simulation = Simulation(t_end=5.0, dt=1e-3)
     pair = [NormalizedMrac(law=law, c_0=[1, 1]), RobustMrac(law=law, c_0=[1, 1], tau=1e6)]
@@ -279,7 +279,7 @@ def test_states_of_absent_parts_are_empty(section_v):
 
 
 def test_the_default_c_0_makes_W_m_positive_real(problems):
-    """c_0 = P b: Re W_m(jw) > 0 at all frequencies (Kalman, Yakubovich)."""
+    """With c_0 = P b, Re W_m(jw) > 0 at all frequencies (Kalman, Yakubovich)."""
     for n, problem in problems.items():
         c_0 = RobustMrac(tau=0.5, law=LAWS["gradient"]).bind(problem.known).c_0
         A_m, b = problem.plant.A_m, problem.plant.b
@@ -290,7 +290,7 @@ def test_the_default_c_0_makes_W_m_positive_real(problems):
 
 
 def test_the_disturbance_is_seen_by_no_controller(section_v):
-    """e depends on d, the equations don't: the same state gives the same control."""
+    """e depends on d, but the equations do not: the same state gives the same control."""
     with_d = Problem(plant=section_v.plant, uncertainty=section_v.uncertainty, disturbance=Sine(1.0, 1.0))
     loop = ClosedLoop.of(with_d, RobustMrac(tau=0.5, law=LAWS["gradient"]))
     y = np.random.default_rng(0).normal(size=loop.size)

@@ -1,4 +1,4 @@
-"""Robust MRAC for several inputs: the swapping identity, the scheme for one input as its special case, laws and refusals."""
+"""Robust MRAC for several inputs: the swapping identity, the scheme for one input as a special case, laws and refusals."""
 
 from __future__ import annotations
 
@@ -67,10 +67,11 @@ LAWS = {
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.short(kept=lambda law: law in ("least squares", "matrix gain", "dead zone"))
 def test_the_swapping_identity_and_what_the_auxiliary_input_leaves_of_it(law):
-    """C_0 e = epsilon m_s^2 + C_0 (sI - A_m)^-1 [Xi theta_hat'] + W_m[u_a] for any law, through a projection, by its own states.
+    """C_0 e = epsilon m_s^2 + C_0 (sI - A_m)^-1 [Xi theta_hat'] + W_m[u_a] for any law, also with projection, by the law's own
+    states.
 
-    With u_a = -Q[a] of a, the first two terms, C_0 e is a less a/(tau s + 1), which is integrated beside the loop here. 1e-7: the
-    integration's 1e-11 over a stable system, through the projection's corners.
+    With u_a = -Q[a], where a is the sum of the first two terms, C_0 e is a minus a/(tau s + 1), which is integrated with the loop
+    here. The tolerance 1e-7 is for the integration's 1e-11 over a stable system with the corners of the projection.
     """
     tau = 0.3
     box = ParameterBox(lower=np.full(6, -0.7), upper=np.full(6, 1.1))
@@ -90,11 +91,11 @@ def test_the_swapping_identity_and_what_the_auxiliary_input_leaves_of_it(law):
         parts = loop.unpack(y[:-2])
         a = equations.auxiliary_input_argument(parts.controller, parts.x)
         np.testing.assert_allclose(equations.C_0 @ (parts.x - parts.x_m), a - y[-2:], atol=1e-7)
-    assert np.abs(a).max() > 1e-4  # not trivially
+    assert np.abs(a).max() > 1e-4  # it is not trivially true
 
 
 def test_with_one_input_it_is_the_scheme_for_one(problems):
-    """The two sets of equations on one plant, at random states: they share nothing but the laws. 1e-12: roundings."""
+    """The two sets of equations on one plant at random states share only the laws. The tolerance 1e-12 is for roundings."""
     problem, random = problems[3], np.random.default_rng(2)
     for law in (Gradient(gamma=20.0), LeastSquares(covariance0=50.0), IntegralCost(gamma=5.0, forgetting=0.4)):
         one = RobustMrac(tau=0.2, law=law, normalization=Normalization(alpha_0=0.5)).bind(problem.known)
@@ -129,7 +130,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
 @pytest.mark.parametrize("scheme", ["robust", "normalised"])
 @pytest.mark.short(kept=lambda scheme: scheme == "robust")
 def test_the_estimates_find_all_parameters(scheme):
-    """Six sines excite six parameters: theta_hat -> theta and e -> 0."""
+    """Six sines excite six parameters, so that theta_hat -> theta and e -> 0."""
     law = LeastSquares(covariance0=500.0)
     controller = RobustMrac(tau=0.2, law=law) if scheme == "robust" else NormalizedMrac(law=law)
     (run,) = simulate(two_inputs(), [controller], Simulation(t_end=200.0, dt=5e-3)).values()
@@ -148,7 +149,7 @@ def test_symbols_numbers_and_jacobians(law):
 
 
 def replace_commands(loop):
-    """The loop under the commands (r, r), as the shared checks take one signal."""
+    """The loop under the commands (r, r), because the shared checks accept one signal."""
 
     class One:
         """The same loop with one signal for both commands."""
@@ -187,7 +188,8 @@ def test_the_estimates_stay_in_the_set_that_they_want_to_leave(known_set, law):
 
 
 def test_a_limit_that_the_model_knows_is_not_learnt_from():
-    """With sat(u) in the model z = phi'theta stays exact: epsilon m_s^2 = -phi'theta_tilde. 1e-9: RK4 at 2 ms."""
+    """With sat(u) in the model z = phi'theta stays exact, so that epsilon m_s^2 = -phi'theta_tilde. The tolerance 1e-9 is for RK4
+    at 2 ms."""
     plant = Plant(A_m=A_M, b=B, theta=THETA, x0=[0.3, -0.2, 0.5], input=PlantInput(saturation=[-0.6, 0.6]))
     controller = RobustMrac(tau=0.2, law=LAWS["gradient"], saturated_predictor=True)
     (run,) = simulate(two_inputs(plant=plant), [controller], Simulation(t_end=10.0, dt=2e-3)).values()
@@ -199,7 +201,8 @@ def test_a_limit_that_the_model_knows_is_not_learnt_from():
 
 
 def test_an_aircraft_beside_the_others():
-    """On lateral-aircraft, whose actuators the scheme does not know, it follows, and Table 1 says which properties remain."""
+    """On lateral-aircraft, whose actuators are unknown to the scheme, it follows the model, and Table 1 lists the remaining
+    properties."""
     case = load_case("lateral-aircraft")
     controller = RobustMrac(tau=0.5, law=Gradient(gamma=100.0), normalization=Normalization(alpha_0=1.0))
     (run,) = simulate(case.problem, [controller], Simulation(t_end=10.0, dt=5e-3)).values()

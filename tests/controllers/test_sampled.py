@@ -1,4 +1,4 @@
-"""Sampled controllers: the compiled loop against a plain one, the limit of short samples, high gains, delays."""
+"""Sampled controllers: the compiled loop compared with a plain one, the limit of short samples, high gains and delays."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from independent import refusal
 
 
 def plain_loop(loop, every, signals, dt, steps, noise=None):
-    """RK4 with hold, written out: sample, step, sample, step."""
+    """RK4 with hold, written by hand: sample, step, sample, step."""
     y = loop.initial()
     states = []
     for k in range(steps + 1):
@@ -76,14 +76,15 @@ CONTROLLERS = {
 
 
 EACH_KIND = ("l1", "robust", "learning, switching sigma", "bounded gain, dead zone")
-"""A predictor, a covariance with an auxiliary input, a memory, and a law that stands still."""
+"""Controllers with a predictor, with a covariance and an auxiliary input, with a memory, and with a constant estimate."""
 
 
 @pytest.mark.parametrize("discretization", ["midpoint", "euler"])
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.short(kept=lambda name, discretization: discretization == "midpoint" or name in EACH_KIND)
 def test_compiled_loop_against_a_plain_one(problems, name, discretization):
-    """Samples every three steps, noise that changes every two. 1e-10: sums in another order, over 240 steps."""
+    """Samples are every three steps, and the noise changes every two. The tolerance 1e-10 is for sums in a different order over
+    240 steps."""
     dt, steps, every = 2.0**-7, 240, 3
     noise = Noise(std=[0.01, 0.02], sample_time=2 * dt, seed=5)
     problem = replace(problems[2], sensor=Sensor(noise=noise))
@@ -94,14 +95,14 @@ def test_compiled_loop_against_a_plain_one(problems, name, discretization):
     result = simulate(problem, [controller], Simulation(t_end=steps * dt, dt=dt, record_points=10_000))[controller.name]
     np.testing.assert_allclose(result.states, expected, rtol=1e-10, atol=1e-10)
     moved = np.abs(np.diff([loop.unpack(s).controller.theta_hat for s in expected], axis=0))
-    tail = moved[180 - 1 : steps - 1].sum(axis=0) / (60 * dt)  # the jump of a sample is counted in the step that it starts
+    tail = moved[180 - 1 : steps - 1].sum(axis=0) / (60 * dt)  # the jump at a sample belongs to the step that starts there
     np.testing.assert_allclose(result.figures["theta_hat_variation_rate"], tail, rtol=1e-8)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.short(kept=lambda name: name in EACH_KIND)
 def test_midpoint_tends_to_the_continuous_controller(problems, name, sample):
-    """Holding the control costs an error in proportion to the sample time: halving it halves the distance."""
+    """Holding the control causes an error proportional to the sample time, so that half the sample time halves the distance."""
     problem, controller = problems[2], CONTROLLERS[name]
     simulation = Simulation(t_end=4.0, dt=2.0**-9)
     exact = simulate(problem, [controller], simulation)[controller.name].x[-1]
@@ -114,7 +115,8 @@ def test_midpoint_tends_to_the_continuous_controller(problems, name, sample):
 
 
 def test_no_gain_makes_the_estimates_chatter(section_v):
-    """Section V at h = T = 1e-4: the midpoint forms vary alike from 1e2 to 1e8, the explicit Euler form a thousand times more."""
+    """In Section V at h = T = 1e-4 the variation with the midpoint forms is similar from 1e2 to 1e8. With the explicit Euler form
+    it is a thousand times larger."""
     simulation = Simulation(t_end=20.0, dt=1e-4)
     fine = simulate(section_v, [Mrac(gamma=100.0)], simulation)["MRAC"]
     for make in (
@@ -136,10 +138,10 @@ def test_no_gain_makes_the_estimates_chatter(section_v):
 @pytest.mark.parametrize("gamma", [1.0, 1e6])
 @pytest.mark.full
 def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_v, gamma):
-    """Section V, T = 1e-3: delays of one to fifty samples. The error stays within a tenth of the Euler form's, and, where a fine
-    step resolves it, of that of the continuous MRAC with half a sample more, which is what holding u delays it on average.
+    """Section V with T = 1e-3 and delays of one to fifty samples. The error is within a tenth of that of the Euler form and, if a
+    fine step resolves it, of that of the continuous MRAC with half a sample more, which is the average delay due to holding u.
 
-    Up to one sample the midpoint form does not even chatter: docs/sampled.md derives that. The predictor stays with the model.
+    Up to one sample the midpoint form does not even chatter, as docs/sampled.md shows. The predictor stays close to the model.
     """
     T, delays = 1e-3, (1e-3, 2e-3, 1e-2, 5e-2)
     simulation = Simulation(t_end=20.0, dt=T / 2)
@@ -169,7 +171,7 @@ def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_
 
 
 def test_the_predictor_of_mrac_tends_to_the_model_with_the_sample_time(section_v):
-    """At a gain of 1e6 and a delay of 20 ms, where the estimates run from bound to bound: x_hat - x_m is of the order of T."""
+    """At a gain of 1e6 and a delay of 20 ms the estimates jump between their bounds, and x_hat - x_m is of the order of T."""
     problem = replace(section_v, plant=replace(section_v.plant, input=PlantInput(delay=0.02)))
     distances = []
     for T in (2e-3, 1e-3, 5e-4):
@@ -183,8 +185,9 @@ def test_the_predictor_of_mrac_tends_to_the_model_with_the_sample_time(section_v
 
 
 def test_the_fast_loop_bears_one_sample_of_delay(section_v):
-    """Gamma -> infinity: u_next = u - v - theta'phi + k_0 r with v what reaches the plant, so z^2 - a z + a = 0 for a delay of
-    a T: |z|^2 = a. 0.9 T is tolerated without chatter and 1.1 T is not; with a filter five samples and more are tolerated.
+    """For Gamma -> infinity, u_next = u - v - theta'phi + k_0 r with the input v of the plant, so that z^2 - a z + a = 0 for a
+    delay of a T and |z|^2 = a. 0.9 T is tolerated without chatter, but 1.1 T is not. With a filter five samples and more are
+    tolerated.
     """
     T = 1e-3
     rates = {}
@@ -203,7 +206,8 @@ def test_the_fast_loop_bears_one_sample_of_delay(section_v):
 
 @pytest.mark.parametrize("remedy", [ModifiedError(), ModifiedError(mu=0.5, margin=0.1)])
 def test_modified_error_by_the_midpoint_form(problems, remedy):
-    """Anti-windup: the predictor, fed with sat(u), equals the adapted model. Short samples tend to the continuous controller."""
+    """The anti-windup's predictor with sat(u) equals the adapted model. With short samples it tends to the continuous
+    controller."""
     problem = replace(problems[2], plant=replace(problems[2].plant, input=PlantInput(saturation=[-2.5, 2.5])))
     controller, simulation = Mrac(gamma=20.0, modified_error=remedy, name="c"), Simulation(t_end=4.0, dt=2.0**-9)
     exact = simulate(problem, [controller], simulation)["c"]
@@ -235,7 +239,8 @@ VARIED = {
 @pytest.mark.parametrize("name", VARIED)
 @pytest.mark.short(kept=lambda name, discretization: discretization or name == "memory")
 def test_settings_vary_over_an_ensemble(section_v, name, discretization):
-    """Symbols stand for the settings there; each member agrees with a run of its own. 1e-12: constants are folded elsewhere."""
+    """There the settings are symbols. Each member agrees with its own run. The tolerance is 1e-12 because constants are folded
+    differently."""
     controllers = [VARIED[name](v) for v in (1.0, 1.5)]
     if discretization is not None:
         controllers = [Sampled(controller=c, sample_time=2e-3, discretization=discretization) for c in controllers]
@@ -288,12 +293,13 @@ def test_output_feedback_tends_to_the_continuous_controller(name, sample):
 
 
 def test_the_filter_is_scipys_bilinear_one(problems):
-    """Resting estimates: u is C(s) by the trapezoidal rule, of k_0 r - theta_hat'x. 1e-12: recursions of two kinds."""
+    """With constant estimates u is k_0 r - theta_hat'x filtered by C(s) with the trapezoidal rule. The tolerance 1e-12 is for two
+    different recursions."""
     T, theta_hat, C = 0.02, np.array([0.5, -0.3]), TransferFunction([100.0], [1.0, 14.0, 100.0])
     known, rng = problems[2].known, np.random.default_rng(3)
     twin = L1Adaptive(gamma=1e-30, filter=C, theta_hat0=theta_hat).bind(known).sampled(T)
     x, r = rng.normal(size=(60, 2)), rng.normal(size=60)
-    x[0], r[0] = 0.0, 0.0  # at rest, as SciPy's recursion begins
+    x[0], r[0] = 0.0, 0.0  # at zero, as SciPy's recursion begins
     samples = [Sample(x_k, x_k, r_k) for x_k, r_k in zip(x, r, strict=True)]
     state, u = twin.initial(), [0.0]
     for before, now in pairwise(samples):
@@ -322,13 +328,13 @@ def test_output_refusal():
 
 
 def test_the_normalising_signal_of_a_sampled_controller(problems):
-    """(16) under the held u: n_d(t) = integral_0^t e^(-delta_0 (t - s)) u(s)^2 ds, by pieces of constant u."""
+    """Under the held u (16) is n_d(t) = integral_0^t e^(-delta_0 (t - s)) u(s)^2 ds, summed over pieces of constant u."""
     T, delta_0 = 2.0**-6, 0.7
     law = LeastSquares(covariance0=20.0)
     continuous = RobustMrac(tau=0.3, law=law, normalization=Normalization(alpha_0=0.3, delta_0=delta_0), name="c")
     controller, simulation = Sampled(controller=continuous, sample_time=T), Simulation(t_end=2.0, dt=T, record_points=1000)
     run = simulate(problems[2], [controller], simulation)["c"]
-    assert len(run.t) == 129  # every step, which is every sample
+    assert len(run.t) == 129  # every step is a sample
     n_d = np.array([float(run.loop.unpack(state).controller.n_d) for state in run.states])
     start, end = np.exp(-delta_0 * (run.t[:, None] - run.t[:-1])), np.exp(-delta_0 * (run.t[:, None] - run.t[1:]))
     expected = [((end[k, :k] - start[k, :k]) / delta_0 * run.u[:k] ** 2).sum() for k in range(len(run.t))]
@@ -337,7 +343,7 @@ def test_the_normalising_signal_of_a_sampled_controller(problems):
 
 
 def test_the_own_reference_model_varies_over_an_ensemble(section_v):
-    """k_0 and A_m of the members differ, and so do Phi and Gamma of their own models; each agrees with a run of its own."""
+    """k_0 and A_m of the members differ, and therefore Phi and Gamma of their models. Each member agrees with its own run."""
     controller = Sampled(controller=Mrac(gamma=2.0, name="c"), sample_time=2e-3, discretization="euler")
     problems = [
         replace(section_v, reference_model=replace(section_v.reference_model, k_0=k_0), plant=replace(section_v.plant, A_m=A_m))

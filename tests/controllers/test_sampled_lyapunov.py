@@ -1,4 +1,5 @@
-"""The implicit step of predictor and law: it solves its equations, and V falls at any gain, sample time and modification."""
+"""The implicit step of predictor and law: it solves its equations, and V decreases at any gain and sample time and with any
+modification."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ from barbalat.signals import Sine
 
 
 def random_known(random, n, m=1, *, gain_unknown=False, box=None):
-    """A Hurwitz A_m with time constants from 0.01 to 10 s, B, and everything that a controller may know."""
+    """A Hurwitz A_m with time constants from 0.01 to 10 s, B, and everything else that may be known to a controller."""
     while True:
         A_m = random.normal(size=(n, n)) * 10 ** random.uniform(-1, 1)
         A_m -= (max(np.linalg.eigvals(A_m).real.max(), 0) + 10 ** random.uniform(-1, 1)) * np.eye(n)
@@ -34,7 +35,7 @@ def random_known(random, n, m=1, *, gain_unknown=False, box=None):
 
 
 def implicit_by_dense_solve(known, gamma, T, x_hat, theta_hat, before, now, phi, u):
-    """The implicit equations of predictor and law as one linear system in the values at the end."""
+    """The solution of the implicit equations of predictor and law as one linear system in the values at the end."""
     n, p = len(x_hat), len(theta_hat)
     B = known.b.reshape(n, -1)
     Phi = phi.reshape(p, -1)
@@ -53,7 +54,7 @@ def implicit_by_dense_solve(known, gamma, T, x_hat, theta_hat, before, now, phi,
 
 @pytest.mark.parametrize("m", [1, 2, 3])
 def test_closed_form_against_a_dense_solve(m):
-    """1e-9: the dense system's condition times rounding; seen 1e-12 in the median."""
+    """The tolerance 1e-9 is the dense system's condition number times rounding. The median difference is 1e-12."""
     random = np.random.default_rng(7)
     for _ in range(200):
         n = int(random.integers(m, 5))
@@ -72,7 +73,7 @@ def test_closed_form_against_a_dense_solve(m):
 
 
 class Case:
-    """A random loop and one sample of it: x_next = x + T (A_m x_mid + B (Theta'phi + omega u) + w), phi in the middle."""
+    """A random loop and one of its samples, x_next = x + T (A_m x_mid + B (Theta'phi + omega u) + w) with phi in the middle."""
 
     def __init__(self, random, m=1, *, gain_unknown=False, matrix=False, **modifications):
         self.n = n = int(random.integers(m, 5))
@@ -91,7 +92,7 @@ class Case:
         self.box, self.ball = box, ParameterBall(center=centre, radius=np.linalg.norm(centre - self.theta) * 1.1)
         self.x, self.u, self.w = random.normal(size=n), random.normal(size=() if m == 1 else m), random.normal(size=n)
         self.x_hat, self.share = random.normal(size=n), random.uniform(0, 1, p)
-        # solve the measured sequence for x_next: what multiplies theta is linear in x_mid
+        # solve the measured sequence for x_next: the factor of theta is linear in x_mid
         B = known.b.reshape(n, -1)
         omega = self.theta[n * m :] if gain_unknown else np.ones(m)
         A = known.A_m + B @ self.theta[: n * m].reshape(n, m).T
@@ -103,7 +104,7 @@ class Case:
         self.r = np.zeros(() if m == 1 else m)
 
     def inside(self, known_set):
-        """An estimate that the set holds; on faces and in corners as well."""
+        """A random estimate in the set, sometimes on a face or in a corner."""
         if isinstance(known_set, ParameterBall):
             return known_set.center + (self.theta - known_set.center) * (2 * self.share[0] - 1)
         return np.clip(
@@ -111,7 +112,7 @@ class Case:
         )
 
     def run(self, known_set, **state):
-        """State before and after, and V of both."""
+        """The state before and after the step, and V of both."""
         twin = Predictor.of(replace(self.settings.bind(self.known), estimate_set=known_set), self.T)
         before = twin.initial()._replace(theta_hat=self.inside(known_set), x_hat=self.x_hat, **state)
         after = twin.advance(before, Sample(self.x, None, self.r), self.u, Sample(self.x_next, None, self.r))
@@ -122,12 +123,12 @@ class Case:
         return x_tilde @ self.P @ x_tilde + theta_tilde @ self.metric @ theta_tilde
 
     def fall(self, after):
-        """-T |x_tilde|^2 + 2 T x_tilde'P w, at the end."""
+        """-T |x_tilde|^2 + 2 T x_tilde'P w at the end of the step."""
         x_tilde = self.x_next - after.x_hat
         return -self.T * x_tilde @ x_tilde + 2 * self.T * x_tilde @ self.P @ self.w
 
     def slack(self, *V):
-        """Roundings of V's terms, and of x_next: it is solved for, with a condition that grows with T |A|."""
+        """Tolerance for roundings of V's terms and of x_next, whose equation has a condition number that grows with T |A|."""
         return 1e-11 * self.stiffness * (sum(V) + np.abs(self.x_next).max() ** 2 * np.linalg.norm(self.P, 2))
 
     def moved(self, before, after):
@@ -140,7 +141,7 @@ class Case:
 
 @pytest.mark.parametrize(("m", "gain_unknown"), [(1, False), (2, False), (3, False), (1, True), (2, True)])
 def test_lyapunov_identity_at_any_gain_and_sample_time(m, gain_unknown, sample):
-    """V_next - V = fall - moved without a set, no more within a box or a ball."""
+    """V_next - V = fall - moved without a set, and at most this within a box or a ball."""
     random = np.random.default_rng(11 + m)
     for _ in range(sample(75, 300)):
         case = Case(random, m, gain_unknown=gain_unknown)
@@ -156,8 +157,8 @@ def test_lyapunov_identity_at_any_gain_and_sample_time(m, gain_unknown, sample):
 
 
 def test_V_falls_with_a_matrix_gain():
-    """In a box of two parameters; with more its corners are cut, and the inequality is not claimed there. 1e-7: Gamma^-1 is
-    computed."""
+    """The box has two parameters. With more its corners are cut off, and the inequality is not claimed. The tolerance is 1e-7
+    because Gamma^-1 is computed."""
     random = np.random.default_rng(5)
     for _ in range(300):
         case = Case(random, matrix=True)
@@ -169,7 +170,8 @@ def test_V_falls_with_a_matrix_gain():
 
 
 def test_the_predictor_is_fed_with_the_estimate_inside_the_set(sample):
-    """x_hat follows from the estimate that the set left: with C = 1 that keeps it at the model. Sums of two orders: 1e-9."""
+    """x_hat follows from the estimate within the set, so that with C = 1 it stays at the model. The tolerance 1e-9 is for sums in
+    different orders."""
     random = np.random.default_rng(17)
     for m in (1, 2):
         agree = []
@@ -195,9 +197,9 @@ LEAKAGES = {
 
 @pytest.mark.parametrize("kind", LEAKAGES)
 def test_leakage(kind, sample):
-    """V_next - V = fall - moved - 2 T w theta_tilde'theta_hat without a set; with one, at most fall + T w |theta|^2/2.
+    """V_next - V = fall - moved - 2 T w theta_tilde'theta_hat without a set. With a set it is at most fall + T w |theta|^2/2.
 
-    The switching leakage lowers V in every case, since |theta| < M_0.
+    The switching leakage decreases V in every case, because |theta| < M_0.
     """
     random = np.random.default_rng(23)
     for i in range(sample(100, 400)):
@@ -212,7 +214,7 @@ def test_leakage(kind, sample):
                 case.known.b * (phi @ before.theta_hat + case.u) - case.known.A_m @ (case.x_next - case.x) / 2
             )
             still = np.linalg.solve(np.eye(case.n) - case.T * case.known.A_m, start)
-            error = (case.x_next - still) @ case.P @ case.known.b  # e'P b with the estimates at rest
+            error = (case.x_next - still) @ case.P @ case.known.b  # e'P b with constant estimates
             w = {"sigma": 0.3, "epsilon": 0.5 * abs(error), "switching": 0.0}[kind]
             slack = ease * case.slack(V, V_next, case.T * w * after.theta_hat @ after.theta_hat)
             if known_set is None and kind != "switching":
@@ -222,7 +224,7 @@ def test_leakage(kind, sample):
 
 
 def test_composite_learning():
-    """Q = R theta is kept to rounding; V_next - V = fall - moved - 2 T gamma_c theta_tilde'R theta_tilde without a set."""
+    """Q = R theta is kept up to rounding, and V_next - V = fall - moved - 2 T gamma_c theta_tilde'R theta_tilde without a set."""
     random = np.random.default_rng(29)
     for i in range(400):
         learning = CompositeLearning(
@@ -256,7 +258,7 @@ def test_composite_learning():
 
 
 def test_lyapunov_identity_of_the_output_predictor():
-    """V = y_tilde^2 + m sigma_tilde^2/gamma, for any measured y: w is then what the sequence says."""
+    """The identity for V = y_tilde^2 + m sigma_tilde^2/gamma and any measured y, whose sequence determines w."""
     random = np.random.default_rng(8)
     for i in range(500):
         gamma, T, m = 10 ** random.uniform(-2, 10), 10 ** random.uniform(-5, 1), 10 ** random.uniform(-1, 2)

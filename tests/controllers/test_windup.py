@@ -1,4 +1,4 @@
-"""Anti-windup: nothing changes unless a limit is active; with an active limit, nothing wrong is learnt."""
+"""Anti-windup: nothing changes unless a limit is active, and with an active limit nothing wrong is learnt."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_without_a_limit_at_work_nothing_changes(problems, name):
     r = problem.reference(remedied.t)
     for i in range(0, len(remedied.t), 200):
         state = loop.unpack(remedied.states[i])
-        own = state.controller._replace(e_d=0 * state.x) if name.startswith("mrac") else state.controller  # e_d is but rounding
+        own = state.controller._replace(e_d=0 * state.x) if name.startswith("mrac") else state.controller  # e_d is only rounding
         rates = [equations.derivative(own, state.x, state.x_m, r[i], remedied.u[i]) for equations in both]
         np.testing.assert_array_equal(*(flatten(part._replace(e_d=()) if name.startswith("mrac") else part) for part in rates))
     np.testing.assert_allclose(remedied.x, plain.x, rtol=0, atol=1e-12)
@@ -78,7 +78,8 @@ def test_without_a_limit_at_work_nothing_changes(problems, name):
 
 
 def test_the_control_is_the_solution_of_its_own_equation():
-    """u = u_c + mu (sat_inner(u) - u), the sat of limits that are narrower by the margin, found by bisection on both sides."""
+    """u = u_c + mu (sat_inner(u) - u), where the limits of sat_inner are narrower by the margin. u is found by bisection on both
+    sides."""
     remedy, limits = ModifiedError(mu=0.7, margin=0.2), np.array([-3.0, 2.0])
     for u_c in (-9.0, -2.6, -2.3, 0.4, 1.55, 1.7, 8.0):
 
@@ -92,9 +93,9 @@ def test_the_control_is_the_solution_of_its_own_equation():
 @pytest.mark.parametrize("gain", [1.0, 0.7])
 @pytest.mark.short(kept=lambda name, gain: gain == 0.7)
 def test_at_the_limit_the_lyapunov_function_still_decreases(problems, name, gain):
-    """V of the error that drives the law: with the remedy it never grows, without it it does. 0.7: an unknown input gain.
+    """V of the error that drives the law never grows with the remedy, but it does without. 0.7 is an unknown input gain.
 
-    1e-6 of V = 1: steps across a corner of the saturation, where u = (...)/omega_hat moves fast.
+    The tolerance is 1e-6 of V = 1, for steps across a corner of the saturation, where u = (...)/omega_hat changes fast.
     """
     problem = limited(problems[2], 3.0)
     if gain != 1.0:
@@ -122,9 +123,9 @@ def test_at_the_limit_the_lyapunov_function_still_decreases(problems, name, gain
 @pytest.mark.parametrize("sample_time", [None, 0.01])
 @pytest.mark.short(kept=lambda name, sample_time: (sample_time is None) == name.startswith("RobustMrac"))
 def test_the_parametric_model_is_exact_at_the_limit(name, sample_time):
-    """z = theta'phi to rounding, whatever the step: x - xi = Xi theta is a linear relation that every Runge-Kutta step keeps.
+    """z = theta'phi up to rounding with any step, because every Runge-Kutta step keeps the linear relation x - xi = Xi theta.
 
-    A sampled controller sees the plant move between its samples: there the relation holds to the midpoint rule's T^2.
+    With a sampled controller the plant moves between samples, and the relation holds up to the midpoint rule's T^2.
     """
     problem = unstable(2.0)
     misfit = []
@@ -145,7 +146,8 @@ def test_the_parametric_model_is_exact_at_the_limit(name, sample_time):
 
 @pytest.mark.parametrize("name", ["RobustMrac, least squares", "RobustMrac, gradient"])
 def test_what_winds_up_without_the_remedy_stays_bounded_with_it(name):
-    """The plain scheme mistakes the limit for the plant and goes to the corner of the known set; u grows more than twentyfold."""
+    """The plain scheme mistakes the limit for the plant and moves to the corner of the known set. u grows more than
+    twentyfold."""
     problem = unstable(2.0)
     plain, remedied = (simulate(problem, [c], Simulation(t_end=20.0, dt=1e-3))["c"] for c in ON_THE_MODEL[name])
     assert (plain.theta_hat[-1] == 4.0).all()
@@ -154,7 +156,7 @@ def test_what_winds_up_without_the_remedy_stays_bounded_with_it(name):
 
 
 def test_the_bundled_f16_can_take_the_remedies():
-    """Its elevator is limited and of unknown effectiveness; ten times the command drives it into its limits."""
+    """Its elevator has limits and unknown effectiveness. Ten times the command drives it into the limits."""
     problem = load_case("f16-short-period").problem
     problem = replace(problem, reference=Sine(amplitude=4.0, frequency=0.5))
     remedied = [

@@ -1,4 +1,4 @@
-"""The designs against python-control's synthesis and norms, against the weights they promise to meet, and by hand."""
+"""The designs, compared with python-control's synthesis and norms, with the weights that they have to satisfy, and by hand."""
 
 import math
 import re
@@ -40,7 +40,7 @@ def model(section_v):
 
 @pytest.mark.parametrize("delay", [0.1, 0.01, 1e-3])
 def test_the_weights_are_met(model, delay):
-    """The three curves under 1 at every frequency of a grid, from the definitions of S and T."""
+    """The three curves are below 1 at every frequency of a grid, from the definitions of S and T."""
     pytest.importorskip("slycot")
     found = mixed_sensitivity(model, delay)
     K, G, s = found.controller.response(W / delay), model.at(1j * W / delay), 1j * W / delay
@@ -48,7 +48,7 @@ def test_the_weights_are_met(model, delay):
     rows = np.abs([found.W_S.at(s) * S, found.W_KS * K * S, found.W_T.at(s) * G * K * S])
     total = np.sqrt((rows**2).sum(axis=0)).max()
     assert total <= found.norm * (1 + 1e-6) <= 1 + 1e-6
-    assert total >= 0.99 * found.norm  # the grid sees nearly all of the peak
+    assert total >= 0.99 * found.norm  # the grid contains nearly all of the peak
     assert margins(series(found.controller, model)).delay > delay  # |W_T T| <= 1 is sufficient
 
 
@@ -59,7 +59,7 @@ def series(K: StateSpace, G: TransferFunction) -> StateSpace:
 
 
 def test_against_python_controls_synthesis(model):
-    """At the bandwidth found the optimal norm of control.mixsyn is below ours; without the back-off it is 1."""
+    """At the resulting bandwidth the optimal norm of control.mixsyn is below ours. Without the back-off it is 1."""
     pytest.importorskip("slycot")
     delay = 0.02
     found = mixed_sensitivity(model, delay)
@@ -106,14 +106,15 @@ def test_a_missing_package_is_named(model, monkeypatch):
 
 def test_the_delay_weight_covers_the_delay():
     x = np.geomspace(1e-4, 1e4, 200_001)
-    for delay in (1.0, 0.7, 0.1):  # shorter delays as well
+    for delay in (1.0, 0.7, 0.1):  # also with shorter delays
         assert (np.abs(np.exp(-1j * delay * x) - 1) <= np.abs(delay_weight(1.0).at(1j * x)) * (1 + 1e-12)).all()
     tight = np.abs(np.exp(-1j * 0.5) - 1) / np.abs(delay_weight(1.0).at(0.5j))
     assert tight == pytest.approx(1.0, abs=1e-3)
 
 
 def test_pi_on_an_integrator_is_simc():
-    """G = 1/s with the delay: K_c = 1/(2 delay), T_i = 8 delay, up to the integral's share in the gain at the crossover."""
+    """For G = 1/s with the delay, K_c = 1/(2 delay) and T_i = 8 delay, up to the integral's share in the gain at the
+    crossover."""
     delay = 0.1
     K = pi_controller(TransferFunction([1.0], [1.0, 0.0]), delay)
     share = abs(1 + 1 / (1j * 8 * delay / (2 * delay)))
@@ -130,13 +131,13 @@ def test_pi_follows_the_sign_of_the_model_and_refuses_what_it_cannot_stabilise()
 
 
 def test_the_default_delay_is_a_tenth_of_the_fastest_time_constant(section_v, problems):
-    """Section V's box: s^2 + (1 - theta_2) s + 0.3 - theta_1; over its corners the largest root is that of theta = (5, -5)."""
+    """Section V's box has s^2 + (1 - theta_2) s + 0.3 - theta_1. The largest root at its corners is that of theta = (5, -5)."""
     fastest = np.abs(np.roots([1.0, 6.0, -4.7])).max()
     assert default_delay(section_v.known) == pytest.approx(0.1 / fastest, rel=1e-12)
 
 
 def test_the_loop_is_the_one_that_was_designed(section_v):
-    """Broken at the plant's input with the nominal theta = 0, L = K W_m; peaks are those of python-control."""
+    """Broken at the plant's input with the nominal theta = 0, the loop is L = K W_m. The peaks are those of python-control."""
     known = section_v.known
     given = pi_feedback(known, unmodelled_delay=0.02)
     _, model = design_model(known)
@@ -151,7 +152,7 @@ def test_the_loop_is_the_one_that_was_designed(section_v):
 
 @pytest.mark.parametrize("case", ["lateral-aircraft", "wing-rock", "f16-short-period"])
 def test_plants_with_several_inputs_or_nonlinear_terms_are_refused(case):
-    """The design itself refuses several inputs and a nonlinear regressor in one sentence; an unknown input gain it takes as 1."""
+    """The design itself refuses several inputs and a nonlinear regressor in one sentence. It takes an unknown input gain as 1."""
     known = load_case(case).problem.known
     if known.inputs == 1 and isinstance(known.matched.regressor, Linear):
         assert pi_feedback(known).bind(known).K.order == 1
@@ -160,7 +161,8 @@ def test_plants_with_several_inputs_or_nonlinear_terms_are_refused(case):
 
 
 def test_a_nominal_set_off_zero(section_v):
-    """The middle of the box is cancelled: the loop there is L = K W_m plus theta_0'(sI - A_m - b theta_0')^-1 b, and stable."""
+    """The centre of the box is cancelled. There the loop is L = K W_m plus theta_0'(sI - A_m - b theta_0')^-1 b, and it is
+    stable."""
     known = section_v.known
     shifted = type(known)(
         A_m=known.A_m,
@@ -179,7 +181,7 @@ def test_a_nominal_set_off_zero(section_v):
 
 
 def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
-    """The purpose of the synthesis: it uses the bandwidth that the delay allows. (pi_controller keeps a margin.)"""
+    """The purpose of the synthesis is to use the bandwidth that the delay allows. (pi_controller keeps a margin.)"""
     pytest.importorskip("slycot")
     known, delay = section_v.known, 0.02
     findings: list[str] = []
@@ -197,7 +199,7 @@ def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
 
 @pytest.mark.parametrize("design", ["pi", "hinf"])
 def test_every_key_of_a_linear_controller_goes_with_a_design(design):
-    """Case files pass a design all keys of the scheme except the controller that it makes; here each key has a value."""
+    """Case files pass a design all keys of the scheme except the controller that it computes. Here each key has a value."""
     if design == "hinf":
         pytest.importorskip("slycot", reason="needs the extra robust")
     case = """

@@ -26,7 +26,7 @@ console.log(JSON.stringify(Object.fromEntries(figures)));
 
 
 def figures(data: dict[str, Any], folder: Path, **setting: object) -> dict[str, dict[str, Any]]:
-    """The figures by controller for the page with this data; ``setting`` as of caseSetting in setting.js."""
+    """The figures by controller for the page with this data. ``setting`` is as in caseSetting in setting.js."""
     for file in (resources.files("barbalat.explorer") / "templates").iterdir():
         if file.name.endswith(".js"):
             (folder / file.name).write_text(file.read_text("utf-8"), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Signals and options that a page computes in its own way: its figures equal those of a run bit for bit."""
+"""Signals and options that a page computes in its own way: the figures equal those of a run bit for bit."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ sample_time = 0.02
 
 
 def recorded_case(folder, *, mu=1.5, disturbance="", rows=40):
-    """Times off the grid, some before t = 0, and the last before the end."""
+    """A case with times that are not on the grid. Some are before t = 0, and the last one is before the end."""
     random = np.random.default_rng(7)
     times = np.cumsum(random.uniform(0.02, 0.15, rows)) - 0.2
     lines = [f"{t!r},{v!r}" for t, v in zip(times.tolist(), random.normal(size=rows).tolist(), strict=True)]
@@ -71,7 +71,8 @@ def recorded_case(folder, *, mu=1.5, disturbance="", rows=40):
     ],
 )
 def test_a_recorded_command_and_the_modified_error_have_the_bits_of_a_run(tmp_path, disturbance):
-    """Computed by the page's own scripts, beside a formula and a jumping signal whose columns lie between the record's."""
+    """They are computed by the page's scripts together with a formula and a jumping signal whose columns are between those of the
+    record."""
     source = recorded_case(tmp_path, disturbance=disturbance)
     described = Described.of(source)
     found = figures(described.as_data(), tmp_path)
@@ -81,7 +82,7 @@ def test_a_recorded_command_and_the_modified_error_have_the_bits_of_a_run(tmp_pa
 
 
 def test_numbers_beside_a_record_have_sliders(tmp_path):
-    """Every case with a changed number rereads the record, which is the same one."""
+    """Every case with a changed number reads the same record again."""
     paths = {str(one.number.path): one for one in Described.of(recorded_case(tmp_path)).sliders}
     assert {"plant.theta[0]", "controller[0].gamma", "controller[0].modified_error.mu", "plant.input.saturation[1]"} <= set(paths)
     assert paths["plant.theta[0]"].copied and paths["controller[0].modified_error.mu"].copied
@@ -89,7 +90,7 @@ def test_numbers_beside_a_record_have_sliders(tmp_path):
 
 @needs_node
 def test_a_slider_moves_the_modified_error_from_zero_on(tmp_path):
-    """With mu = 0 the module contains the whole formula and equals, bit for bit, the one without it."""
+    """With mu = 0 the module contains the whole formula, and its results equal those without it bit for bit."""
     source = recorded_case(tmp_path, mu=0.0)
     described = Described.of(source)
     (slider,) = [one for one in described.sliders if str(one.number.path) == "controller[0].modified_error.mu"]
@@ -138,7 +139,7 @@ sample_time = 0.02
 
 @needs_node
 def test_an_observer_has_the_bits_of_a_run_and_a_slider(tmp_path):
-    """With fewer measured quantities than states, each with its own noise."""
+    """There are fewer measured quantities than states, each with its own noise."""
     (tmp_path / "case.toml").write_text(OBSERVED)
     source = TextSource(CaseText.read(str(tmp_path / "case.toml")))
     described = Described.of(source)

@@ -1,4 +1,5 @@
-"""Explorers without a browser: the contents of a page, and that its numbers are the simulator's. See ``browser_explorer.py``."""
+"""Explorers without a browser: the contents of a page, whose numbers must be those of the simulator. See
+``browser_explorer.py``."""
 
 from __future__ import annotations
 
@@ -114,7 +115,7 @@ def test_gains_of_sampled_controllers_have_sliders(controller) -> None:
 
 
 def test_numbers_that_move_the_same_entries_name_each_other() -> None:
-    """P follows from all entries of A_m, which a page changes one at a time; b, gamma and kappa are independent."""
+    """P depends on all entries of A_m, so that a page changes only one of them at a time. b, gamma and kappa are independent."""
     text = CASE.replace("[[-4.0]]", "[[0.0, 1.0], [-4.0, -2.8]]").replace("[1.0]", "[0.0, 1.0]").replace("[5.0]", "[1.0, -0.5]")
     sliders = Described.of(TextSource(CaseText(text.replace("[-10.0]", "[-3.0, -3.0]").replace("[10.0]", "[3.0, 3.0]")))).sliders
     excludes = {str(one.number.path): sum(one.excludes(other) for other in sliders if other is not one) for one in sliders}
@@ -176,7 +177,7 @@ WITHOUT_PARAMETERS = ENCODER.replace("[parameters]\nk = { value = 2.0, between =
 
 @pytest.mark.parametrize("given", [ENCODER, WITHOUT_PARAMETERS], ids=["parameters", "without"])
 def test_what_the_page_varies_around_an_observer_is_the_truth_in_the_copied_file_too(given):
-    """Delay, limits and parameters of the page are those of the simulated plant; model and observer stay as designed."""
+    """Delay, limits and parameters on the page are those of the simulated plant. The model and the observer stay as designed."""
     source, design = TextSource(CaseText(given)), parse_case(given).problem
     slots = [FieldPath.parse(one) for one in ("plant.input.delay", "plant.input.saturation[1]")]
     values = [0.05, 2.5]
@@ -194,7 +195,8 @@ def test_what_the_page_varies_around_an_observer_is_the_truth_in_the_copied_file
 
 
 def test_estimates_are_called_what_they_are():
-    """As in pictures and tables: feedback and feedforward of direct MRAC; the textbook's ideal gains are 2 and 4."""
+    """As in pictures and tables, the names are feedback and feedforward of direct MRAC. The textbook's ideal gains are 2 and
+    4."""
     described = Described.of(TextSource(CaseText.read("astrom-wittenmark")))
     case = described.case
     found = outputs(case, page_members(case, described.variants[0].target, case.simulation.solver))
@@ -231,7 +233,7 @@ def test_a_module_s_commands_have_a_run_s_bits() -> None:
 
 
 def test_what_jumps_is_kept_as_runs_of_rows() -> None:
-    """Reassembled they equal a run's table, including jumps inside steps."""
+    """The reassembled rows equal a run's table, including jumps within steps."""
     signals = (Square(1.5, 0.7),)
     simulation = Simulation(t_end=20.0, dt=1e-2, fused=False)
     grid = Grid.of(signals, simulation)
@@ -300,7 +302,8 @@ def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequ
 
 
 def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
-    """With a gain of 1 the multiplication was left out and sums were reordered, so the copied case differed in its last bits."""
+    """With a gain of 1 the multiplication used to be left out and sums were reordered, so that the copied case differed in its
+    last bits."""
     (gain,) = [
         one.number for one in Described.of(TextSource(CaseText(GAIN))).sliders if str(one.number.path) == "plant.input.gain"
     ]
@@ -310,8 +313,8 @@ def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
 
 
 def test_of_the_amplitude_and_what_shifts_a_jumping_command_one_moves_at_a_time() -> None:
-    """A page multiplies kept rows to have another amplitude: this is right for another frequency or phase, but wrong for another
-    constant part."""
+    """For another amplitude a page multiplies the stored rows. This is right with another frequency or phase, but wrong with
+    another constant part."""
     text = JUMPING.replace("frequency = 3.0", "frequency = 3.0\nphase = 0.0\nconstant = 0.0")
     source = TextSource(CaseText(text.replace('"l1"', '"mrac"').replace("filter = { kappa = 0.05 }\n", "")))
     sliders = {str(one.number.path).removeprefix("reference."): one for one in Described.of(source).sliders}
@@ -335,4 +338,4 @@ def test_of_the_amplitude_and_what_shifts_a_jumping_command_one_moves_at_a_time(
 def test_what_follows_from_another_controller_s_numbers_follows_in_the_page_too() -> None:
     described = Described.of(TextSource(CaseText.read("l1-output")))
     (gamma,) = [one for one in described.sliders if str(one.number.path) == "controller[0].gamma"]
-    assert [effect.nothing for effect in gamma.effects[:4]] == [False, False, True, True]  # its equivalent, and not the limit
+    assert [effect.nothing for effect in gamma.effects[:4]] == [False, False, True, True]  # its equivalent and not the limit

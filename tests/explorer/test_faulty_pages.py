@@ -1,4 +1,4 @@
-"""A page with a shell and faults: its draws are the package's, and its runs equal ``simulate`` bit for bit."""
+"""A page with a shell and faults: its random numbers are those of the package, and its runs equal ``simulate`` bit for bit."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_sliders_of_faults_and_of_the_shell_move_them_at_another_step(tmp_path) 
     assert set(MOVED) <= set(paths)
     assert all(page.sliders[paths.index(path)].copied for path in MOVED)
     moved = dict(MOVED)
-    for path in ("shell.rate.x_2", "shell.longest_outage"):  # in a kernel by the sample time: tabulated
+    for path in ("shell.rate.x_2", "shell.longest_outage"):  # tabulated in a kernel by the sample time
         values = page.sliders[paths.index(path)].number.values
         moved[path] = float(values[len(values) // 4])
     assert "faults[0].seed" not in paths  # 2^64 - 1, whereas a page's numbers have 53 bits
@@ -80,7 +80,8 @@ def test_sliders_of_faults_and_of_the_shell_move_them_at_another_step(tmp_path) 
 
 
 def test_a_verdict_is_the_judge_s_with_faults_that_come_and_go(tmp_path: Path) -> None:
-    """A wandering limit cycle is confirmed with faults held: holding a dropout too would open the loop."""
+    """A varying limit cycle is confirmed with constant faults. A dropout must not be held too, because that would open the
+    loop."""
     compare(*judged(CASE, tmp_path))
 
 

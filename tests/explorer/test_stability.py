@@ -1,4 +1,4 @@
-"""A page's statement on the step agrees with a run's; the page's own scripts run without a browser."""
+"""A page's statement on the step agrees with that of a run. The page's own scripts run without a browser."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from case_texts import SECTION_V
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).parent / "judged.mjs"
 EIGENVALUES_WITHIN = 1e-6
-"""Relative, of h|lambda|: page and run take the eigenvalues of the same matrices by routines of their own. Of a double eigenvalue
-half the digits are left, some 1e-8."""
+"""Relative tolerance of h|lambda|. The page and the run compute the eigenvalues of the same matrices with different routines. A
+double eigenvalue has only half of the digits, about 1e-8."""
 
 ROHRS = """
 name = "Rohrs"
@@ -46,7 +46,8 @@ sign = 1
 law = { kind = "lyapunov", gamma = 1.0 }
 theta_hat0 = [-0.65, 1.14]
 """
-"""The estimates drift until the loop with the unmodelled poles is unstable: it diverges, well inside the step's region."""
+"""The estimates drift until the loop with the unmodelled poles is unstable. It diverges well within the stability region of the
+step."""
 
 L1 = (
     'name = "step too long"'
@@ -73,19 +74,19 @@ MORE = {
     "noise": ("[reference_model]", "[sensor.noise]\nstd = [0.1, 0.1]\nsample_time = 0.01\nseed = 3\n[reference_model]"),
     "samples": ("gamma = 1e4\n[[", "gamma = 1e4\nsample_time = 0.01\n[["),
 }
-"""What else is in the case, by what is replaced in it; the sampled controller's own steps are implicit."""
+"""Other contents of the case, by the replaced text. The sampled controller's own steps are implicit."""
 RARER = ("a jump between two steps", "a delay")
 
 
 class WithoutSliders(TextSource):
-    """The case as given: a page spends most of its time on finding what each number affects."""
+    """The case without sliders, because finding the effect of each number takes most of the time for a page."""
 
     def numbers(self):
         return iter(())
 
 
 def judged(text: str, folder: Path) -> tuple[dict, dict]:
-    """What a page says of each controller, and the runs of its case."""
+    """A page's statements on each controller, and the runs of its case."""
     if NODE is None:
         pytest.skip("node is not installed")
     page = Explorer(WithoutSliders(CaseText(text, folder)))
@@ -107,7 +108,7 @@ def compare(said: dict, runs: dict) -> None:
 
 
 def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
-    """All recorded instants are drawn except the last, after which the run diverges; every drawn value is finite."""
+    """All recorded instants except the last, after which the run diverges, are drawn. Every drawn value is finite."""
     said, runs = judged(ROHRS, tmp_path)
     compare(said, runs)
     assert runs["Classical"].diverged_at is not None and said["Classical"]["numerics"]["unstable"] is None
@@ -116,7 +117,7 @@ def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
 
 @pytest.mark.parametrize(("x_1", "told"), [("1e3", "within"), ("1e-3", "and by")])
 def test_the_state_that_is_declared_to_follow_comes_first_on_a_page(tmp_path, x_1, told):
-    """The controller is inside its band, or outside it like the other one, which is worse."""
+    """The controller is within its band, or outside it like the other one, whose error is larger."""
     judge = f'follow = "x_1"\n[judge]\nfollows = {{ x_1 = {x_1}, x_2 = 1e-6 }}'
     text = (
         L1.replace("k_0 = 4.0", judge)
@@ -130,7 +131,7 @@ def test_the_state_that_is_declared_to_follow_comes_first_on_a_page(tmp_path, x_
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.full) if name in RARER else name for name in MORE])
 def test_the_first_step_outside_is_the_runs(tmp_path, name):
-    """With everything that a run adds to its equations, in every step."""
+    """The comparison includes everything that a run adds to its equations in every step."""
     said, runs = judged(L1.replace(*MORE[name]) if name != "smooth" else L1, tmp_path)
     compare(said, runs)
     assert any(run.stiffness.unstable_from is not None for run in runs.values())
@@ -216,7 +217,7 @@ gamma = 50.0
 
 @pytest.mark.parametrize("text", [UNSTABLE, OUTPUT], ids=["of the state", "of the output"])
 def test_a_run_that_is_lost_is_said_to_be(text, tmp_path):
-    """The words are those of a run; neither has diverged."""
+    """The words are those of a run. Neither has diverged."""
     said, runs = judged(text, tmp_path)
     compare(said, runs)
     run = runs["runs away"]
@@ -224,7 +225,7 @@ def test_a_run_that_is_lost_is_said_to_be(text, tmp_path):
 
 
 def test_a_limit_cycle_is_found_on_the_page(tmp_path):
-    """With everything held beyond the page's own end, amplitude and frequency equal those of the run."""
+    """If everything is held constant beyond the page's end, amplitude and frequency equal those of the run."""
     said, runs = judged(CYCLE, tmp_path)
     compare(said, runs)
     found, cycle = said["cycles"]["verdict"], runs["cycles"].verdict.cycle
@@ -249,7 +250,7 @@ process.stdout.write(JSON.stringify([values.map((v) => brief(v)), values.map((v)
 
 
 def test_numbers_are_written_as_a_run_writes_them():
-    """Python's %g, and shares with two digits."""
+    """Numbers have Python's format %g, and shares have two digits."""
     values = [0.0, 1.0, 62.345, 0.00012345, 1.2345e-5, 9.996, 99.95, 999.6, 1234.5, 1e5, 123456.0, 0.104]
     values += [0.0996, 2.5e-4, 1.8, 0.125, 0.135, 2.5]
     judge = (resources.files("barbalat.explorer") / "templates" / "judge.js").as_uri()
@@ -272,7 +273,7 @@ process.stdout.write(JSON.stringify([...found, alone, scaleOf({ series: [runs[0]
 
 
 def test_a_panel_shows_what_the_bounded_runs_need():
-    """Of the instants 1 to 3 the bounded run and the line without a run reach from -1 to 1, the other one to 1e12."""
+    """From the instants 1 to 3, the bounded run and the line without a run reach from -1 to 1, and the other run reaches 1e12."""
     if NODE is None:
         pytest.skip("node is not installed")
     charts = (resources.files("barbalat.pictures") / "templates" / "charts.js").as_uri()

@@ -1,4 +1,4 @@
-"""Which sliders must not be moved together, against functions for which the answer is known, and on a case with two inputs."""
+"""Sliders that must not be moved together, for functions with a known answer and for a case with two inputs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from barbalat.explorer.sliders import Outcome, Together
 from barbalat.explorer.source import TextSource
 
 MOVED = {0: 2.0, 1: -3.0}
-"""The values that are tried; none of the functions' numbers is moved where it is 0."""
+"""The tried values. A function's number is not moved if it is 0."""
 
 
 def found(function, count: int, kinds=None, allowed=lambda x: True) -> tuple[set[tuple[int, int]], set[int], int]:
@@ -39,7 +39,7 @@ def found(function, count: int, kinds=None, allowed=lambda x: True) -> tuple[set
 
 
 def test_products_with_a_zero_are_found_among_forty_numbers() -> None:
-    """One at a time none of these rows moves; some dozens of settings stand for 3000 pairs of values."""
+    """None of these rows changes if one number is moved alone. Some dozens of settings cover 3000 pairs of values."""
     pairs = {(0, 7), (3, 39), (12, 13), (20, 31), (7, 20)}
     apart, dropped, settings = found(lambda x: np.array([*x, *(x[i] * x[j] for i, j in pairs)]), 40)
     assert apart == pairs
@@ -63,7 +63,7 @@ def test_an_entry_stands_for_its_matrix() -> None:
 
 
 def test_settings_that_make_no_case_hide_nothing() -> None:
-    """Bounds that cross at some values do not exclude the others; two numbers that never make a valid case are kept apart."""
+    """Bounds that cross at some values do not exclude the others. Two numbers that never make a valid case are kept apart."""
     apart, _, _ = found(lambda x: np.array([*x, x[0] * x[1]]), 8, allowed=lambda x: x[2] <= x[3] + 4 and not (x[5] and x[6]))
     assert apart == {(0, 1), (5, 6)}
 
@@ -105,12 +105,12 @@ def spin() -> dict[str, set[str]]:
 
 
 def test_theta_follows_from_A_and_b_where_b_alone_leaves_its_zero(spin) -> None:
-    """theta' = (A - A_m) / b is 0 in its last entry for every b; for A = -7 it is not."""
+    """The last entry of theta' = (A - A_m) / b is 0 for every b, but not for A = -7."""
     assert "plant.b[1][1]" in spin["plant.A[1][1]"]
     assert "plant.A[1][1]" in spin["plant.b[1][1]"]
     assert not spin["controller[0].gamma"]
 
 
 def test_bits_that_differ_at_some_values_only_are_no_surprise(spin) -> None:
-    """A is multiplied and divided by the largest entry of b on its way to theta: that moves a last bit here and there."""
+    """A is multiplied and divided by the largest entry of b to compute theta, which sometimes changes the last bit."""
     assert "plant.b[1][1]" in spin["plant.A[0][1]"]

@@ -1,4 +1,4 @@
-"""Explorers of a sweep's worst members: they simulate the member that the evidence names, or say why they can't."""
+"""Explorers of a sweep's worst members: they simulate the member named in the evidence or state why this is impossible."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_the_page_simulates_the_member_that_has_the_largest_error(tmp_path):
 
 
 def _filled(part, data):
-    """What the page shows before anybody has moved a slider."""
+    """The contents of the page before a slider is moved."""
     simulation = data["simulation"]
     if "number" in part:
         values = [*(one["value"] for one in data["numbers"]), simulation["t_end"], simulation["dt"]]

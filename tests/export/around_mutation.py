@@ -1,8 +1,8 @@
-"""Mutants of the C around ``advance``: starts, the shell, refusals, checks of the state. All of them are in one program.
+"""Mutants of the C around ``advance``: starts, the shell, refusals and checks of the state, all in one program.
 
 Each is a copy of its function with one changed place, and the function calls the copy that is selected. A mutant that the
-self-test does not find is run beside the export through random samples, faults, starts and corrupted states; if an output differs
-in a bit, it is a fault that the self-test misses. The others may be equivalent; nothing is proven of them.
+self-test does not find is compared with the export on random samples, faults, starts and corrupted states. If a bit of an output
+differs, the mutant is a fault that the self-test misses. The others may be equivalent, but nothing is proven about them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from export.targets import ISO, write
 
 FUNCTION = re.compile(r"^((?:static )?\w[\w ]*? )(\w+)\(([^;{}]*?)\)\n\{\n(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 FIRST = "/* Whether every number is in range"
-"""Where the export's own functions begin, behind those of the library."""
+"""The line at which the export's own functions begin, after those of the library."""
 STATEMENT = re.compile(r"^ +((?:\+\+|--)?[\w*][\w>.\[\]-]*(?: [-+*|]?= .+)?|\w+\(.*\)|\(void\)\w+\(.*\));$")
 RULES = (
     (r"<=", "<"), (r">=", ">"), (r"(?<=\s)<(?=\s)", "<="), (r"(?<=\s)>(?=\s)", ">="), (r"==", "!="), (r"!=", "=="),
@@ -36,11 +36,11 @@ RULES = (
     (r"\b1000000000L\b", "1000L"), (r"_FADE\b", "_LONGEST_OUTAGE"), (r"_LONGEST_OUTAGE\b", "_FADE"),
     (r"\? (\w[\w.>\[\]-]*) : (\w[\w.>\[\]-]*)", r"? \2 : \1"),
 )  # fmt: skip
-"""What a mutant changes at one place of a line."""
+"""The replacements that a mutant makes at one place of a line."""
 SECONDS = 10
-"""For one mutant's self-test or walk; one that hangs is found by that."""
+"""Time limit for the self-test or the walk of one mutant, which also finds mutants that hang."""
 STEPS = 60_000
-"""Samples of a walk, about 0.1 s."""
+"""Samples of a walk, which takes about 0.1 s."""
 FULL = Shell(
     range={"x_1": [-2.0, 2.0], "command": [-1.2, 1.2]},
     rate={"command": 3.0, "x_1": 50.0},
@@ -79,7 +79,7 @@ class FoundAround:
 
     @property
     def missed(self) -> list[Changed]:
-        """Faults that the self-test misses."""
+        """The faults that the self-test misses."""
         return [one for one, letter in zip(self.mutants, self.letters, strict=True) if letter == "d"]
 
     @property
@@ -90,7 +90,7 @@ class FoundAround:
 
 
 def mutated_around(printed: Printed) -> tuple[str, tuple[Changed, ...]]:
-    """controller.c with every mutant, and the mutants in their order; ``barbalat_mutant`` selects one."""
+    """controller.c with every mutant, and the mutants in their order. ``barbalat_mutant`` selects one."""
     text = source(printed)
     if f"{printed.macro}_LONGEST_OUTAGE" not in header(printed):
         rules = tuple(one for one in RULES if "OUTAGE" not in one[1] and "OUTAGE" not in one[0])
@@ -134,12 +134,13 @@ def _changed(line: str, rules: tuple[tuple[str, str], ...]) -> Iterator[str]:
 
 
 def found_around(printed: Printed, folder: Path) -> FoundAround:
-    """Compiles the mutants once; the export's own self-test judges each of them, and the walk those that it does not find."""
+    """Compile the mutants once. The export's own self-test judges each of them, and the walk those that the self-test does not
+    find."""
     text, mutants = mutated_around(printed)
     write(folder, {"controller.h": header(printed), "controller.c": text, "selftest.c": selftest(printed)})
     write(folder, {"main.c": _walk(printed)})
     for name, *options in (("controller",), ("selftest", "-Dmain=selftest_main"), ("main",)):
-        standard = ["-std=gnu99"] if name == "main" else ISO  # which has fork
+        standard = ["-std=gnu99"] if name == "main" else ISO  # Windows has no fork
         subprocess.run(["gcc", *standard, "-O1", "-w", *options, "-c", f"{name}.c"], cwd=folder, check=True, timeout=300)
     subprocess.run(["gcc", "controller.o", "selftest.o", "main.o", "-o", "around", "-lm"], cwd=folder, check=True, timeout=60)
     done = subprocess.run([folder / "around", str(len(mutants))], capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""A piecewise-constant law for two states as its exported C, with the calls that a flight computer makes as its modes change."""
+"""The exported C of a piecewise-constant law for two states, with the calls of a flight computer when its modes change."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _compiled(problem, law) -> bytes:
 
 
 class Engaged:
-    """One controller, begun."""
+    """An initialised controller."""
 
     def __init__(self, problem, law) -> None:
         self._library = loaded(_compiled(problem, law))
@@ -55,11 +55,11 @@ class Engaged:
         self._library.begin()
 
     def reset(self) -> None:
-        """``_reset``."""
+        """Call ``_reset``."""
         self._library.again()
 
     def enable(self, x: np.ndarray, u_now: float, samples: int, *, keep: bool) -> None:
-        """``_start``."""
+        """Call ``_start``."""
         self._library.enable((ctypes.c_double * 2)(*x), (ctypes.c_double * 1)(u_now), samples, keep)
 
     def __call__(self, x: np.ndarray, r: float) -> tuple[float, float, float]:

@@ -120,7 +120,7 @@ def _examples():
     for n_controllers in example_controllers(2).values():
         yield from ((STATE, controller) for controller in n_controllers)
     for scheme, n_controllers in example_output_controllers(1).items():
-        # the second linear one is an L1-AC of a high gain written out, which is unstable at sample times of this size
+        # the second linear one is the equivalent of an L1-AC with a high gain, which is unstable at these sample times
         yield from ((OUTPUT, controller) for controller in n_controllers[: 1 if scheme == "linear" else None])
     yield OUTPUT, LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), feedforward=TransferFunction([1.0], [0.1, 1.0]))
     for law in (modified.law for modified in laws(2)):
@@ -139,7 +139,7 @@ def _examples():
 
 @cache
 def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant | L1OutputPiecewiseConstant]]:
-    """(id, problem, controller) for every accepted combination; the names are turned into identifiers of C."""
+    """(id, problem, controller) for every accepted combination. The names are converted to identifiers of C."""
     found = []
     for number, (problem, controller) in enumerate(_examples()):
         for discretization in ("midpoint", "euler"):
@@ -148,14 +148,14 @@ def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant 
                 sampled.bind(problem.known)
             except (
                 InputError
-            ):  # examples without a midpoint form, unsuited to the set or sampled by nature are tested where they are refused
+            ):  # examples that have no midpoint form, do not fit the set or are always sampled are tested where they are refused
                 continue
             found.append((f"{type(controller).__name__}-{problem.name}-{discretization}-{number}", problem, sampled))
     return found + [(f"{type(law).__name__}-{problem.name}-{i}", problem, law) for i, (problem, law) in enumerate(_by_nature())]
 
 
 def _by_nature() -> Iterator[tuple[Problem | OutputProblem, L1PiecewiseConstant | L1OutputPiecewiseConstant]]:
-    """Controllers that act at samples by nature: both forms, one and several inputs, compensated, with a saturated predictor."""
+    """Controllers that are always sampled: both forms, one and several inputs, with compensation, with a saturated predictor."""
     flown = AsFlown(predictor_poles=-5.0, nominal=[0.5, -0.1])
     made = {"sample_time": T, "filter": L1_FILTER}
     yield STATE, L1PiecewiseConstant(**made, name="p0")

@@ -1,4 +1,5 @@
-"""LLVM's text of a function without loops, executed on terms: branches become choices, memory is a table by offsets in bytes."""
+"""LLVM's text of a function without loops, executed on terms. Branches become choices, and memory is a table by offsets in
+bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ COMPARED = {  # ordered: false if one is NaN; unordered: the negation of the opp
     "oeq": ("eq", 0, 0), "olt": ("lt", 0, 0), "ole": ("le", 0, 0), "ogt": ("lt", 1, 0), "oge": ("le", 1, 0),
     "une": ("eq", 0, 1), "uge": ("lt", 0, 1), "ugt": ("le", 0, 1), "ule": ("lt", 1, 1), "ult": ("le", 1, 1),
 }  # fmt: skip
-"""(comparison, whether the operands change places, whether it is denied)."""
+"""(comparison, whether the operands are exchanged, whether it is negated)."""
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Run:
     edges: dict[tuple[str, str], int] = field(default_factory=dict)
 
     def run(self, name: str) -> None:
-        """From the call to the return; arguments are pointers to different objects."""
+        """Execute from the call to the return. The arguments are pointers to different objects."""
         (arguments, body) = re.search(rf"^define [^\n]*@{name}\(([^\n]*)\)[^\n]*{{\n(.*?)^}}", self.text, re.M | re.S).groups()
         count = len(re.findall(r"%\d+", arguments))
         self.values = {f"%{i}": ("pointer", str(i), 0) for i in range(count)}
@@ -45,7 +46,7 @@ class Run:
             elif line.strip():
                 blocks[label].append(re.sub(r", (align \d+|!\S+( !\d+)?)", "", line.split(";")[0]).strip())
         self.reached[str(count)] = self.terms.make("true")
-        for label, lines in blocks.items():  # in topological order, which is checked
+        for label, lines in blocks.items():  # in topological order, as is checked
             assert label in self.reached, f"a loop, or a block out of order: {label}"
             for line in lines:
                 self._line(line, label)
@@ -65,7 +66,7 @@ class Run:
             assert line == "ret void" or "@llvm.lifetime" in line or "@llvm.dbg" in line, line
 
     def number_at(self, base: str, offset: int) -> int:
-        """What stands in memory."""
+        """The term in memory at an address."""
         return self._number(self._load(self.real, ("pointer", base, offset)))
 
     def _edge(self, origin: str, target: str, condition: int) -> None:
@@ -219,7 +220,7 @@ class Run:
         return re.search(rf"^{re.escape(kind)} = type {{ (.*) }}$", self.text, re.M)[1].split(", ")
 
     def _starts(self, members: list[str]) -> list[int]:
-        """Each member on a multiple of its alignment."""
+        """The offsets of the members, each a multiple of its alignment."""
         starts, at = [], 0
         for member in members:
             aligned = SIZES[re.findall(r"double|float|ptr|i\d+", member)[-1]]

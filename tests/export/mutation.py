@@ -1,4 +1,4 @@
-"""Mutants of an exported ``advance`` in C, all in one program: compiled once, with a number that selects the mutant."""
+"""Mutants of an exported ``advance`` in C, all in one program: it is compiled once, and a number selects the mutant."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from export.targets import ISO, write
 
 STATEMENT = re.compile(r"^    const (int|double|float) t(\d+) = (.*?);( /\*.*)?$", re.MULTILINE)
 SECONDS = 10
-"""For one mutant's self-test, which takes milliseconds; one that hangs is found by that."""
+"""Time limit for one mutant's self-test, which takes milliseconds. The limit also finds mutants that hang."""
 _MAIN = """\
 #include <signal.h>
 #include <stdio.h>
@@ -52,7 +52,7 @@ int main(int count, char **arguments)
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What the compiled self-test found of the mutants, in their order."""
+    """The results of the compiled self-test for the mutants, in their order."""
 
     vectors: Vectors
     killed: tuple[bool, ...]
@@ -84,7 +84,7 @@ class Found:
 
 
 def mutated(printed: Printed, mutants: tuple[Mutant, ...]) -> str:
-    """controller.c with all of them in it; ``barbalat_mutant`` selects one by its place, none by -1."""
+    """controller.c with all mutants. ``barbalat_mutant`` selects one by its index, and -1 selects none."""
     contents, texts = printed.contents, inputs(printed)
     printer, operations = c99.Printer(contents.step, contents.real), contents.step.operations
     others: dict[int, list[str]] = {}
@@ -124,12 +124,12 @@ def mutated(printed: Printed, mutants: tuple[Mutant, ...]) -> str:
 
 
 def found_in_c(printed: Printed, folder: Path) -> Found:
-    """Compiles the mutants once and lets the export's own self-test judge each of them."""
+    """Compile the mutants once and let the export's own self-test judge each of them."""
     vectors = chosen(printed.contents)
     write(folder, {"controller.h": header(printed), "controller.c": mutated(printed, vectors.mutants)})
     write(folder, {"selftest.c": selftest(printed), "main.c": _MAIN})
     for name, *options in (("controller",), ("selftest", "-Dmain=selftest_main"), ("main", f"-DSECONDS={SECONDS}")):
-        standard = ["-std=gnu99"] if name == "main" else ISO  # which has fork
+        standard = ["-std=gnu99"] if name == "main" else ISO  # Windows has no fork
         subprocess.run(["gcc", *standard, "-O1", "-w", *options, "-c", f"{name}.c"], cwd=folder, check=True, timeout=300)
     subprocess.run(["gcc", "controller.o", "selftest.o", "main.o", "-o", "mutants", "-lm"], cwd=folder, check=True, timeout=60)
     done = subprocess.run([folder / "mutants", str(len(vectors.mutants))], capture_output=True, text=True, check=True)
@@ -138,7 +138,8 @@ def found_in_c(printed: Printed, folder: Path) -> Found:
 
 
 def coverage(printed: Printed, folder: Path) -> str:
-    """What the self-test covers of ``advance``: clang-19's MC/DC if installed, otherwise the outcomes of branches by gcov."""
+    """The self-test's coverage of ``advance``: MC/DC by clang-19 if it is installed, otherwise the outcomes of branches by
+    gcov."""
     write(folder, {"controller.h": header(printed), "controller.c": source(printed), "selftest.c": selftest(printed)})
     return _modified_conditions(folder) if shutil.which("clang-19") and shutil.which("llvm-cov-19") else _branches(folder)
 

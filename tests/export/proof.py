@@ -1,4 +1,4 @@
-"""One step from every state and every input, as Frama-C's Eva takes it: a program whose numbers are whole intervals."""
+"""One step from every state and every input by Frama-C's Eva, in a program whose numbers are whole intervals."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from export.targets import write
 
 OPTIONS = (
     "-eva", "-eva-precision", "0",
-    "-eva-min-loop-unroll", "256",  # every check of an entry followed by itself
-    "-eva-split-return", "full",  # a check's result together with the values that it has seen
-    "-eva-slevel-function", "advance:20",  # no check is in it: its choices of numbers, kept apart, cost a minute and show nothing
+    "-eva-min-loop-unroll", "256",  # every check of an entry is analysed separately
+    "-eva-split-return", "full",  # a check's result together with the values that it has examined
+    "-eva-slevel-function", "advance:20",  # no check in it: analysing its choices separately takes a minute and shows nothing
     "-warn-special-float", "non-finite",
 )  # fmt: skip
 LARGEST = {"double": sys.float_info.max.hex(), "float": "0x1.fffffep+127f"}
 STATES = 2000
-"""Kept apart at a line, at the most: enough for the checks of some twenty entries; more of them cost minutes elsewhere."""
+"""Largest number of states kept apart at a line, which is enough for the checks of some twenty entries. More would take minutes
+elsewhere."""
 SECONDS = 2400
-"""For one step, at the most: that with a shell takes some ten minutes."""
+"""Time limit for one step. A step with a shell takes some ten minutes."""
 MEMBER = re.compile(r"^\s+(double|float|long|int) (\w+)(?:\[(\w+)\])?;", re.MULTILINE)
 ANY = {
     "double": "Frama_C_double_interval(-DBL_MAX, DBL_MAX)",
@@ -51,12 +52,12 @@ int main(void)
 
 
 def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
-    """What Eva can't exclude in one step from any finite numbers, including violations of the header's contract."""
+    """Faults that Eva can't exclude in one step from any finite numbers, including violations of the header's contract."""
     assert unbounded_alone(printed.contents.step), "an infinite constant is not a bound here: it may be computed with"
     text = source(printed).replace("INFINITY", LARGEST[printed.real])
     write(folder, {"controller.h": header(printed), "controller.c": text, "main.c": _main(printed)})
     command = ["frama-c", *OPTIONS, "-eva-slevel", str(states), "controller.c", "main.c"]
-    surroundings = {**os.environ, "PWD": str(folder)}  # by which Frama-C finds the files
+    surroundings = {**os.environ, "PWD": str(folder)}  # from which Frama-C finds the files
     done = subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=SECONDS, check=True)
     text = done.stdout
     assert "100% of the logical properties reached have been proven" in text or "[eva:alarm]" in text, text[-2000:]
@@ -68,8 +69,8 @@ def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
 def unbounded_alone(program: Program) -> bool:
     """Whether every infinite constant is an inactive bound: the second operand of a minimum or maximum.
 
-    Then the largest finite number does the same in their place, and Eva, which counts an infinite constant as an alarm, may be
-    given that: it shows that every number beside it is finite, so none is beyond it, and the bound is never the result.
+    Then the largest finite number has the same effect and can replace them for Eva, which treats an infinite constant as an
+    alarm. Eva shows that every other operand is finite, so that none exceeds this number and the bound is never the result.
     """
     infinite: dict[int, float] = {}
     for i, op in enumerate(program.operations):

@@ -1,4 +1,4 @@
-"""One instance of a unit of FMI, stepped by FMPy; it imports nothing of the package."""
+"""One instance of a unit of FMI, stepped by FMPy. It imports nothing from the package."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class Slave:
-    """One instance of a unit by names of its variables."""
+    """One instance of a unit, accessed by the names of its variables."""
 
     def __init__(self, path: Path, folder: Path, starts: dict[str, float] | None = None) -> None:
         import fmpy
@@ -61,7 +61,7 @@ class Slave:
         return (self.fmu.getInteger if self.two else self.fmu.getInt32)([self.at[name]])[0]
 
     def saved(self) -> bytes:
-        """The state as bytes; its copy is freed."""
+        """The state as bytes. Its copy is freed."""
         if self.two:
             state = self.fmu.getFMUstate()
             kept = bytes(self.fmu.serializeFMUstate(state))
@@ -83,7 +83,7 @@ class Slave:
             self.fmu.freeFMUState(state)
 
     def names(self, prefix: str) -> list[str]:
-        """An array's entries, or the scalar."""
+        """The names of an array's entries, or of the scalar."""
         found = [name for name in self.at if name == prefix or name.startswith(f"{prefix}[")]
         return sorted(found, key=lambda name: self.at[name])
 

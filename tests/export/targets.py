@@ -1,4 +1,4 @@
-"""Exports compiled and run: by compilers of this machine, called sample by sample."""
+"""Exports compiled by this machine's compilers and called sample by sample."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ needs_gxx = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not i
 
 
 def needs(*programs: str) -> pytest.MarkDecorator:
-    """Skip with the reason if one of them is not installed."""
+    """Skip with the reason if one of the tools is not installed."""
     missing = [program for program in programs if shutil.which(program) is None]
     return pytest.mark.skipif(bool(missing), reason=f"{', '.join(missing)} not installed: this target is left out")
 
@@ -32,7 +32,7 @@ def write(folder: Path, files: dict[str, str]) -> Path:
 
 
 def run_selftest(folder: Path, *command: str, emulator: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
-    """Compile with the command, warnings as errors, and run, for at most a minute."""
+    """Compile with the command and with warnings as errors, and run for at most a minute."""
     made = folder / "selftest"
     subprocess.run([*command, "controller.c", "selftest.c", "-o", str(made), "-lm"], cwd=folder, check=True, timeout=60)
     return subprocess.run([*emulator, str(made)], capture_output=True, text=True, timeout=60, check=False)
@@ -64,7 +64,7 @@ void drive(int samples, const {real} *measured, const {real} *commands, const in
 
 @dataclass
 class Driven:
-    """The results of a row of samples: (K, m) twice, (K, p), the whole state in the order of the layout, (K,)."""
+    """The results of a series of samples: (K, m) twice, (K, p), the whole state in the order of the layout, and (K,)."""
 
     u: np.ndarray
     limited: np.ndarray
@@ -74,7 +74,8 @@ class Driven:
 
 
 def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc", *ISO, "-O2"), timer=1.0) -> Driven:
-    """``controller.c`` in the folder, called from a fresh start with these samples; ``timer``: sample times, relative."""
+    """The results of ``controller.c`` in the folder, called with these samples after an initialisation. ``timer`` has the times
+    relative to the sample time."""
     y, q, m, p = printed.contents.sizes
     macro = printed.macro
     take = f"for (int i = 0; i < {macro}_ESTIMATES; ++i) estimates[k * {macro}_ESTIMATES + i] = out.theta_hat[i];"
@@ -101,7 +102,7 @@ def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
-    """Equal including the sign of zero; no compared value may be NaN."""
+    """Check that the numbers are equal, including the sign of zero. No compared value may be NaN."""
     a, b = np.ascontiguousarray(a, dtype=float), np.ascontiguousarray(b, dtype=float)
     assert np.isfinite(a).all() and np.isfinite(b).all()
     return bool(np.array_equal(a.view(np.int64), b.view(np.int64)))

@@ -1,6 +1,7 @@
-"""Terms over floats: the only facts used are those of IEEE 754 on signs, on the order of two operands and on comparisons.
+"""Terms over floats: only the facts of IEEE 754 on signs, on the order of two operands and on comparisons are used.
 
-+ * / sqrt, sin, ... are uninterpreted functions: two terms are equal only where the same operations are taken of the same.
++ * / sqrt, sin, ... are uninterpreted functions, so that two terms are equal only if they have the same operations with the same
+operands.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SOLVER_SECONDS = 120
 
 @dataclass(eq=False)
 class Terms:
-    """Each term is stored once, under its number; ``numbers`` is the type that constants are computed in."""
+    """The terms. Each is stored once with a number. ``numbers`` is the type in which constants are computed."""
 
     numbers: type[np.floating]
     nodes: list[tuple[object, ...]] = field(default_factory=list)
@@ -37,14 +38,14 @@ class Terms:
         return self.make(kind, base, str(offset))
 
     def constant(self, value: float) -> int:
-        """A constant by its bits; a negative one is the negation of another."""
+        """A constant by its bits. A negative one is the negation of a positive one."""
         with np.errstate(over="ignore"):
             value = float(self.numbers(value))
         made = self.make("constant", "nan" if math.isnan(value) else abs(value).hex())
         return self.make("neg", made) if math.copysign(1.0, value) < 0 else made
 
     def value(self, term: int) -> float | None:
-        """Of a constant."""
+        """The value of a constant."""
         node = self.nodes[term]
         if node[0] == "neg":
             inner = self.value(node[1])
@@ -58,7 +59,8 @@ class Terms:
         return self._within_choice(self.neg, x) or self.make("neg", x)
 
     def of(self, name: str, *x: int) -> int:
-        """add, mul or div; for constants the value; by a power of two the product; x + -0, x 1 and x/1 are x."""
+        """The term of add, mul or div. It is the value for constants and the product for a division by a power of two. x + -0, x
+        1 and x/1 are x."""
         if (found := self._within_choice(lambda *at: self.of(name, *at), *x)) is not None:
             return found
         values = [self.value(one) for one in x]
@@ -79,7 +81,7 @@ class Terms:
         return self.neg(made) if (plain[0] != x[0]) != (plain[1] != x[1]) else made
 
     def _within_choice(self, made: Callable[..., int], *x: int) -> int | None:
-        """An operation on constants and one choice between two constants: the choice between the two results."""
+        """An operation on constants and one choice between two constants, as the choice between the two results."""
         chosen = [i for i, one in enumerate(x) if self.value(one) is None]
         if len(chosen) != 1 or self.nodes[x[chosen[0]]][0] != "ite":
             return None
@@ -106,7 +108,7 @@ class Terms:
         return self.make(name, *(sorted((a, b)) if name == "eq" else (a, b)))
 
     def never_below_zero(self, term: int) -> bool:
-        """Magnitudes, squares, and their sums and products: at least zero, or NaN."""
+        """Whether a term is at least zero or NaN, as magnitudes, squares and their sums and products are."""
         name, *x = self.nodes[term]
         if name in ("add", "mul"):
             return all(map(self.never_below_zero, x)) or (name == "mul" and x[0] == x[1])
@@ -133,7 +135,7 @@ class Terms:
         return self.make("and", *sorted(first)) if len(first) == 2 else (first or [true])[0]
 
     def below(self, *terms: int) -> list[int]:
-        """These terms and all their operands, operands first."""
+        """These terms and all their operands, with operands first."""
         found: set[int] = set()
         waiting = list(terms)
         while waiting:
@@ -154,8 +156,8 @@ class Terms:
         return done.stdout.strip() == "sat"
 
     def _script(self, pairs: list[tuple[int, int]]) -> str:
-        """SMT-LIB 2 in the theory of equality: each term is a definition, with the facts of IEEE 754 about it as ground
-        axioms."""
+        """The script in SMT-LIB 2 with the theory of equality. Each term is a definition, with the facts of IEEE 754 about it as
+        ground axioms."""
         terms = self.below(*(term for pair in pairs for term in pair))
         lines = ["(set-logic QF_UF)", "(declare-sort F 0)", "(declare-fun neg (F) F)"]
         arities = {node[0]: len(node) - 1 for node in map(self.nodes.__getitem__, terms) if node[0] not in LOGIC}
@@ -205,4 +207,4 @@ class Terms:
 
 
 LOGIC = {"constant", "input", "flag", "true", "ite", "not", "and", "or"}
-"""Nodes that are no functions of the script's own."""
+"""Nodes that do not need a function in the script."""

@@ -1,4 +1,4 @@
-"""What ``_set`` accepts is what the case accepts: random values of one, two and three numbers, for all that can be set."""
+"""``_set`` accepts the same values as the case: random values of one, two and three numbers, for all parameters."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ DRAWS = 60
 
 
 class CaseOf:
-    """What the case itself accepts, and draws of numbers for it."""
+    """The values that the case itself accepts, and random numbers for it."""
 
     def __init__(self, opened: Opened, problem, controller, simulation) -> None:
         self.paths = tuple(one.path for one in opened.parameters)
@@ -70,7 +70,7 @@ class CaseOf:
         return True
 
     def drawn(self, random: np.random.Generator, i: int, others: np.ndarray) -> float:
-        """Another value of a number: near or far, of the other sign, a special one, or another number's."""
+        """A random new value of a number: near or far, with the other sign, a special value, or the value of another number."""
         own = self.values[i] or random.choice([0.1, 1.0])
         kinds = (
             own * 10.0 ** random.uniform(-1, 1),
@@ -89,19 +89,19 @@ class CaseOf:
         ]
 
     def neighbours(self, i: int) -> list[int]:
-        """The numbers that follow this one in the case, of the same kind."""
+        """The following numbers of the same kind in the case."""
         return [j for j in range(len(self.paths)) if j != i and self.paths[j].keys[0] == self.paths[i].keys[0]] or [i]
 
 
 def on_a_sphere(conditions, values: np.ndarray) -> bool:
-    """Whether rounding decides on which side of a norm's largest value the numbers lie."""
+    """Whether the numbers are so close to a norm's largest value that rounding decides on which side they are."""
     norms = [one for one in conditions if isinstance(one, Norm)]
     near = [replace(one, weight=one.weight * factor).holds(values) for one in norms for factor in (1 - 1e-9, 1 + 1e-9)]
     return any(a != b for a, b in zip(near[::2], near[1::2], strict=True))
 
 
 def disagreements(problem, controller, simulation, draws: int) -> tuple[list[dict[str, float]], int, int]:
-    """Draws that only one of the two accepts, and how many both accept and refuse."""
+    """Random values that only one of the two accepts, and how many both accept and both refuse."""
     problem = problem.nominal
     opened = Opened.of(problem, controller, simulation, tunable=True)
     case, random = CaseOf(opened, problem, controller, simulation), np.random.default_rng(5)
@@ -163,7 +163,7 @@ void walk(int count, const int *which, const double *value, int *taken)
 @pytest.mark.parametrize("real", [DOUBLE, FLOAT], ids=["double", "float"])
 @pytest.mark.short(kept=lambda name, real: real is DOUBLE and name in ("modified error", "covariance"))
 def test_c_accepts_in_a_walk_what_the_case_accepts(name, real, tmp_path) -> None:
-    """Numbers are set one after another: what was accepted stays, and the next one meets it."""
+    """Numbers are set one after another. An accepted number stays, so that the next one is checked against it."""
     problem, controller, simulation = EXAMPLES[name]
     simulation = replace(simulation, t_end=2.0) if isinstance(simulation, Simulation) else simulation
     contents = made_of(problem, controller, simulation, real, parameters=True)
@@ -188,7 +188,7 @@ def test_c_accepts_in_a_walk_what_the_case_accepts(name, real, tmp_path) -> None
 
 
 def test_equal_numbers_are_no_relation() -> None:
-    """mu = 1 is not the bound of the margin, which is 1; and a bound at 0 is not positive."""
+    """mu = 1 is not the bound of the margin, although the margin is 1, and a bound at 0 is not positive."""
     found = {name: Opened.of(*EXAMPLES[name], tunable=True) for name in ("modified error", "one bound is 0", "covariance")}
     names = {name: [one.path.keys[-1] for one in opened.parameters] for name, opened in found.items()}
     margin = names["modified error"].index("margin")

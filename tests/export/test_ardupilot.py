@@ -1,8 +1,8 @@
-"""``--target ardupilot``: the backend compiled against interfaces written from ArduPilot's published headers, and called.
+"""``--target ardupilot``: the backend is compiled with interfaces written from ArduPilot's published headers, and called.
 
-This is not ArduPilot, in whose simulator one backend was flown outside the tests (docs/guides/flight.md). The tests show that
-the class overrides the required methods, engages without a bump, leaves the ground and other axes to the main controller, and
-computes what the C computes.
+This is not ArduPilot itself. One backend was flown in ArduPilot's simulator outside the tests (docs/guides/flight.md). The tests
+show that the class overrides the required methods, engages without a bump, leaves the ground and other axes to the main
+controller, and computes what the C computes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ int main()
     AC_AttitudeControl attitude{{{0.0f, 0.25f, 0.0f}}, {0.0f, 0.0f, 0.0f}}, *control = &attitude;
     AP_MotorsMulticopter made{}, *motors = &made;
 """
-"""Where a program's main begins: a frontend, and what the backend is handed of the vehicle."""
+"""The beginning of a program's main: a frontend, and the vehicle's objects for the backend."""
 MAIN = (
     """\
 #include "AC_CustomControl_Pitch.h"
@@ -96,7 +96,7 @@ def backend(beginning, folder, **given):
 @pytest.mark.short(kept=lambda beginning, places: beginning.startswith("Mrac-"))
 def test_the_backend_against_the_published_interfaces(beginning, places, tmp_path) -> None:
     backend(beginning, tmp_path)
-    assert "`ATC_RAT_PIT_FF`" in (tmp_path / "ARDUPILOT.md").read_text()  # which ArduPilot would add to what is returned
+    assert "`ATC_RAT_PIT_FF`" in (tmp_path / "ARDUPILOT.md").read_text()  # which ArduPilot would add to the returned value
     inner = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text().count('Write("BBI')
     assert inner
     compile_and_run(MAIN.replace("INNER", str(inner)) % places, tmp_path)
@@ -182,7 +182,8 @@ struct Open : AC_CustomControl_Pitch {
 
 @needs_gxx
 def test_a_heading_passes_south_without_a_jump(tmp_path) -> None:
-    """1e-3: angles of up to 18 rad that are wrapped and unwrapped in 32 bits, 2e-6 at each of 7500 samples, at a gain of 5."""
+    """The tolerance 1e-3 is for angles of up to 18 rad that are wrapped and unwrapped in 32 bits, with 2e-6 at each of 7500
+    samples and a gain of 5."""
     slight = replace(STATE, uncertainty=ParameterBox(lower=[-0.1, -0.1], upper=[0.1, 0.1]))
     slight = replace(slight, plant=replace(STATE.plant, theta=[0.05, -0.05]))
     export_controller(
@@ -238,7 +239,7 @@ struct Open : AC_CustomControl_Pitch {
 
 @needs_gxx
 def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
-    """Each has its own name that fits ArduPilot's limit, and each refusal is reported once."""
+    """Each has its own name within ArduPilot's limit of length, and each refusal is reported once."""
     backend("Mrac-state-midpoint", tmp_path, parameters=True)
     text = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text()
     names = re.findall(r'AP_GROUPINFO\("(\w+)", (\d+), \w+, _parameter\[', text)

@@ -25,7 +25,7 @@ PLANTED = (
     ("> 0 && c->refused < {M}_REFUSALS", "> 0 && c->refused <= {M}_REFUSALS"),
     ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples > 1L ? samples : 0L;"),
 )
-"""A statement and what replaces it: faults that the self-test once missed."""
+"""Statements and their replacements. The self-test once missed these faults."""
 
 
 @needs_gcc

@@ -1,4 +1,4 @@
-"""The baseline as the fallback after an outage: what acts then, without a bump, and the same bits in C."""
+"""The baseline as the fallback after an outage: it acts without a bump and with the same bits in C."""
 
 from __future__ import annotations
 
@@ -60,23 +60,21 @@ def test_the_baseline_alone_acts_after_the_longest_outage(kind, scheme) -> None:
     posed = problem(kind)
     run = simulate(posed, [SCHEMES[scheme]], RUN)[SCHEMES[scheme].name]
     t = np.arange(round(RUN.t_end / T)) * T
-    u = np.interp(t + T / 2, run.t, run.u.reshape(-1))  # as held from each sample on
+    u = np.interp(t + T / 2, run.t, run.u.reshape(-1))  # if held from each sample on
     k = int(np.searchsorted(t, 1.0 - 1e-9))
     missed = round(OUT / T)
     assert np.ptp(u[k - 1 : k + missed]) == 0  # held up to the longest outage
     fixed = posed.fixed
-    slope = (
-        2.0 * 1.0 * abs(float(fixed.k_r[0, 0])) * T
-    )  # [u] the largest change of the baseline in a sample due to the command alone
+    slope = 2.0 * 1.0 * abs(float(fixed.k_r[0, 0])) * T  # [u] largest change of the baseline in a sample due to the command alone
     step = abs(u[k + missed] - u[k + missed - 1])
-    assert step <= 1e-12 + slope  # no bump as the baseline takes over
+    assert step <= 1e-12 + slope  # no bump when the baseline takes over
     alone = np.diff(u[k + missed + round(FADE / T) + 1 : k + 100])
-    # what is left is k_r r(t) and a constant: differences of a sine
+    # what remains is k_r r(t) and a constant, so that the differences are those of a sine
     r = np.sin(2.0 * t)
     expected = fixed.k_r[0, 0] * np.diff(r[k + missed + round(FADE / T) + 1 : k + 100])
     assert np.abs(alone - expected).max() < 1e-12
     back = np.searchsorted(t, 2.0 - 1e-9)
-    assert abs(u[back] - u[back - 1]) <= 1e-12 + slope  # nor one on the way back
+    assert abs(u[back] - u[back - 1]) <= 1e-12 + slope  # and no bump at the return
 
 
 @needs_gcc

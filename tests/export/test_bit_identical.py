@@ -1,4 +1,4 @@
-"""The exported controller is the simulated one: the same samples, in compiled C, equal in every bit."""
+"""The exported controller is the simulated one: with the same samples, the compiled C gives the same results in every bit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SAMPLES, LONG_SAMPLES = 10_000, 100_000
 
 
 def kinds(name: str) -> tuple[str, ...]:
-    """An example's class: scheme, problem, form, and the kinds of law and modifications, without their numbers."""
+    """The class of an example: scheme, problem, form, and the kinds of law and modifications, without their numbers."""
     problem, controller = EXAMPLES[name]
     inner = controller.controller if isinstance(controller, Sampled) else controller
     fields = [getattr(controller, "discretization", ""), *(f"{key}:{type(vars(inner).get(key)).__name__}" for key in KINDS)]
@@ -36,9 +36,10 @@ def kinds(name: str) -> tuple[str, ...]:
 
 KINDS = ("law", "leakage", "dead_zone", "learning", "modified_error", "auxiliary", "tau")
 ONE_OF_EACH = frozenset({kinds(name): name for name in reversed(EXAMPLES)}.values())
-"""The first example of every combination of kinds; ``./dev test --full`` replays those that differ in numbers too."""
+"""The first example of every combination of kinds. ``./dev test --full`` also replays those that differ only in numbers."""
 MORE_OF_THEM = 24
-"""Of the others, that are replayed beside them: half a minute on one core. Each commit draws its own: all get their turn."""
+"""Number of other examples that are replayed too, which takes half a minute on one core. Each commit draws different ones, so
+that in time all are tested."""
 
 REPLAYED = {*ONE_OF_EACH, *drawn([name for name in EXAMPLES if name not in ONE_OF_EACH], MORE_OF_THEM)}
 
@@ -95,7 +96,7 @@ LONG_RUNS = [pytest.param(name, *how.values, marks=how.marks) for name, how in z
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "compiler"), LONG_RUNS)
 def test_a_hundred_thousand_samples(name, compiler, tmp_path) -> None:
-    """Every scheme; both compilers and all levels take turns."""
+    """Every scheme, alternating between both compilers and all levels of optimisation."""
     replayed(name, tmp_path, LONG, LONG_SAMPLES, compiler=compiler)
 
 
@@ -103,10 +104,10 @@ def test_a_hundred_thousand_samples(name, compiler, tmp_path) -> None:
 @pytest.mark.parametrize("name", FEW)
 @pytest.mark.short(kept=lambda name: name in FEW[:2])
 def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
-    """The scheme's own lines in NumPy, sample by sample, with the freeze switch on and off: a second computation of the same
+    """The scheme's equations in NumPy, sample by sample, with the freeze switch on and off, as a second computation of the same
     numbers.
 
-    1e-7: the same sums in another order over 400 samples of a loop that is driven, not closed.
+    The tolerance 1e-7 is for the same sums in a different order over 400 samples with given measurements, without a closed loop.
     """
     printed = exported(name, tmp_path)
     contents = printed.contents
@@ -128,7 +129,7 @@ def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
 
 
 def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_command() -> None:
-    """x_m of the controller against the exact solution for a command that is constant from sample to sample."""
+    """x_m of the controller is compared with the exact solution for a command that is constant from sample to sample."""
     from scipy.linalg import expm
 
     for problem, name in ((STATE, "Mrac-state-euler"), (OUTPUT, "LinearOutput-output-midpoint")):

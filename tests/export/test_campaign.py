@@ -1,4 +1,4 @@
-"""A campaign's figures against runs of the simulation, which has the same faults without any C."""
+"""A campaign's figures, compared with runs of the simulation, which has the same faults without C."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
 
 @needs_gcc
 def test_a_jitter_within_the_shells_band_is_taken_and_so_is_one_without_a_band() -> None:
-    """The status reports both, and neither counts as a missed sample."""
+    """The status reports both. Neither counts as a missed sample."""
     for shell in (None, Shell(longest_outage=0.04, jitter=0.45)):
         problem, controller = surrounded("Mrac-state-midpoint", shell, (Jitter(time=0.002),))
         found = simulate_export(problem, controller, replace(RUN, t_end=1.0, dt=T / 10))
@@ -107,7 +107,7 @@ def test_every_controller_whose_cost_is_counted_has_a_row() -> None:
 
 @needs_gcc
 def test_each_row_has_the_judges_classes_of_its_runs() -> None:
-    """The figures equal the simulation's; holding a lost measurement in the judge's continuation would open the loop."""
+    """The figures equal those of the simulation. Holding a lost measurement in the judge's continuation would open the loop."""
     problem, controller = one("Mrac-state-midpoint")
     short = replace(RUN, t_end=4.0)
     found = export_campaign(problem, controller, short, draws=2)

@@ -1,4 +1,4 @@
-"""The exported plant has no faults, and the command says so where the case has some."""
+"""The exported plant has no faults, and the command says so if the case has faults."""
 
 from __future__ import annotations
 

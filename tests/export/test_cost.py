@@ -1,4 +1,4 @@
-"""The table of a sample's cost on a Cortex-M4F is made by a command and still correct."""
+"""The table of a sample's cost on a Cortex-M4F is written by a command and still correct."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from export.targets import needs
 
 ROWS = ("MRAC", "L1, output feedback", "robust MRAC, least squares", "MRAC, with a shell")
 SHARE, CYCLES = 0.1, 60
-"""By which everything around the law may have lengthened a sample since ``BEFORE``, the larger of the two."""
+"""Largest increase of a sample's cost since ``BEFORE`` due to the code around the law. The larger of the two limits applies."""
 BEFORE = {
     "MRAC, Euler": 675,
     "MRAC": 814,
@@ -46,7 +46,7 @@ BEFORE = {
     "L1, output feedback, piecewise constant": 420,
     "linear, output feedback": 411,
 }
-"""Cycles on commit 248adc7, where a lost measurement stopped the controller and no case had a shell."""
+"""Cycles in commit 248adc7, in which a lost measurement stopped the controller and no case had a shell."""
 
 
 def test_every_scheme_has_a_row() -> None:
@@ -57,7 +57,7 @@ def test_every_scheme_has_a_row() -> None:
 @pytest.mark.full
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 def test_the_table_is_what_is_counted() -> None:
-    """With the compiler named on the page; other compilers agree within a quarter."""
+    """This holds with the compiler named on the page. Other compilers agree within a quarter."""
     same, shown, rows = flight.tools() in flight.PAGE.read_text(), _shown(), [*CASES, *SHELLED]
     assert set(shown) >= {name for name, _, _ in rows}
     for name, problem, controller in rows:
@@ -77,7 +77,7 @@ def _shown() -> dict[str, list[int]]:
 
 
 def test_a_sample_costs_little_more_than_before_there_was_a_shell() -> None:
-    """The numbers of the page, some of which the previous test recounts."""
+    """The numbers are those of the page, some of which the previous test counts again."""
     shown = _shown()
     for name, _, _ in (*CASES, *SHELLED):
         if before := BEFORE.get(name.removesuffix(", with a shell")):
@@ -123,7 +123,7 @@ int main(void)
 @pytest.mark.full
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 def test_a_timer_counts_the_same(tmp_path) -> None:
-    """The emulated board's own timer, under ``-icount``, where an instruction lasts 1 ns: the first sample without its call."""
+    """The emulated board's timer, with ``-icount`` and 1 ns for each instruction, counts the first sample without its call."""
     _, problem, controller = next(case for case in CASES if case[0] == "robust MRAC, least squares")
     printed = Printed(Contents.of(problem, controller, flight.SIMULATION, FLOAT), prefix="flown")
     flight.build(tmp_path, printed, flight.main_program(printed))
@@ -135,8 +135,7 @@ def test_a_timer_counts_the_same(tmp_path) -> None:
 
 
 def test_the_cycles_are_those_of_arms_table() -> None:
-    """Read from the manual by hand: a product takes one cycle, a quotient fourteen, a load two, N registers N + 1, and a branch
-    its refill."""
+    """By the manual a product takes one cycle, a quotient fourteen, a load two, N registers N + 1, and a branch its refill."""
     for wanted, name, operands, taken in (
         (1, "vmul.f32", "s15, s14, s13", False),
         (14, "vdiv.f32", "s0, s1, s2", False),

@@ -1,4 +1,5 @@
-"""The shell of an export that is engaged in flight, at wrong times, and with a corrupted memory: what an own harness met."""
+"""The shell of an export that is engaged in flight, called at wrong times or given a corrupted memory, as happened in a user's
+test harness."""
 
 from __future__ import annotations
 
@@ -85,7 +86,7 @@ pytestmark = needs_gcc
 
 
 def flown(folder, x, *, r=0.1, time=1.0, engaged=None, poked="", problem=PROBLEM, scheme="MRAC", parameters=False):
-    """Status, u and u_limited of each sample; ``engaged``: the control at a start from the pitch 0.1."""
+    """Status, u and u_limited of each sample. ``engaged`` is the control at a start from the pitch 0.1."""
     printed = Printed(made_of(problem, SCHEMES[scheme], RUN, DOUBLE, parameters=parameters))
     names, count = {"n": printed.name, "M": printed.macro}, len(x)
     first = (
@@ -155,7 +156,7 @@ def test_a_bad_state_without_a_measurement_ends_in_the_fallback(tmp_path) -> Non
 
 
 def test_at_wrong_times_the_baseline_has_the_present_measurement(tmp_path) -> None:
-    """In the loop with the plant an unstable vehicle would be lost on a held one."""
+    """In the loop with the plant an unstable vehicle would be lost with a held measurement."""
     x = measured(60)
     x[:, 0] += np.where(np.arange(60) < 30, 0.0, 0.05)
     status, u, _ = flown(tmp_path, x, time=np.where(np.arange(60) < 5, 1.0, 1.5), problem=ON_BASELINE)
@@ -168,14 +169,15 @@ def test_at_wrong_times_the_baseline_has_the_present_measurement(tmp_path) -> No
 @pytest.mark.parametrize("problem", [replace(PROBLEM, shell=replace(PROBLEM.shell, fallback="hold")), PROBLEM, ON_BASELINE])
 @pytest.mark.parametrize("every", [2, 3])
 def test_wrong_times_again_and_again_do_not_hold_the_control_still(problem, every, tmp_path) -> None:
-    """Every good call is as good as without the wrong ones: no fade begins at it, which the next wrong time would begin again."""
+    """Every good call has the same result as without the wrong ones. No fade begins at it, because the next wrong time would
+    restart it."""
     x, time = measured(60), np.ones(60)
     r, time[21::every] = 0.1 + 0.05 * np.sin(0.2 * np.arange(60)), 1.3
     status, u, _ = flown(tmp_path / "wrong", x, r=r, time=time, problem=problem)
     _, own, _ = flown(tmp_path / "right", x, r=r, problem=problem)
     wrong = time > 1
     assert (status[wrong] == WRONG_TIME | FALLBACK).all() and (status[~wrong] == OK).all()
-    assert abs(u - own)[~wrong].max() < 0.3 * np.ptp(own[20:])  # a control that is held is off by all of it
+    assert abs(u - own)[~wrong].max() < 0.3 * np.ptp(own[20:])  # a held control would differ by all of it
 
 
 def test_wrong_times_do_not_end_the_fade_of_a_start(tmp_path) -> None:
@@ -209,7 +211,8 @@ def test_a_bad_parameter_ends_in_the_fallback(tmp_path) -> None:
 
 
 def test_a_wrong_time_does_not_open_the_rate(tmp_path) -> None:
-    """1.5 T before it and T after it: what moves by three samples' rate is no measurement; the next ones are again."""
+    """The times are 1.5 T before it and T after it. A value that changes by the rate of three samples is not accepted as a
+    measurement, but the next values are."""
     x, time = measured(30), np.ones(30)
     time[20], x[21, 1] = 1.5, 0.02 + 3 * 150.0 * T
     status, _, _ = flown(tmp_path, x, time=time)
@@ -239,7 +242,7 @@ def test_a_fallback_begins_within_the_actuators_limits(problem, tmp_path) -> Non
     acts = limited[5 + LONGEST : 5 + LONGEST + FADE]
     if problem is PROBLEM:
         assert acts == pytest.approx(1 - np.arange(1, FADE + 1) / FADE)
-    else:  # its own control here is as far beyond the limit, and the difference fades out
+    else:  # its own control is beyond the limit by as much here, and the difference fades out
         assert u[5 + LONGEST] == pytest.approx(1.0) and u[5 + LONGEST + FADE] > 10
 
 

@@ -1,7 +1,8 @@
-"""Problems that users of the piecewise-constant law met in flight, on the exported C in a loop with a plant and on the equations.
+"""Problems of users of the piecewise-constant law in flight, tested on the exported C in a loop with a plant and on the
+equations.
 
-The law is reset or started as the mode is entered, enabled after it was disabled, first sampled away from its initial state, and
-limited by its actuator. The plant is written out here.
+The law is reset or started when the mode is entered, enabled after it was disabled, first sampled away from its initial state,
+and limited by its actuator. The plant is written here.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ T = 0.01
 LIMIT = 4.0
 A_M, B, THETA = np.array([[0.0, 1.0], [-9.0, -4.2]]), np.array([0.0, 5.0]), np.array([0.6, -0.2])
 ACTS = 1.5
-"""Of the input, what the law has to take away; 2 of ``LIMIT`` are left for the rest."""
+"""Disturbance of the input that the law has to compensate. 2 of ``LIMIT`` remain for other motions."""
 PROBLEM = Problem(
     plant=Plant(A_m=A_M, b=B, theta=THETA, input=PlantInput(saturation=[-LIMIT, LIMIT])),
     reference_model=ReferenceModel(k_0=9 / 5),
@@ -41,7 +42,8 @@ pytestmark = needs_gcc
 
 @dataclass
 class Flight:
-    """The plant and the C that controls it; ``x`` is where it is, ``rows`` are u and sigma_hat of the samples so far."""
+    """The plant and the C that controls it. ``x`` is the present state, and ``rows`` are u and sigma_hat of the samples so
+    far."""
 
     law: Engaged
     x: np.ndarray
@@ -52,13 +54,13 @@ class Flight:
         return cls(Engaged(PROBLEM, law), np.zeros(2), [])
 
     def drift(self, u: float, seconds: float) -> None:
-        """Disabled: somebody else holds u, within the limits."""
+        """Simulate with the law disabled while u is held within the limits by somebody else."""
         whole = np.zeros((3, 3))
         whole[:2, :2], whole[:2, 2] = A_M + np.outer(B, THETA), B
         self.x = (expm(seconds * whole) @ np.append(self.x, min(max(u, -LIMIT), LIMIT) + ACTS))[:2]
 
     def fly(self, samples: int, r: float = 0.0) -> np.ndarray:
-        """(samples, 3): u and sigma_hat."""
+        """Simulate with the law enabled and return u and sigma_hat (samples, 3)."""
         for _ in range(samples):
             self.rows.append(self.law(self.x, r))
             self.drift(self.rows[-1][0], T)
@@ -69,13 +71,13 @@ class Flight:
 
     @property
     def acting(self) -> float:
-        """With the input, as computed by an observer that knows the plant."""
+        """The disturbance at the input, computed by an observer that knows the plant."""
         return float(THETA @ self.x + ACTS)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_enabled_after_disabled_it_has_no_kick_where_it_is_started_and_one_where_it_only_goes_on(name) -> None:
-    """3 s of manual control, in which the plant moves away. A law that kept its old predictor takes this motion for a
+    """The plant moves away in 3 s of manual control. A law that has kept its old predictor takes this motion for a
     disturbance."""
     found = {}
     for started in (True, False):
@@ -88,7 +90,7 @@ def test_enabled_after_disabled_it_has_no_kick_where_it_is_started_and_one_where
         found[started] = flight.fly(400)
         assert abs(found[started][-1, 0] - before[-1, 0]) < 0.01  # the same equilibrium again, without any trace of the start
     first = found[True][:, 0]
-    assert first[0] == pytest.approx(by_hand, abs=1e-12)  # what the actuator has
+    assert first[0] == pytest.approx(by_hand, abs=1e-12)  # the actuator's output
     assert np.abs(np.diff(first[:3])).max() < 0.1 * LIMIT  # 2 % of the bump at a sample, plus the filter's contribution
     assert np.abs(found[True][:, 1:]).max() < 2 * ACTS
     assert np.abs(found[False][:, 1:]).max() > 20 * ACTS
@@ -96,7 +98,7 @@ def test_enabled_after_disabled_it_has_no_kick_where_it_is_started_and_one_where
 
 @pytest.mark.parametrize("name", LAWS)
 def test_what_it_learnt_is_kept_or_not_as_it_is_asked(name) -> None:
-    """With it, the disturbance is known at the first sample; without it, one sample later."""
+    """If it is kept, the disturbance is known at the first sample, otherwise one sample later."""
     flight = Flight.of(LAWS[name])
     known = flight.fly(400)[-1, 1]
     flight.enable(0.0, 0, keep=True)
@@ -104,12 +106,15 @@ def test_what_it_learnt_is_kept_or_not_as_it_is_asked(name) -> None:
     flight.enable(0.0, 0, keep=False)
     first, second = flight.fly(2)
     assert (first[1:] == 0).all()
-    assert second[1] == pytest.approx(flight.acting, rel=0.1)  # a sample's mean, and the part that the law leaves at DC
+    assert second[1] == pytest.approx(
+        flight.acting, rel=0.1
+    )  # the mean over a sample, and the part that the law does not compensate at DC
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_reset_in_flight_is_not_a_start(name) -> None:
-    """``_reset`` puts the predictor where the case begins, at x = 0: elsewhere the law sees the distance divided by T."""
+    """``_reset`` sets the predictor to the case's initial state x = 0. Elsewhere the law's estimate contains the distance divided
+    by T."""
     away = np.array([0.3, 0.5])
     found = []
     for enter in (Flight.enable, None):
@@ -149,7 +154,7 @@ def test_the_predictor_is_told_what_is_put_out_while_the_start_fades(name) -> No
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.short(kept=lambda name: name == "as flown")
 def test_at_the_limit_the_estimate_stays_what_acts(name) -> None:
-    """A command of three times the limit for 2 s. Fed with its own u instead, the law takes the clipped part for a
+    """The command is three times the limit for 2 s. With its own u instead of the output, the law takes the clipped part for a
     disturbance."""
     largest = {}
     for saturated in (True, False):

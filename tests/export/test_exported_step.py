@@ -1,4 +1,5 @@
-"""What flies with software in the loop: the compiled C, sample by sample, against the simulation's, and the report about it."""
+"""The step that is flown with software in the loop: the compiled C is compared with the simulation's step sample by sample, and
+the report is checked."""
 
 from __future__ import annotations
 
@@ -53,7 +54,7 @@ pytestmark = needs_gcc
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
 @pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[2])
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller) -> None:
-    """Also at the actuator's limits, and after a reset; libraries loaded beside it have their own state."""
+    """This also holds at the actuator's limits and after a reset. Several loaded libraries each have their own state."""
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     loop = expected.loop
     u = expected.states[:, loop.unpack(np.arange(loop.size)).held.u - loop.size]  # counted from the end
@@ -80,7 +81,7 @@ def test_several_inputs() -> None:
 
 
 def test_it_is_the_c_that_a_user_gets(monkeypatch) -> None:
-    """Equal except for the prefix of names and the number that ties the files of an export together."""
+    """They are equal except for the prefix of names and the number that marks the files of one export."""
     seen = {}
 
     def keeping(compiler, texts, *options, **named):
@@ -110,7 +111,7 @@ def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_pat
 
 
 def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:
-    """The C really flew: its control differs from the list's."""
+    """The control differs from that of the list, so that the C was really used."""
     right = exported_step.source
 
     def wrong(printed):

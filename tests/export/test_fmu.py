@@ -49,7 +49,7 @@ CHOSEN = [
 
 
 def head(version: int) -> str:
-    """The standard's own header, as FMPy has it."""
+    """The standard's header, from FMPy."""
     import fmpy
 
     return (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}Functions.h").read_text()
@@ -63,8 +63,8 @@ def declared(version: int) -> set[str]:
 @pytest.mark.parametrize(("name", "version"), [(name, 2 + i % 2) for i, name in enumerate([*CHOSEN, CHOSEN[0]])])
 @pytest.mark.short(kept=lambda name, version: name == CHOSEN[1])
 def test_a_loop_of_units_is_the_simulation(name, version, tmp_path) -> None:
-    """FMPy's validation finds no fault. A master closes the loop of controller and plant; that, and the unit of the
-    loop, give the state of an ensemble in which each parameter has another value in one member: in every bit.
+    """FMPy's validation finds no fault. A master closes the loop of controller and plant. This loop and the unit of the whole
+    loop give, in every bit, the state of an ensemble in which each parameter has a different value in one member.
     """
     from fmpy.validation import validate_fmu
 
@@ -85,7 +85,7 @@ def test_a_loop_of_units_is_the_simulation(name, version, tmp_path) -> None:
 
 
 def closed(paths, folder, ensemble: Ensemble, member: int) -> list[tuple[list[float], list[float]]]:
-    """u, the estimates and x after each sample, of a loop of two units, and of one unit with both."""
+    """u, the estimates and x after each sample, for a loop of two units and for one unit with both."""
     starts, noise = ensemble.value(member), ensemble.noise(SAMPLES, member)
     controller, plant, loop = (Slave(paths[what], folder, starts) for what in ("controller", "plant", "loop"))
     assert any(name in slave.at for slave in (controller, plant) for name in starts) or not starts
@@ -113,7 +113,7 @@ def closed(paths, folder, ensemble: Ensemble, member: int) -> list[tuple[list[fl
 @pytest.mark.full
 @pytest.mark.parametrize("version", [2, 3])
 def test_all_functions_are_there_as_the_standard_declares_them(version, tmp_path) -> None:
-    """The sources compile without a warning beside the standard's own headers, which check every signature."""
+    """The sources compile without a warning with the standard's own headers, which check every signature."""
     import fmpy
 
     path = write_units(tmp_path, *EXAMPLES[CHOSEN[0]], SHORT, version)["loop"]
@@ -163,7 +163,7 @@ int main(void)
 @needs("gcc", "aarch64-linux-gnu-gcc", "qemu-aarch64")
 @pytest.mark.full
 def test_a_unit_made_on_linux_has_a_binary_for_aarch64_too(tmp_path) -> None:
-    """By the cross compiler; in qemu it gives the bits that this machine's binary gives."""
+    """It is made by the cross compiler, and in qemu it gives the same bits as this machine's binary."""
     import fmpy
 
     path = write_units(tmp_path, *EXAMPLES[one("Mrac-free-midpoint")], SHORT, 3)["controller"]
@@ -235,7 +235,7 @@ def test_a_state_goes_on_in_another_process(version, tmp_path) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("version", [2, 3])
 def test_states_are_got_set_and_freed(version, tmp_path) -> None:
-    """A step is undone and repeated; bytes of another unit, or too few bytes, are refused."""
+    """A step is undone and repeated. Bytes of another unit or too few bytes are refused."""
     paths = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)
     slave, other = Slave(paths["loop"], tmp_path), Slave(paths["plant"], tmp_path)
     slave.step(0.0, T)
@@ -257,7 +257,7 @@ def test_states_are_got_set_and_freed(version, tmp_path) -> None:
 @needs_gcc
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_step_that_is_repeated_or_left_out_is_refused_however_late(version, tmp_path) -> None:
-    """After a million samples and more; a point that is off by the accumulated rounding of that many steps is accepted."""
+    """This holds even after a million samples. An instant with the accumulated rounding of that many steps is accepted."""
     made = units(FREE, EXAMPLES[one("Mrac-free-euler")][1], SHORT, version=version)
     (path,) = (write(tmp_path / "made", {}) / name for name in made)
     path.write_bytes(made[path.name])
@@ -301,12 +301,12 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
     assert slave.get_all("u") == right.get_all("u")
     slave.set(
         {"x[1]": float("nan")}
-    )  # NaN: treated as the last good sample, frozen, with the last u; the status gives the reason
+    )  # NaN is treated as the last good sample, frozen, with the last u; the status states the reason
     right.freeze(True)
     held = slave.get_all("u")
     for one_of in (slave, right):
         one_of.step(3 * T, T)
-    assert slave.get_all("u") == held == right.get_all("u")  # a law without memory of x and r: the same u of the same sample
+    assert slave.get_all("u") == held == right.get_all("u")  # a law without memory of x and r has the same u for the same sample
     assert (slave.whole("status"), right.whole("status")) == (2, 0)
     right.freeze(False)
     for k, one_of in enumerate((slave, right)):
@@ -321,7 +321,7 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
 
 
 def test_parameters_are_what_enters_as_it_is() -> None:
-    """Gains, limits, bounds of the known set and initial estimates are parameters; a filter's poles, P and the sample time are
+    """Gains, limits, bounds of the known set and initial estimates are parameters. A filter's poles, P and the sample time are
     compiled in."""
     problem, controller = EXAMPLES[one("L1Adaptive-state-midpoint")]
     opened = Opened.of(problem, controller, SHORT, tunable=True)
@@ -375,7 +375,7 @@ def test_bounds_that_exclude_the_initial_estimate_are_refused_and_all_three_can_
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["Mrac-state-midpoint", "Mrac-state-euler", "NormalizedMrac-ball-midpoint", "RobustMrac-state"])
 def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
-    """No sample is refused because of it: after the next sample the estimate is at the new bound or inside it."""
+    """No sample is refused because of it. After the next sample the estimate is at the new bound or inside it."""
     paths = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2)
     slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": 1.0})
     ball = "uncertainty.radius" in slave.at
@@ -456,7 +456,7 @@ def test_units_have_units(tmp_path) -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_integral_of_a_baseline_has_no_label(version, tmp_path) -> None:
-    """It is a state of the problem beside those of the plant, which the labels name."""
+    """It is a state of the problem in addition to those of the plant, to which the labels belong."""
     import fmpy
 
     case, seen = load_case("aircraft-lqi"), dict[str, set[tuple[str | None, str]]]()
@@ -473,7 +473,7 @@ def test_the_integral_of_a_baseline_has_no_label(version, tmp_path) -> None:
 @pytest.mark.parametrize("name", [CHOSEN[0], CHOSEN[3], CHOSEN[8]])
 @pytest.mark.short(kept=lambda name: name == CHOSEN[0])
 def test_the_loop_in_c_is_the_simulation(name, tmp_path) -> None:
-    """Noise, lag, limits, rate limit and delay are the plant's; so are disturbances, at every instant of the solver's steps."""
+    """Noise, lag, limits, rate limit, delay and disturbances belong to the plant, at every instant of the solver's steps."""
     problem, controller = EXAMPLES[name]
     if problem.plant.paths[1:] == ():
         problem = replace(problem, disturbance=Sine(amplitude=0.3, frequency=2.0))
@@ -511,7 +511,7 @@ def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
 
 
 def test_the_check_that_is_named_can_be_run(tmp_path, capsys) -> None:
-    """Run literally in a shell, for one unit and for three, in a folder whose name has a space."""
+    """The command runs literally in a shell, for one unit and for three, in a folder whose name has a space."""
     for given in ([], ["--closed-loop"]):
         asked = ["export", "first-order", "--controller", "MRAC, sampled", "--target", "fmu2", "--sources-only"]
         assert main([*asked, *given, "--out", str(tmp_path / "a folder")]) == 0
@@ -524,7 +524,8 @@ def test_the_check_that_is_named_can_be_run(tmp_path, capsys) -> None:
 @needs_gcc
 @pytest.mark.full
 def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:
-    """The simulation splits its step there but an exported plant does not: at t = pi, after 314 samples of 0.01 s."""
+    """The simulation splits its step there, but an exported plant does not. The jump is at t = pi, after 314 samples of 0.01
+    s."""
     problem = replace(
         FREE, reference=Square(amplitude=1.0, frequency=1.0), sensor=None, plant=replace(FREE.plant, input=PlantInput())
     )

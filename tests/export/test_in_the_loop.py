@@ -36,7 +36,7 @@ def test_the_same_run_in_every_bit(name) -> None:
 
 
 def test_another_bit_in_the_c_is_another_run(monkeypatch) -> None:
-    """An export that differs is detected: the control in the loop really comes from C."""
+    """An export that differs is detected, so that the control in the loop really comes from C."""
     controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     origin = simulate(STATE, [controller], SIMULATION)[controller.name]
     right = in_the_loop.source
@@ -53,7 +53,7 @@ def test_another_bit_in_the_c_is_another_run(monkeypatch) -> None:
 
 
 def test_float32_parts_from_float64_and_stays_near() -> None:
-    """2e-3: 1000 samples of a loop that forgets, in numbers with a rounding of 6e-8, of a size of 3, at a gain of 5."""
+    """The tolerance 2e-3 is for 1000 samples of a stable loop with numbers of size 3, a rounding of 6e-8 and a gain of 5."""
     controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     simulation = Simulation(t_end=10.0, dt=T / 2)
     origin = simulate(STATE, [controller], simulation)[controller.name]
@@ -77,7 +77,7 @@ MISSES = Shell(longest_outage=0.05, fallback="zero", fade=0.1)
     ids=["late command", "and outages", "diverges"],
 )
 def test_nothing_is_refused_that_comes_after_the_test_vectors(problem, controller) -> None:
-    """Each grows beyond the least range, 10^6, after the 1000 samples that the self-test replays, at t = 10 s."""
+    """Each signal exceeds the smallest range, 10^6, after the 1000 samples that the self-test replays, at t = 10 s."""
     controller, simulation = Sampled(controller=controller, sample_time=T), Simulation(t_end=20.0 + T / 2, dt=T / 2)
     run = simulate(problem, [controller], simulation)[controller.name]
     assert abs(run.x[run.t < 10]).max() < 1e5 < 1e-1 * abs(run.x).max()
@@ -88,7 +88,8 @@ def test_nothing_is_refused_that_comes_after_the_test_vectors(problem, controlle
 
 
 def test_what_is_counted_is_said(capsys) -> None:
-    """Samples at which a measurement or a command was lost: more than the missed samples, which have no good measurement."""
+    """Samples at which a measurement or a command was lost. There are more of them than missed samples, which have no good
+    measurement."""
     faults = (Dropout(channel="x_1", share=0.1), Dropout(channel="command", share=0.2))
     problem, controller = replace(STATE, faults=faults), Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     simulation = Simulation(t_end=3.0 + T / 2, dt=T / 2)

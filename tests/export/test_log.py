@@ -31,7 +31,7 @@ KINDS = [
 ]  # fmt: skip
 SHORT = replace(SIMULATION, t_end=3.0)
 OWN = re.compile(r"measured_|u_limited|x_m_|e_\d|[xy]_tilde")
-"""What the controller has of its own: with the sensor's noise, its own model, its limits."""
+"""The case, with the sensor's noise, the controller's own model and its limits."""
 DRIVER = """\
 #include "controller.h"
 #include <string.h>
@@ -74,8 +74,8 @@ def driven(printed: Printed, folder, measured, commands) -> tuple[dict[str, np.n
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.short(kept=lambda name: name in KINDS[:6:2])
 def test_the_log_has_the_simulations_columns(name, tmp_path) -> None:
-    """Every column of the controller's own state, the estimates and u, in every bit: the values of a sample remain until the next
-    one. At the sample's instant a result re-evaluates it with fused products, so the last bits differ.
+    """Every column of the controller's own state, the estimates and u are equal in every bit. The values of a sample remain until
+    the next one. At the sample's instant a result evaluates them again with fused products, so that the last bits differ.
     """
     problem, controller = EXAMPLES[name]
     printed = Printed(Contents.of(problem, controller, SHORT, DOUBLE))
@@ -88,7 +88,7 @@ def test_the_log_has_the_simulations_columns(name, tmp_path) -> None:
     kept = {f"controller.{part.path}" for part in printed.contents.loop.parts} & {p.path for p in printed.contents.layout.parts}
     assert len(compared) >= 2 + len(kept)
     for one in compared:
-        held = columns[one][at - 1] if one.startswith("r") else columns[one][at]  # the command goes on between samples
+        held = columns[one][at - 1] if one.startswith("r") else columns[one][at]  # the command continues between samples
         assert same_bits(found[one], held), one
     measured = np.stack([found[name] for name in found if name.startswith("measured_")], axis=1)
     assert same_bits(measured, run.measured)
@@ -129,6 +129,6 @@ def test_rows_between_two_samples_have_what_the_law_keeps(beginning) -> None:
     u = np.reshape(places.held.u, -1) - kept.loop.size + own
     (estimates,) = (part for part in kept.loop.parts if part.role.kind == "estimates")
     theta_hat = np.reshape(getattr(places.controller, estimates.path), -1) - kept.loop.size + own
-    assert len(run.t) == 2 * len(kept.states) + 1  # two steps to a sample
+    assert len(run.t) == 2 * len(kept.states) + 1  # two steps in each sample
     for column, rows in ((run.u.reshape(len(run.t), -1), u), (run.theta_hat, theta_hat)):
         assert same_bits(column[1::2], kept.states[:, rows])

@@ -1,4 +1,4 @@
-"""Samples that are lost: the exported C is compared with the list and the equations, and run in a loop with a plant."""
+"""Lost samples: the exported C is compared with the list and the equations, and run in a loop with a plant."""
 
 from __future__ import annotations
 
@@ -54,7 +54,8 @@ def exported(folder, problem, controller) -> Printed:
 
 
 class Losses:
-    """Which measurements and commands of a row of samples are lost, drawn for one example, and when its estimates are frozen."""
+    """Random losses of measurements and commands in a series of samples of one example, and the samples at which its estimates
+    are frozen."""
 
     def __init__(self, name: str, samples: int) -> None:
         random = np.random.default_rng(sum(map(ord, name)))
@@ -64,7 +65,7 @@ class Losses:
         self.freeze = random.random(samples) < 0.1
 
     def spoilt(self, run) -> tuple[np.ndarray, np.ndarray]:
-        """The measurements and commands as the C gets them."""
+        """The measurements and commands as given to the C."""
         bad = np.resize([np.nan, np.inf, -np.inf, 1e300], len(run.measured))[:, None]
         return np.where(self.measured[:, None], bad, run.measured), np.where(self.command[:, None], bad, run.commands)
 
@@ -74,11 +75,10 @@ class Losses:
 
 
 def through_losses(act, losses: Losses, run, held_r: range) -> list[tuple[np.ndarray, np.ndarray]]:
-    """u and the whole state after each sample: ``act`` is one good sample of a state, of y, r, freeze, and the u that is then
-    held.
+    """u and the whole state after each sample. ``act`` computes one good sample from the state, y, r, freeze and the held u.
 
-    A lost measurement is the last good one, frozen, with u as it was; a lost command is the last good one, or 0; nothing but
-    the held command moves before the first measurement.
+    A lost measurement is replaced by the last good one, with frozen estimates and the previous u. A lost command is replaced by
+    the last good one or 0. Before the first measurement only the held command changes.
 
     held_r  the command's rows in the state
     """
@@ -134,7 +134,8 @@ class Numbers:
 @pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in REPLAYED else pytest.mark.bulk) for x in EXAMPLES])
 @pytest.mark.short(kept=lambda name: name in SHORT or name == "DirectMrac-state-euler-53")
 def test_through_random_losses_the_c_is_the_list_in_every_bit_and_an_outage_brings_it_to_rest(name, tmp_path) -> None:
-    """u and the whole state, sample by sample, with each loss reported; then the same library in an endless outage."""
+    """u and the whole state are equal sample by sample, and each loss is reported. Then the same library runs through an endless
+    outage."""
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
@@ -147,19 +148,19 @@ def test_through_random_losses_the_c_is_the_list_in_every_bit_and_an_outage_brin
 
 
 LINEAR = {name for name in EXAMPLES if name.startswith("Linear")}
-"""A user's own controllers, whose poles may be anywhere: they need not come to rest."""
+"""A user's own controllers, whose poles may be anywhere, so that they need not come to rest."""
 
 
 def outage(printed: Printed, folder, run):
-    """200 good samples of the run, and 20,000 of which both signals are lost."""
+    """200 good samples of the run, then 20,000 in which both signals are lost."""
     given = (np.vstack([part[:200], np.full((20_000, part.shape[1]), np.nan)]) for part in (run.measured, run.commands))
     return drive(printed, folder, *given)
 
 
 def assert_rest(printed: Printed, found) -> None:
-    """After 200 good samples no sample arrives for 200 s: u and everything learnt are held, and nothing diverges.
+    """Check that u and everything learnt are held and nothing diverges if, after 200 good samples, no sample arrives for 200 s.
 
-    1e-3 of the largest stored number, over the last 10 s: the slowest filter has decayed by then.
+    The tolerance is 1e-3 of the largest stored number over the last 10 s, by when the slowest filter has decayed.
     """
     learnt = [i for i, row in enumerate(printed.contents.layout.rows) if row in printed.contents.learnt]
     assert (found.status[200:] == BOTH_LOST).all()
@@ -172,7 +173,7 @@ def assert_rest(printed: Printed, found) -> None:
 @pytest.mark.parametrize("name", FEW)
 @pytest.mark.short(kept=lambda name: name in FEW[:2])
 def test_through_random_losses_the_c_is_the_equations(name, tmp_path) -> None:
-    """1e-7: the same sums in another order over 400 samples that are given, not fed back."""
+    """The tolerance 1e-7 is for the same sums in a different order over 400 given samples without feedback."""
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
@@ -185,7 +186,7 @@ def test_through_random_losses_the_c_is_the_equations(name, tmp_path) -> None:
 
 
 PLANT_T, LOSSES_FROM = 1e-3, 5000
-"""[s], and the sample from which some are lost: 5 s, past the start's transient."""
+"""Sample time [s], and the sample from which samples are lost, at 5 s after the initial transient."""
 PATTERNS = {
     "every 100th": lambda k, _: k % 100 == 0,
     "10 %": lambda k, drawn: drawn < 0.1,
@@ -195,7 +196,7 @@ PATTERNS = {
 
 
 class SectionV:
-    """Section V's plant and model from sample to sample under a held u, exactly, by matrix exponentials."""
+    """Section V's plant and model from sample to sample under a held u, computed exactly by matrix exponentials."""
 
     def __init__(self, controller: str) -> None:
         problem = load_case("paper").problem
@@ -221,7 +222,7 @@ class SectionV:
         return exported_c(case.problem, Sampled(controller=chosen, sample_time=PLANT_T)).library
 
     def largest_error(self, lost, *, by_caller: bool, seconds: float = 30.0) -> float:
-        """max |x - x_m| after the first losses; ``by_caller``: the caller passes the last good measurement instead of NaN."""
+        """max |x - x_m| after the first losses. With ``by_caller`` the caller passes the last good measurement instead of NaN."""
         library = loaded(self.library)
         library.barbalat_begin()
         act, handed, u, kept = library.barbalat_act, np.zeros(3), np.zeros(1), np.zeros(100)
@@ -245,8 +246,9 @@ class SectionV:
 @pytest.mark.short(kept=lambda controller, pattern: controller != "Robust MRAC" and pattern == "every second")
 def test_a_loop_with_losses_is_as_good_as_its_caller_can_make_it(controller, pattern) -> None:
     """Section V at 1 ms with its unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller that repeats the last good
-    sample has about the same. 1.2: u is held instead of recomputed, and nothing is learnt from a repeated sample. With nine
-    samples of ten lost the laws learn for only a tenth of the time; L1's predictor, designed for a high gain, suffers most: 15.
+    sample has about the same. The factor is 1.2 because u is held instead of recomputed and nothing is learnt from a repeated
+    sample. If nine of ten samples are lost, the laws learn only for a tenth of the time. The effect is largest for L1's
+    predictor, which is designed for a high gain: 15.
     """
     loop = SectionV(controller)
     nan, repeated = (loop.largest_error(PATTERNS[pattern], by_caller=by_caller) for by_caller in (False, True))
@@ -270,7 +272,7 @@ IN_GAPS = sorted(
 
 
 class ExactLoop:
-    """A linear plant and its model from sample to sample under a held u, exactly, with an exported controller."""
+    """A linear plant and its model from sample to sample under a held u, computed exactly, with an exported controller."""
 
     def __init__(self, problem, controller) -> None:
         limits = problem.plant.input.saturation
@@ -319,7 +321,7 @@ TOO_FAST = {("LinearOutput", "nine of ten"), ("L1Output", "nine of ten")}
 @pytest.mark.parametrize("name", IN_GAPS)
 @pytest.mark.short(kept=lambda name: "Piecewise" in name)
 def test_no_scheme_runs_away_where_most_measurements_are_lost(name) -> None:
-    """Twice the error without losses, and half of the command's amplitude, which holding u for 0.1 s may cost."""
+    """The limit is twice the error without losses plus half of the command's amplitude, which holding u for 0.1 s may add."""
     loop, scheme = ExactLoop(*EXAMPLES[name]), name.split("-")[0]
     without = loop.largest_error(lambda k, _: False)
     found = {pattern: loop.largest_error(lost) for pattern, lost in GAPS.items() if (scheme, pattern) not in TOO_FAST}
@@ -335,7 +337,7 @@ def test_every_registered_scheme_is_among_them() -> None:
 @pytest.mark.parametrize("pattern", GAPS)
 @pytest.mark.short(kept=lambda kappa, factor, pattern: pattern in ("two of three", "nine of ten"))
 def test_the_piecewise_law_answers_what_one_sample_left_of_a_gap(kappa, factor, pattern) -> None:
-    """Section V at 1 ms: applying the full error accumulated over m samples is m times too much, until the next measurement.
+    """Section V at 1 ms: applying the full error accumulated over m samples would be m times too much until the next measurement.
 
     Without losses |e| is 116, and 4.9 without C(s); with nine of ten lost, in gaps of up to some 80 ms, it is 186 and 29. A
     caller that repeats the last good measurement has 116, and without C(s) diverges if two of three samples are lost.
@@ -347,7 +349,8 @@ def test_the_piecewise_law_answers_what_one_sample_left_of_a_gap(kappa, factor, 
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name in LINEAR and "midpoint" in name])
 @pytest.mark.short(kept=lambda name: name.startswith("LinearOutput"))
 def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> None:
-    """Evenly, sample by sample, and no faster; README.md says so and advises a restart after a long outage."""
+    """It adds the error evenly, sample by sample, and no faster. README.md says so and recommends a restart after a long
+    outage."""
     found = outage(exported(tmp_path, *EXAMPLES[name]), tmp_path, recorded(*EXAMPLES[name], SIMULATION, 200))
     assert (found.u[200:] == found.u[199]).all()
     first, middle, last = found.kept[[-2001, -1001, -1]]
@@ -356,7 +359,7 @@ def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> Non
 
 
 def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_told(tmp_path) -> None:
-    """An integrator whose last good error was half of the range soon reaches its limit; the next good sample continues from
+    """An integrator whose last good error was half of the range soon reaches its limit. The next good sample continues from
     there."""
     controller = Sampled(controller=LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), name="integral"), sample_time=T)
     printed = exported(tmp_path, OUTPUT, controller)
@@ -365,7 +368,7 @@ def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_tol
     found = drive(printed, tmp_path, measured, np.zeros((404, 1)))
     assert (found.status[[0, 1, 402, 403]] == OK).all()
     full = int(np.flatnonzero(found.status == (MEASUREMENT_LOST | RESULT_REFUSED))[0])
-    assert 60 < full < 250  # 2/s of half the range: a second, in the controller's own scale of its state
+    assert 60 < full < 250  # 2/s of half the range takes a second in the controller's own scale of its state
     assert (found.status[2:full] == MEASUREMENT_LOST).all() and (
         found.status[full:402] == (MEASUREMENT_LOST | RESULT_REFUSED)
     ).all()
@@ -374,7 +377,8 @@ def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_tol
 
 
 def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
-    """A crystal's 10 and 100 ppm and a microsecond of 1 ms pass; 0.2 %, another rate and NaN are flagged. u is unchanged."""
+    """Deviations of 10 and 100 ppm by a crystal and of a microsecond in 1 ms are accepted. 0.2 %, another rate and NaN are
+    flagged. u is unchanged."""
     printed = exported(tmp_path, *EXAMPLES["Mrac-state-euler-0"])
     run = recorded(*EXAMPLES["Mrac-state-euler-0"], SIMULATION, 12)
     off = np.array([0, 1e-5, -1e-5, 1e-4, -1e-4, 9.99e-4, -9.99e-4, 2e-3, -2e-3, 1.0, -0.5, np.nan])
@@ -384,7 +388,7 @@ def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
 
 
 def test_one_of_two_actuators_has_limits(tmp_path) -> None:
-    """Its control is output within the limits and the other one's unchanged; the header and the self-test cover both."""
+    """Its control is output within the limits, and the other control is unchanged. The header and the self-test cover both."""
     limited = PlantInput(saturation=[-0.5, 0.25])
     name = next(name for name in EXAMPLES if name.startswith("Mrac-several"))
     problem = replace(SEVERAL, plant=replace(SEVERAL.plant, input=(limited, PlantInput())))
@@ -405,7 +409,8 @@ def test_one_of_two_actuators_has_limits(tmp_path) -> None:
     ids=["luenberger", "derivative"],
 )
 def test_the_self_test_has_an_observer_that_predicts_through_lost_samples(design, tmp_path) -> None:
-    """With a delay in its model, the C's freeze has its own value for a lost measurement, and the test sees a different one."""
+    """The observer has a delay in its model. freeze has its own value for a lost measurement in the C, and the self-test detects
+    a different one."""
     plant = Plant(A=[[0.0, 1.0], [-2.0, -0.5]], b=[0.0, 1.0], poles=[-2.0, -3.0], input=PlantInput(delay=1.5 * T))
     problem = Problem(
         plant=plant, reference_model=ReferenceModel(follow="x_1"), reference=Sine(amplitude=1.0, frequency=2.0), observer=design

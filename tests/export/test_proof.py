@@ -95,7 +95,8 @@ def with_a_shell() -> Printed:
 @needs("frama-c")
 @pytest.mark.full
 def test_no_step_with_a_shell_can_go_wrong(tmp_path) -> None:
-    """With every option of a shell, from every count of misses and at every time that a timer may report."""
+    """The shell has every option. The step starts from every count of missed samples and at every time that a timer may
+    report."""
     assert alarms(with_a_shell(), tmp_path, 20 * STATES) == []
 
 
@@ -107,7 +108,7 @@ def test_no_step_in_32_bits_can_go_wrong(name, tmp_path) -> None:
 
 
 def test_an_infinite_constant_is_a_bound_or_nothing() -> None:
-    """The proofs replace infinite constants by finite numbers, and only those that enter no computation."""
+    """The proofs replace infinite constants by finite numbers, but only those that do not enter a computation."""
 
     def bounded(*last: Operation) -> bool:
         first = (Operation("input"), Operation("constant", value=math.inf), Operation("constant", value=-math.inf))
@@ -150,7 +151,8 @@ MISRA = {
     "12.1": "each of the operations has two operands of the list, and comparisons bind looser in every one",
     "15.5": "refusals return early: fewer branches around the rest",
 }
-"""Rules of MISRA-C:2012 that cppcheck finds broken, all of them advisory or false, and why they stay: docs/guides/flight.md."""
+"""Rules of MISRA-C:2012 that cppcheck reports as violated. All are advisory or false reports. docs/guides/flight.md states the
+reasons."""
 
 
 @needs("cppcheck")

@@ -1,4 +1,4 @@
-"""An export recovers by itself from a state that leads out of range, or that is out of range itself."""
+"""An export recovers by itself from a state that leads out of range or is out of range."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from turns import drawn
 
 STATE_REFUSED, RESULT_REFUSED, LOST, FALLBACK = 4, 8, 2, 256
 REFUSALS = 10
-"""Good samples in a row with refused results after which nothing learnt is trusted any more: controller.h."""
+"""Number of consecutive good samples with refused results after which everything learnt is discarded; see controller.h."""
 STIFF = Problem(
     Plant(A_m=[[0, 1], [-2000, -90]], b=[0, 2000], theta=[0.1, -0.01], input=PlantInput(saturation=[-5, 5])),
     ReferenceModel(k_0=1),
     Sine(amplitude=0.3, frequency=2),
     uncertainty=ParameterBox(lower=[-0.2, -0.02], upper=[0.2, 0.02]),
 )
-"""A large command is accepted, and leads the model out of range at every later sample."""
+"""Cases in which a large command is accepted and leads the model out of range at every later sample."""
 KINDS = drawn(sorted(ONE_OF_EACH), 20)
-"""Each commit draws its own."""
+"""Each commit draws different ones."""
 BARE = replace(STIFF, plant=replace(STIFF.plant, input=PlantInput()))
 
 
@@ -45,7 +45,7 @@ def exported(problem: Problem, folder: Path, controller=None) -> Printed:
 
 
 def after_a_large_command(printed: Printed, folder: Path, bad: int = 100):
-    """Status and u of the run, and of the same run without the large command."""
+    """Status and u of the run and of the same run without the large command."""
     samples = recorded(printed.contents.problem.nominal, printed.contents.controller, SIMULATION, 200)
     r = samples.commands.copy()
     r[bad] = 2e5
@@ -55,7 +55,8 @@ def after_a_large_command(printed: Printed, folder: Path, bad: int = 100):
 @needs_gcc
 @pytest.mark.parametrize(("problem", "last"), [(STIFF, 102), (BARE, 100 + REFUSALS)], ids=["with limits", "without limits"])
 def test_without_a_longest_outage_the_controller_begins_again_too(problem, last, tmp_path) -> None:
-    """At the second refused result; a control without limits, which the command has made large, is given up after ten."""
+    """It begins again at the second refused result. A control without limits that the command has made large is discarded after
+    ten."""
     found, nominal = after_a_large_command(exported(problem, tmp_path), tmp_path)
     assert found.status[100] == 0 and (found.status[101 : last + 1] == RESULT_REFUSED).all()
     assert (found.status[last + 1 :] == 0).all()
@@ -64,7 +65,7 @@ def test_without_a_longest_outage_the_controller_begins_again_too(problem, last,
 
 @needs_gcc
 def test_a_held_control_without_limits_does_not_refuse_for_ever(tmp_path) -> None:
-    """The command made u so large that the model's and the predictor's next states are out of range with it."""
+    """The command has made u so large that the next states of the model and the predictor are out of range."""
     printed = exported(replace(BARE, shell=Shell(longest_outage=0.05, fallback="hold")), tmp_path)
     found, nominal = after_a_large_command(printed, tmp_path)
     assert (found.status[101:106] == RESULT_REFUSED).all() and found.status[106] == RESULT_REFUSED | FALLBACK
@@ -110,7 +111,7 @@ def test_a_bad_state_is_told_and_ends_with_the_next_good_measurement(member, val
     subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
     lines = subprocess.run(["./main"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60).stdout.splitlines()
     status, u = zip(*(line.split() for line in lines), strict=True)
-    only_u = member == "last_u[0]"  # which becomes zero; nothing else is bad
+    only_u = member == "last_u[0]"  # it becomes zero; nothing else is invalid
     assert [int(one) for one in status] == [0, 0, 0, 0, STATE_REFUSED, 0 if only_u else STATE_REFUSED, 0, 0]
     assert u[4] == ("0x0p+0" if only_u else u[3]) and (only_u or u[5] == u[3])
 

@@ -34,7 +34,7 @@ def test_the_crate_computes_the_simulations_bits(beginning, float32, tmp_path) -
 
 @needs("cargo")
 def test_a_crate_with_parameters_sets_them(tmp_path) -> None:
-    """For everything that the C accepts; a different gain gives different controls."""
+    """It sets everything that the C accepts, and a different gain gives different controls."""
     crate(KINDS[2], tmp_path, parameters=True, name="roll")
     text = (tmp_path / "lib.rs").read_text()
     tested = text.replace(
@@ -63,7 +63,7 @@ def test_a_crate_with_parameters_sets_them(tmp_path) -> None:
 
 @needs("cargo")
 def test_a_crate_whose_fallback_acts_at_once_passes_its_test(tmp_path) -> None:
-    """Its control is not held when a measurement is lost."""
+    """Its control is not held if a measurement is lost."""
     problem, controller = surrounded(KINDS[2], SHELLS["at once"])
     export_controller(problem, controller, SIMULATION, out=tmp_path, target="rust")
     done = subprocess.run(["cargo", "test", "--offline"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)

@@ -46,12 +46,12 @@ CHOSEN = NAMED + [
     for scheme in sorted(schemes_covered(), key=lambda scheme: scheme.__name__)
     if not any(name.startswith(f"{scheme.__name__}-") for name in NAMED)
 ]
-"""Of every scheme; of one that none was chosen of, the first example."""
+"""Examples of every scheme. If none is chosen, it is the first one."""
 
 
 @pytest.fixture
 def exported(shared) -> Callable[..., Path]:
-    """Writes the export of an example into a folder; pytest's processes make each export once."""
+    """Write the export of an example into a folder. pytest's processes write each export only once."""
 
     def written(name: str, folder: Path, *, float32: bool = False) -> Path:
         made = partial(files, *EXAMPLES[name], SIMULATION, float32=float32)
@@ -64,7 +64,7 @@ def exported(shared) -> Callable[..., Path]:
 @pytest.mark.parametrize(("name", "float32"), [(name, False) for name in CHOSEN] + [(name, True) for name in CHOSEN])
 @pytest.mark.short(kept=lambda name, float32: name in (CHOSEN[7:14:6] if float32 else CHOSEN[1:14:8]))
 def test_it_passes(name, float32, tmp_path, exported) -> None:
-    """Compiled without warnings, including those on promotion to double; with float32 no number has double precision."""
+    """It is compiled without warnings, including those on promotion to double. With float32 no number has double precision."""
     exported(name, tmp_path, float32=float32)
     done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
     assert done.returncode == 0, done.stdout
@@ -87,7 +87,7 @@ def test_a_scheme_from_outside_the_package(tmp_path) -> None:
 
 
 ColdState = namedtuple("ColdState", "theta_hat fade last_u Γ Θ")
-"""Fields of the names that an export gives its own members, and of letters that C has not."""
+"""Fields with names that an export uses for its own members, or with letters that C does not have."""
 
 
 class ColdEquations(PlainEquations):
@@ -134,7 +134,7 @@ def test_it_passes_with_clang(name, tmp_path, exported) -> None:
 
 
 def seen_when_fused(name: str) -> bool:
-    """Known parameters are 1 and -0.5 here, and a baseline's gains likewise: their products are exact, fused or not."""
+    """Known parameters are 1 and -0.5 here, as are a baseline's gains, so that their products are exact, fused or not."""
     return not name.startswith(("KnownParameters", "BaselineAlone"))
 
 
@@ -148,7 +148,7 @@ EMULATED = {
 @pytest.mark.parametrize("name", CHOSEN)
 @pytest.mark.short(kept=lambda name, machine: name == CHOSEN[9])
 def test_it_passes_on_other_machines(name, machine, tmp_path, exported) -> None:
-    """The same bits on aarch64 and riscv64; where the compiler fuses multiply-adds by itself, the self-test sees it."""
+    """The bits are the same on aarch64 and riscv64. If the compiler fuses multiply-adds by itself, the self-test detects it."""
     compiler, emulator = EMULATED[machine]
     exported(name, tmp_path)
     done = run_selftest(tmp_path, compiler, *ISO, "-O2", "-static", *STRICT, emulator=(emulator,))
@@ -165,8 +165,8 @@ BOARD = Path(__file__).parent / "cortex_m4"
 @pytest.mark.parametrize("name", CHOSEN)
 @pytest.mark.short(kept=lambda name: name == CHOSEN[7])
 def test_float32_on_a_cortex_m4f(name, tmp_path, exported) -> None:
-    """The vectors are this machine's float32 bits, and the controller needs no support routine for double precision;
-    with fused multiply-adds, which GNU mode takes, the self-test fails.
+    """The vectors are this machine's float32 bits, and the controller needs no support routine for double precision. With fused
+    multiply-adds, which GNU mode uses, the self-test fails.
     """
     exported(name, tmp_path, float32=True)
     linked = ["--specs=rdimon.specs", "-T", str(BOARD / "memory.ld"), str(BOARD / "startup.c")]
@@ -198,7 +198,7 @@ def _other_operand(text: str, drawn: random.Random) -> str:
 
 
 def _last_bit(text: str, drawn: random.Random) -> str:
-    """A constant changed by one unit in its last place."""
+    """A mutant with a constant changed by one unit in its last place."""
     body = text[text.index("static void advance(") :]
     found = drawn.choice([m for m in CONSTANT.finditer(body) if not m[2].lstrip("-").startswith("0x1.0000000000000p")])
     mantissa, power = found[2].split("p")
@@ -207,7 +207,7 @@ def _last_bit(text: str, drawn: random.Random) -> str:
 
 
 def _unsaved(text: str, drawn: random.Random) -> str:
-    """One number of the state that is not advanced."""
+    """A mutant in which one number of the state is not advanced."""
     found = drawn.choice(list(re.finditer(r"\n    c->\w+\[\d+\] = \(?\w*\)?t\d+;", text)))
     return text[: found.start()] + text[found.end() :]
 
@@ -227,11 +227,9 @@ FAULTS = [
 @pytest.mark.parametrize("name", [one("Mrac-state-euler"), one("RobustMrac-free-midpoint"), one("L1Adaptive-ball-midpoint")])
 @pytest.mark.short(kept=lambda name: name.startswith("Mrac"))
 def test_it_finds_planted_faults(name, tmp_path, exported, sample) -> None:
-    """Twenty mutants (every third in the short command), of which at most two (one) are missed: two thirds in the arithmetic,
+    """Twenty mutants (every third in the short command), of which at most two (one) are missed. Two thirds are in the arithmetic,
     down to one unit in the
-    last place of a constant, the rest in the surrounding code. One that no vector reaches, in a branch that the run does not
-    take,
-    may be missed.
+    last place of a constant, the rest in the surrounding code. A mutant in a branch that no vector reaches may be missed.
     """
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()
@@ -298,7 +296,7 @@ AROUND = {
     "a fade of a negative time": ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples;"),
     "10 ppm of a timer are another sample time": ("_SAMPLE_TIME + 0x1.4f8b588e368f1p-17", "_SAMPLE_TIME + 0x1.0p-30"),
 }
-"""What surrounds the arithmetic of a controller with limits of -3 and 3, and what is planted in its place."""
+"""The code around the arithmetic of a controller with limits of -3 and 3, and the planted replacements."""
 
 
 @needs_gcc
@@ -317,7 +315,7 @@ def test_it_finds_every_fault_that_is_planted_around_the_arithmetic(fault, tmp_p
 @needs_gcc
 @pytest.mark.parametrize("beginning", ["L1Adaptive-state-midpoint", "L1PiecewiseConstant-state"])
 def test_a_negative_fade_is_found_where_the_first_control_is_zero(beginning, tmp_path, exported) -> None:
-    """The filter of such a law starts at rest: a refused step after the start then puts out the same u as a good one."""
+    """The filter of such a law starts at zero, so that a refused step after the start outputs the same u as a good one."""
     exported(one(beginning), tmp_path)
     right = (tmp_path / "controller.c").read_text()
     original, planted = AROUND["a fade of a negative time"]
@@ -331,7 +329,7 @@ def test_a_negative_fade_is_found_where_the_first_control_is_zero(beginning, tmp
 @pytest.mark.full
 @pytest.mark.parametrize("name", [one("Mrac-state-midpoint"), one("L1Adaptive-state-midpoint"), one("L1PiecewiseConstant-state")])
 def test_no_statement_around_the_arithmetic_can_be_left_out(name, tmp_path, exported) -> None:
-    """Each statement except a return is deleted by itself: the self-test fails or the code does not compile."""
+    """Each statement except a return is deleted separately. The self-test fails or the code does not compile."""
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()
     first, last = right.index("static void advance("), right.index("/* A start without a bump")

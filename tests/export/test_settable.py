@@ -103,7 +103,7 @@ SAMPLE = """{name}_input in = {{0}};
 
 
 def loaded(folder, made: Printed, program: str, **more: str) -> ctypes.CDLL:
-    """The C with a program that calls it."""
+    """The C compiled with a program that calls it."""
     names = {"name": made.name, "macro": made.macro, "measured": made.measured}
     text = program.format(sample=SAMPLE.format(**names), **names, **more)
     write(folder, {"controller.h": header(made), "controller.c": source(made), "program.c": text})
@@ -137,7 +137,7 @@ unsigned drive(int samples, int from, int which, double value, long fade, const 
 @pytest.mark.parametrize("name", KINDS[1:4])
 @pytest.mark.short(kept=lambda name: name == KINDS[1])
 def test_a_change_in_flight_is_the_list_with_the_other_number(name, tmp_path) -> None:
-    """Each parameter, set at sample 40 without a fade: the state is, in every bit, what the list gives."""
+    """Each parameter is set at sample 40 without a fade. The state equals that of the list in every bit."""
     made = printed(name)
     contents, entries = made.contents, made.contents.layout.entries()
     stored = [f"kept[k * {len(entries)} + {i}] = {text.replace('c->', 'c.')};" for i, text in enumerate(entries.values())]
@@ -183,7 +183,7 @@ void called(int samples, const int *which, const double *value, const long *fade
 
 
 class Opened:
-    """The list with parameters, as ``Plain`` calls it."""
+    """The list with parameters in the form that ``Plain`` calls."""
 
     def __init__(self, contents) -> None:
         self.contents, self.state, self.u = contents, contents.initial.copy(), list(contents.layout.u.rows)
@@ -200,7 +200,7 @@ class Opened:
 
 
 class Settable(Plain):
-    """The shell in plain Python, with numbers that are set between two samples."""
+    """The shell in plain Python with numbers that are set between two samples."""
 
     length, change = 0, 0
 
@@ -235,7 +235,8 @@ class Settable(Plain):
 )
 @pytest.mark.short(kept=lambda scheme, shell: shell == "fade")
 def test_what_is_set_beside_a_shell_acts_as_in_plain_python(scheme, shell, tmp_path) -> None:
-    """Every bit of u: numbers set at good samples, in short and long outages, in fallbacks, and during the fade of a return."""
+    """Every bit of u is equal if numbers are set at good samples, in short and long outages, in fallbacks, and during the fade of
+    a return."""
     problem, controller = surrounded(scheme, SHELLS[shell])
     made = Printed(made_of(problem, controller, SIMULATION, DOUBLE, parameters=True))
     called = loaded(tmp_path, made, CALLER).called
@@ -267,7 +268,8 @@ def test_what_is_set_beside_a_shell_acts_as_in_plain_python(scheme, shell, tmp_p
 
 @needs_gcc
 def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) -> None:
-    """On the baseline alone u is unaffected, because none of its numbers can be set; a new change to it starts afresh."""
+    """While the baseline acts, u is unaffected, because none of its numbers can be set. A new change to the baseline starts
+    afresh."""
     posed = problem_with_baseline("lqi")
     made = Printed(made_of(posed, SCHEMES["mrac"], RUN, DOUBLE, parameters=True))
     called = loaded(tmp_path, made, CALLER).called
@@ -275,7 +277,7 @@ def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) ->
     y, r = (np.ascontiguousarray(part[:K]) for part in (made.contents.vectors.measured, made.contents.vectors.commands))
     y[20:60, 0] = np.nan
     offered = [one.name for one in made.contents.parameters]
-    assert not [one for one in offered if "baseline" in one or "uncertainty" in one]  # the case's values are others
+    assert not [one for one in offered if "baseline" in one or "uncertainty" in one]  # the case has different values
     gain = next(i for i, one in enumerate(offered) if one.endswith("gamma"))
     for at in (-1, 26, 45):  # never, while it changes to the baseline, and on the baseline alone
         which, value, fade = np.full(K, -1, np.int32), np.full(K, 40.0), np.full(K, 10, np.int64)
@@ -293,7 +295,8 @@ def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) ->
 
 @needs_gcc
 def test_a_gain_that_is_doubled_in_flight_makes_no_bump(tmp_path) -> None:
-    """A linear controller's u follows its gain at once: with a fade u goes on as without the change, at once it jumps."""
+    """A linear controller's u follows its gain at once. With a fade u continues as without the change, without a fade it
+    jumps."""
     made = printed(KINDS[5])
     drive = loaded(tmp_path, made, DRIVER, store="(void)kept;").drive
     which = next(i for i, one in enumerate(made.contents.parameters) if one.name.endswith("D"))
@@ -346,8 +349,9 @@ void flown(int samples, double h, const double *stiffness, double b, int which, 
 @needs_gcc
 @pytest.mark.parametrize(("scheme", "key"), [(KINDS[1], "gamma"), (KINDS[5], "D")])
 def test_a_number_that_is_set_at_every_sample_leaves_the_loop_closed(scheme, key, tmp_path) -> None:
-    """A plant in the loop with the C: with the same value at every sample the flight is that without, to rounding; with a gain
-    schedule u goes on with the law, in every bit as in plain Python, and the plant follows as with the schedule at once."""
+    """The C runs in a loop with a plant. With the same value at every sample, the flight equals that without setting up to
+    rounding. With a gain schedule u continues with the law, equal to plain Python in every bit, and the plant follows as with an
+    immediate schedule."""
     problem, _ = EXAMPLES[scheme]
     made = printed(scheme)
     contents, K, fade = made.contents, 400, 40
@@ -404,7 +408,7 @@ PROVEN = [*KINDS[:2], KINDS[5], one("Mrac-state-euler"), one("L1Adaptive-state-m
 @pytest.mark.full
 @pytest.mark.parametrize("name", PROVEN)
 def test_no_step_with_parameters_can_go_wrong(name, tmp_path) -> None:
-    """From every value of each parameter that ``..._set`` takes, after a call of it with anything."""
+    """The step starts from every value of each parameter that ``..._set`` accepts, after a call with any value."""
     assert alarms(printed(name), tmp_path) == []
 
 
@@ -451,7 +455,7 @@ def test_what_is_refused_and_what_is_told(tmp_path, capsys) -> None:
 
 
 def test_both_limits_of_the_control_are_not_0_together() -> None:
-    """As in the case, which refuses [0, 0]; one of them may be 0."""
+    """As in the case, [0, 0] is refused, but one of them may be 0."""
     name = next(name for name in KINDS if EXAMPLES[name][0].plant.paths[0].saturation is not None)
     contents = printed(name).contents
     (low,), (high,) = ([i for i, made in enumerate(contents.parameters) if made.limit == (0, side)] for side in (0, 1))

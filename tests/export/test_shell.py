@@ -1,4 +1,5 @@
-"""The shell as C and in simulations: equal in every bit under each fault, and the C against a shell in plain Python."""
+"""The shell in C and in simulations: it is equal in every bit under each fault, and the C is compared with a shell in plain
+Python."""
 
 from __future__ import annotations
 
@@ -67,7 +68,7 @@ def one(beginning: str):
 
 
 def surrounded(beginning: str, shell, faults=()):
-    """An example with this shell and these faults, whose channels are x_1, x_2, or y where only that is measured."""
+    """An example with this shell and these faults. Its channels are x_1 and x_2, or y if only y is measured."""
     problem, controller = one(beginning)
     if problem.feedback == "output":
         problem = replace(problem, labels=Labels(names=["x_1"]))
@@ -114,7 +115,8 @@ SHORT |= {("MracOutput-output-midpoint", "hold", "outages")}
 @pytest.mark.parametrize("scheme", ["Mrac-state-midpoint", "L1Adaptive-several-midpoint"])
 @pytest.mark.parametrize("shell", ["command", "command in time"])
 def test_a_commands_jump_is_held_in_c_as_in_the_simulation(scheme, shell, monkeypatch) -> None:
-    """A step is accepted when enough time has passed for its size; such a case is not exported, so the check is left out here."""
+    """A step is accepted when enough time has passed for its size. Such a case is not exported, so that the check is left out
+    here."""
     monkeypatch.setattr(Around, "require_taken", lambda *_: None)
     steps = Square(amplitude=0.5, frequency=2.0), Square(amplitude=1.0, frequency=3.0)
     problem, controller = surrounded(scheme, SHELLS[shell], FAULTS["command"])
@@ -131,7 +133,7 @@ def test_a_commands_jump_is_held_in_c_as_in_the_simulation(scheme, shell, monkey
 
 
 class Plain:
-    """A shell in plain Python around a list of operations, sample by sample, as controller.h and the page say it."""
+    """A shell in plain Python around a list of operations, sample by sample, as described in controller.h and on the page."""
 
     def __init__(self, act: Listed, shell: Shell, problem) -> None:
         self.act, self.shell, self.begun = act, shell, False
@@ -149,12 +151,12 @@ class Plain:
         self.most = {i: round(shell.stuck[name] / T) for i, name in enumerate(names) if name in shell.stuck}
         self.same = dict.fromkeys(self.most, 0)
         self.u, self.missed, self.left, self.bump = np.zeros(len(act.u)), 0, 0, 0.0
-        self.gone, self.whole = 0, self.fade  # samples since the last good one at a right time, and of the fade that goes on
+        self.gone, self.whole = 0, self.fade  # samples since the last good one at a right time, and samples of the present fade
         self.y, self.r = np.zeros(len(names)), np.zeros(len(commands))
         self.age = self.age_r = np.inf  # samples since the last good one
 
     def sample(self, y, r, freeze, time) -> tuple[int, np.ndarray]:
-        """Status and u; ``time`` is the timer's reading in sample times."""
+        """Status and u of a sample. ``time`` is the timer's reading in sample times."""
         status, calls, wrong = 0, round(time) if np.isfinite(time) else 0, False
         if self.shell.jitter is None:
             status |= WRONG_TIME if not abs(time - 1) <= 1e-3 else 0
@@ -221,7 +223,7 @@ class Plain:
 @pytest.mark.parametrize("scheme", ["Mrac-state-midpoint", "L1Adaptive-several-euler"])
 @pytest.mark.parametrize("shell", [shell for shell in SHELLS if shell != "none"])
 def test_the_c_is_a_shell_in_plain_python(scheme, shell, tmp_path) -> None:
-    """Every bit of u and every status through random losses, spikes, outages, missed calls and wrong times."""
+    """Every bit of u and every status are equal through random losses, spikes, outages, missed calls and wrong times."""
     problem, controller = surrounded(scheme, SHELLS[shell])
     printed = Printed(Contents.of(problem, controller, SIMULATION, DOUBLE))
     write(tmp_path, {"controller.h": header(printed), "controller.c": source(printed)})
@@ -258,7 +260,7 @@ def test_an_export_with_a_shell_passes_its_own_test(scheme, shell, tmp_path) -> 
 @needs_gcc
 @pytest.mark.parametrize("fallback", ["hold", "zero", "fade"])
 def test_results_out_of_range_end_in_the_fallback_and_the_controller_returns(fallback, tmp_path) -> None:
-    """A command that is accepted once and leads the model out of range, and with it every later sample."""
+    """A command is accepted once and leads the model out of range, and with it every later sample."""
     problem = Problem(
         Plant(A_m=[[0, 1], [-2000, -90]], b=[0, 2000], theta=[0.1, -0.01], input=PlantInput(saturation=[-5, 5])),
         ReferenceModel(k_0=1),
@@ -327,7 +329,7 @@ PLANTED = {
     "a command is not held before the first sample": ("            c->held_r[i] = in->r[i];\n", "            ;\n"),
     "one call too many": ("(double){M}_LONGEST_OUTAGE + 1.5", "(double){M}_LONGEST_OUTAGE + 2.5"),
 }
-"""What surrounds the arithmetic of an export with every part of a shell but a rate, and what is planted in its place."""
+"""The code around the arithmetic of an export with every part of a shell except a rate, and the planted replacements."""
 
 
 OF_COMMANDS = {
@@ -421,7 +423,7 @@ def test_a_shell_that_refuses_the_case_itself_is_not_exported() -> None:
 
 
 def test_a_shell_that_refuses_the_cases_command_is_not_run(tmp_path, capsys) -> None:
-    """With the same sentence as an export's refusal, and before anything is simulated."""
+    """It is refused with the same sentence as an export, before anything is simulated."""
     case, moving = tmp_path / "case.toml", CASE.replace('"constant"\nvalue = 1.0', '"sine"\namplitude = 1.0\nfrequency = 1.0')
     case.write_text(moving + "[shell]\nrate = { command = 0.01 }")
     assert main(["run", str(case), "--no-plots"]) == 2
@@ -449,7 +451,7 @@ def test_numbers_of_a_shell_may_be_arguments_of_a_kernel() -> None:
 
 
 def test_members_of_an_ensemble_may_differ_in_ranges_and_rates() -> None:
-    """Each equals its single run, except for fused sums."""
+    """Each member equals its single run up to fused sums."""
     spikes = (Spike(channel="x_1", size=0.4, share=0.1),)
     shells = [Shell(range={"x_1": [-2.0, high]}, rate={"x_1": 1.0 / high}) for high in (0.3, 0.5, 2.0)]
     made = [surrounded("Mrac-state-midpoint", shell, spikes) for shell in shells]

@@ -1,4 +1,4 @@
-"""The gain at which a float32 export departs from the simulation, against runs at gains on both sides."""
+"""The gain at which a float32 export differs from the simulation, compared with runs at gains on both sides."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def difference(gamma: float) -> float:
 @needs_gcc
 @pytest.mark.full
 def test_euler_steps_part_at_a_gain() -> None:
-    """Runs on both sides confirm it; from a gain at which they differ the search goes downwards."""
+    """Runs on both sides confirm it. From a gain at which they differ, the search continues downwards."""
     found = precision_limit(STATE, mrac(5.0, "euler"), SHORT)
     assert found.setting == "gamma" and found.at is not None
     below = max(gain for gain in found.apart if gain < found.at)
     assert found.at < 1.34 * below
     assert difference(found.at) > VISIBLE_SHARE > difference(below)
     assert found.apart[5.0] == pytest.approx(difference(5.0)) and found.apart[5.0] < 1e-5
-    again = precision_limit(STATE, mrac(found.at, "euler"), SHORT)  # from there on the search goes down
+    again = precision_limit(STATE, mrac(found.at, "euler"), SHORT)  # from there the search continues downwards
     assert again.at is not None and found.at / 3 < again.at <= found.at  # rounding errors are not a smooth function of the gain
 
 

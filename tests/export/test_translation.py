@@ -19,7 +19,7 @@ from export.translation import compiled, difference
 
 pytestmark = needs("clang", "z3")
 OPTIMISED = [name for name in PROVEN if name != one("L1Adaptive-state-midpoint")]
-"""Of the other one LLVM's optimiser knows more of values, such as that no square is negative, than the terms do."""
+"""For the other one, LLVM's optimiser uses facts on values that the terms do not contain, such as that no square is negative."""
 
 
 def printed(name: str, real=DOUBLE) -> Printed:
@@ -30,7 +30,7 @@ def printed(name: str, real=DOUBLE) -> Printed:
 @pytest.mark.parametrize("name", CHOSEN)
 @pytest.mark.short(kept=lambda name, real: name == CHOSEN[1] and real is FLOAT)
 def test_the_step_is_the_list(name, real, tmp_path) -> None:
-    """As clang reads the C: every scheme, one and several inputs, in both formats."""
+    """The step is compiled by clang for every scheme, one and several inputs, and both formats."""
     made = printed(name, real)
     assert difference(made, compiled(made, tmp_path, "-O0")) == ""
 
@@ -45,7 +45,7 @@ def test_the_optimised_step_is_the_list(name, tmp_path) -> None:
 @pytest.mark.parametrize(("name", "level"), [(one("Mrac-state-euler"), "-O2"), (one("RobustMrac-free-midpoint"), "-O0")])
 @pytest.mark.short(kept=lambda name, level: level == "-O2")
 def test_every_planted_fault_is_seen(name, level, tmp_path, sample) -> None:
-    """The self-test's arithmetic mutants: none may be missed here in any branch, and the place is reported."""
+    """The faults are the self-test's arithmetic mutants. None may be missed in any branch, and the place is reported."""
     made = printed(name)
     right = source(made)
     for number, fault in list(enumerate(FAULTS))[:: sample(5, 1)]:
@@ -55,7 +55,8 @@ def test_every_planted_fault_is_seen(name, level, tmp_path, sample) -> None:
 
 
 def test_terms_know_what_ieee_754_says_and_no_more() -> None:
-    """a - b is a + -b, addition commutes, and signs move out of products; but addition is not associative, and 0 + x is not x."""
+    """a - b is a + -b, addition is commutative, and signs can be moved out of products. But addition is not associative, and 0 +
+    x is not x."""
     terms = Terms(float)
     a, b, c = (terms.input("0", i) for i in range(3))
     zero, less = terms.constant(0.0), terms.compare("lt", a, b)
@@ -75,9 +76,9 @@ def test_terms_know_what_ieee_754_says_and_no_more() -> None:
         (add(add(a, b), c), add(a, add(b, c))),
         (add(a, zero), a),
         (mul(a, zero), zero),
-        (terms.neg(add(a, terms.neg(b))), add(b, terms.neg(a))),  # of equal numbers -0 and 0
+        (terms.neg(add(a, terms.neg(b))), add(b, terms.neg(a))),  # -0 and 0 are equal numbers
         (terms.of("div", mul(a, b), b), a),
         (terms.chosen(less, a, b), terms.chosen(terms.compare("le", a, b), a, b)),
-        (terms.chosen(terms.negated(less), a, b), terms.chosen(terms.compare("le", b, a), a, b)),  # of no numbers
+        (terms.chosen(terms.negated(less), a, b), terms.chosen(terms.compare("le", b, a), a, b)),  # of an empty list
     ):
         assert terms.differ([different])

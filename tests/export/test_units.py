@@ -43,7 +43,7 @@ KNOWN = Sampled(controller=KnownParameters(theta=[1.0, -0.5], name="known"), sam
     ],
 )
 def test_base_units_are_the_sis(unit, expected) -> None:
-    """By the SI brochure: N = kg m s^-2, 1 degree = pi/180 rad."""
+    """By the SI brochure N = kg m s^-2 and 1 degree = pi/180 rad."""
     assert base_unit(unit) == expected
 
 
@@ -78,7 +78,7 @@ def test_the_export_of_a_controller_that_is_lost_says_so(tmp_path) -> None:
 
 
 def test_the_export_says_if_the_shell_refuses_the_own_run_after_the_test_vectors(tmp_path) -> None:
-    """The command, and the state after it, goes to 2 at t = 11 s; the 1000 samples that an export replays end at 10 s."""
+    """The command, and then the state, changes to 2 at t = 11 s. The 1000 samples that an export replays end at 10 s."""
     late = replace(STATE, reference=Step(amplitude=2.0, start=11.0), faults=(Dropout(share=0.5),))
     told: list[str] = []
     for limit in (3.0, 1.5):

@@ -1,4 +1,4 @@
-"""An export's statements on its test vectors: the compiled C agrees, proofs hold for newly drawn numbers, and faces are
+"""An export's statements on its test vectors: the compiled C agrees, proofs hold for new random numbers, and faces are
 reached."""
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def contents(beginning: str, real=DOUBLE) -> Contents:
 @pytest.mark.parametrize("beginning", KINDS)
 @pytest.mark.short(kept=lambda beginning, float32: beginning == KINDS[6] and not float32)
 def test_the_compiled_self_test_kills_what_the_readme_says(beginning, float32, tmp_path) -> None:
-    """The self-test kills at least 97 % of the mutants not proven equivalent, also in 32 bits; the proven ones survive."""
+    """The self-test kills at least 97 % of the mutants that are not proven equivalent, also in 32 bits. Those proven equivalent
+    survive."""
     printed = Printed(contents(beginning, FLOAT if float32 else DOUBLE))
     found = found_in_c(printed, tmp_path)
     assert found.contradictions == []
@@ -68,7 +69,7 @@ def test_numbers_drawn_anew_kill_no_mutant_that_is_proven_to_be_none(beginning) 
 
 
 def test_the_sign_of_zero_and_the_rounding_of_a_root_are_not_proven_away() -> None:
-    """sqrt(-0.0) is -0.0, which differs from its magnitude; in 32 bits sqrt(2) lies below what 64 bits give, and equals c."""
+    """sqrt(-0.0) is -0.0, which differs from its magnitude. In 32 bits sqrt(2) is below its value in 64 bits and equals c."""
     x, within = Operation("input", (), source=(0, 0)), {(0, 0): Interval(0.0, 3.0)}
     size = Program((x, Operation("sqrt", (0,)), Operation("fabs", (1,))), ((2,),))
     left_out = Mutant(2, "fabs is omitted", Operation("copy", (1,)))
@@ -82,7 +83,7 @@ def test_the_sign_of_zero_and_the_rounding_of_a_root_are_not_proven_away() -> No
 
 
 def test_a_product_of_one_sign_is_not_below_zero_and_a_row_that_keeps_its_number_need_not_be_stored() -> None:
-    """For c above zero x (c x) is at least zero and equals its maximum with zero; for c of either sign it need not."""
+    """For positive c, x (c x) is at least zero and equals its maximum with zero. For c of either sign this need not hold."""
     x, y = (Operation("input", (), source=(0, row)) for row in (0, 1))
     scaled = Program(
         (x, y, Operation("mul", (0, 1)), Operation("mul", (2, 0)), Operation("constant"), Operation("fmax", (3, 4))), ((5,),)
@@ -108,7 +109,7 @@ def test_the_midpoint_laws_projection_is_reached_at_every_face() -> None:
 
 @needs_gcc
 def test_the_self_test_takes_both_sides_of_what_advance_decides(tmp_path) -> None:
-    """Counted by gcov or clang-19; at most two outcomes are unreachable from any state."""
+    """This is counted by gcov or clang-19. At most two outcomes are unreachable from any state."""
     made = contents("NormalizedMrac-ball-euler")
     told = coverage(Printed(made), tmp_path)
     taken, of = map(int, (part for part in told.replace(":", "").split() if part.isdigit()))

@@ -1,4 +1,4 @@
-"""What is written, where and under which names, and what is refused."""
+"""The written files, their folders and names, and refusals."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_plain_export_leaves_no_plant_of_another_one(tmp_path) -> None:
 
 @needs_gcc
 def test_two_exports_into_one_folder_never_mix(tmp_path) -> None:
-    """The second replaces the first; files of the two do not form a program together."""
+    """The second export replaces the first. Files of the two do not form a program together."""
     export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "one")
     export_controller(STATE, L1, SIMULATION, out=tmp_path / "one")
     assert sorted(file.name for file in (tmp_path / "one").iterdir()) == NAMES

@@ -1,4 +1,4 @@
-"""Translation validation: an exported step as compiled, as terms, compared with the terms of the operation list."""
+"""Translation validation: the terms of a compiled exported step, compared with the terms of the operation list."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ CLANG = [
     "-S",
     "-emit-llvm",
 ]
-"""``advance`` stays a function of its own, and sin, ... stay calls; numbers stay single ones."""
+"""Options with which ``advance`` remains a separate function, sin, ... remain calls, and numbers remain scalars."""
 TYPED_POINTER = re.compile(r"(%struct\.\w+|\[\d+ x \w+\]|double|float|i\d+)\*+")
-"""As clang wrote them up to its version 14."""
+"""Pointer types as clang wrote them up to version 14."""
 
 
 def compiled(printed: Printed, folder: Path, level: str, text: str | None = None) -> str:
-    """LLVM's text of the export, or of another source in its place."""
+    """LLVM's text of the export or of another source in its place."""
     write(folder, {"controller.h": header(printed), "controller.c": text or source(printed)})
     command = [*CLANG, level, "controller.c", "-o", "controller.ll"]
     subprocess.run(command, cwd=folder, check=True, timeout=60)
@@ -41,7 +41,8 @@ def compiled(printed: Printed, folder: Path, level: str, text: str | None = None
 
 
 def difference(printed: Printed, made: str) -> str:
-    """Where the compiled step differs from its list: an entry of the state and a missing operation; empty if equal."""
+    """The difference of the compiled step from its list, as an entry of the state and a missing operation. It is empty if they
+    are equal."""
     contents, program = printed.contents, printed.contents.step
     terms = Terms(contents.real.numbers)
     offsets = _offsets(printed)
@@ -65,7 +66,7 @@ def difference(printed: Printed, made: str) -> str:
 
 
 def _offsets(printed: Printed) -> dict[int, int]:
-    """The places of the flat state's entries in the struct."""
+    """The offsets of the flat state's entries in the struct."""
     found, at, size = {}, 0, SIZES[printed.real]
     for part in printed.contents.layout.parts:
         found |= {row: at + size * i for i, row in enumerate(part.rows)}
@@ -81,7 +82,7 @@ def _inputs(printed: Printed, terms: Terms, offsets: dict[int, int]) -> dict[tup
     inputs |= {(COMMAND, i): terms.input("1", size * (1 + y + i)) for i in range(q)}
     switch = terms.input("1", size * (1 + y + q), kind="flag")  # true: 0
     inputs |= {(FREEZE, 0): terms.chosen(switch, terms.constant(0.0), terms.constant(1.0))}
-    contents, behind = printed.contents, size * len(offsets)  # parameters stand behind the state
+    contents, behind = printed.contents, size * len(offsets)  # parameters follow the state
     for at in sorted(at for kind, at in sources(contents.step) if kind == PARAMETER):
         one = contents.fed(at)
         place = None if isinstance(one, float) else contents.parameters.index(one)

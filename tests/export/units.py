@@ -14,7 +14,7 @@ from barbalat.run.kernel.portable import standard_normal
 
 
 def write_units(folder: Path, problem, controller, simulation, version: int, **settings) -> dict[str, Path]:
-    """The three units by their kind."""
+    """Write the three units and return them by kind."""
     made = units(problem, controller, simulation, version=version, closed_loop=True, **settings)
     found = dict(zip(("controller", "plant", "loop"), made, strict=True))
     for name, content in made.items():
@@ -23,7 +23,7 @@ def write_units(folder: Path, problem, controller, simulation, version: int, **s
 
 
 class Ensemble:
-    """The case, and beside it, for each parameter of its units, the case with another value of that: one kernel for all."""
+    """The case and, for each parameter of its units, the case with a different value of that parameter, all in one kernel."""
 
     def __init__(self, problem, controller, simulation) -> None:
         self.problem, self.simulation = problem, simulation
@@ -31,11 +31,11 @@ class Ensemble:
         self.batch = Batch.of(self.opened.cases, simulation)
 
     def value(self, member: int) -> dict[str, float]:
-        """The parameter that this member changes; the first changes none."""
+        """The parameter that this member changes. The first member changes none."""
         return {self.opened.parameters[member - 1].name: self.opened.tried[member - 1]} if member else {}
 
     def run(self, samples: int) -> np.ndarray:
-        """(K, size, M) the loop's state one sample time after each sample."""
+        """The loop's state (K, size, M) one sample time after each sample."""
         every, simulation = self.batch.rhythm.sample_every, self.simulation
         states = []
         for k in range(samples):
@@ -46,13 +46,13 @@ class Ensemble:
         return np.array(states)
 
     def commands(self, k: int) -> np.ndarray:
-        """(q,) at sample k, at exactly the simulation's time."""
+        """The commands (q,) at sample k, at exactly the simulation's instant."""
         every, in_pieces = self.batch.rhythm.sample_every, self.batch.program.shape.in_pieces
         table = signal_table(self.problem.signals, self.simulation, k * every, 1, in_pieces=in_pieces)
         return table[0, : len(self.problem.commands)]
 
     def noise(self, samples: int, member: int) -> np.ndarray:
-        """(K, channels) what the sensor of a member adds, before its standard deviation."""
+        """The noise (K, channels) of a member's sensor before multiplication by the standard deviation."""
         channels, every, hold = self.batch.loop.signals.noise, self.batch.rhythm.sample_every, self.batch.rhythm.noise_hold
         if not channels:
             return np.zeros((samples, 0))

@@ -1,4 +1,4 @@
-"""Attacks on the known set: random plants whose noise is at its bound, exact motions, an independent enumeration of vertices."""
+"""Attacks on the known set: random plants with noise at its bound, exact motions and an independent enumeration of vertices."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from barbalat.validate import InputError
 
 
 def recorded(rng, A, B, h, N, noise):
-    """Exact samples of x' = A x + B u under held steps, with noise at its bound; with a slope bound found on a fine grid."""
+    """Exact samples of x' = A x + B u under held steps, with noise at its bound and a slope bound from a fine grid."""
     n, m = len(A), B.shape[1]
     fine = 20
     whole = np.zeros((n + m, n + m))
@@ -33,7 +33,7 @@ def recorded(rng, A, B, h, N, noise):
             slopes.append(np.abs(A @ x + B @ u[k]))
             x = step[:n] @ np.concatenate([x, u[k]])
     x = np.array(states)
-    # at the bound, by the worst pattern that is easy to think of and by a random one
+    # at the bound, with the worst simple pattern and with a random one
     error = noise * rng.choice([-1.0, 1.0], x.shape)
     outputs, inputs = [f"x{i}" for i in range(n)], [f"u{i}" for i in range(m)]
     bound = 1.1 * np.max(slopes, axis=0) + 1e-9
@@ -62,8 +62,8 @@ def test_the_true_plant_is_always_in_the_set(seed):
 
 
 def test_the_set_is_that_of_enumerated_vertices():
-    """One noisy and one exact regressor: every pair of the windows' edges in each half-plane, and the part that explains all
-    data."""
+    """With one noisy and one exact regressor, the set is found from every pair of the windows' edges in each half-plane and the
+    part that explains all data."""
     rng = np.random.default_rng(3)
     recording, noise, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 60, 2e-3)
     every = windows_of(recording, 0, noise, slope)
@@ -124,7 +124,7 @@ def test_an_unexcited_input_is_a_finding_and_leaves_no_bound():
 
 
 def _exact(x):
-    """The samples of x' = -x + 3 u."""
+    """Exact samples of x' = -x + 3 u."""
     states, now = [], 0.0
     for u in x.inputs[:, 0]:
         states.append(now)
@@ -170,7 +170,7 @@ def test_weak_duality_needs_no_right_multipliers(monkeypatch):
 
 
 def test_outputs_that_are_not_the_whole_state_are_a_finding():
-    """Only the position of an oscillator; with its rate the same recording is predicted without a message."""
+    """The output is only the position of an oscillator. With its rate the same recording is predicted without a message."""
     rng = np.random.default_rng(0)
     recording, _, _ = recorded(rng, np.array([[0.0, 1.0], [-400.0, -0.4]]), np.array([[0.0], [30.0]]), 0.01, 800, 1e-5)
     position = replace(recording, outputs=recording.outputs[:, :1], output_names=("x0",))
@@ -179,8 +179,8 @@ def test_outputs_that_are_not_the_whole_state_are_a_finding():
 
 
 def test_exact_knowledge_leaves_the_fit_for_the_rest():
-    """A coefficient known exactly is removed from the regression; one known to lie elsewhere is clipped, and a message says
-    so."""
+    """A coefficient that is known exactly is removed from the regression. A coefficient known to be elsewhere is clipped, and a
+    message says so."""
     rng = np.random.default_rng(8)
     A, B = np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([[0.0], [2.0]])
     recording, noise, slope = recorded(rng, A, B, 0.02, 300, 1e-4)
@@ -191,7 +191,7 @@ def test_exact_knowledge_leaves_the_fit_for_the_rest():
         assert np.allclose(row.nominal, [0.0, -1.0, 2.0], atol=0.01)
     wide = {
         name: 100 * bound for name, bound in noise.items()
-    }  # with which a row that is wrong by a few per cent explains the data
+    }  # with this noise a row that is wrong by a few per cent explains the data
     found = identify(recording, derivatives={"x0": "x1"}, within={("x1", "x1"): (-0.98, -0.9)}, noise=wide, slope=slope)
     nominal = found.rows[1].nominal
     assert any("the fit of x1' lies outside the known set" in said for said in found.findings)
@@ -199,7 +199,7 @@ def test_exact_knowledge_leaves_the_fit_for_the_rest():
 
 
 def unstable(h=0.01, N=800, noise=1e-3):
-    """x'' = 25 x + 4 u under a feedback that holds it near 0, with a dither; the noise is at its bound."""
+    """A recording of x'' = 25 x + 4 u with a feedback that holds it near 0, a dither, and noise at its bound."""
     rng = np.random.default_rng(3)
     whole = np.array([[0.0, 1.0, 0.0], [25.0, 0.0, 4.0], [0.0, 0.0, 0.0]])
     step, x, u, states = expm(whole * h), np.zeros(2), np.zeros((N, 1)), []
@@ -211,7 +211,7 @@ def unstable(h=0.01, N=800, noise=1e-3):
 
 
 def test_an_unstable_plant_is_validated_by_predictions_over_its_fastest_growth():
-    """Written out by hand: 0.2 s is 1 / 5 rad/s, and every prediction starts from a measured state."""
+    """By hand, the horizon of 0.2 s is 1 / 5 rad/s, and every prediction starts from a measured state."""
     found = identify(unstable(), derivatives={"q": "w"})
     growth = np.linalg.eigvals(found.A).real.max()
     assert growth == pytest.approx(5.0, rel=0.05)
@@ -231,7 +231,8 @@ def test_an_unstable_plant_is_validated_by_predictions_over_its_fastest_growth()
 
 
 def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
-    """A growing oscillation with only one state as output, and a growth that has ended before the held-out samples."""
+    """One recording is a growing oscillation with only one state as output, the other a growth that has ended before the
+    validation samples."""
     t = 0.01 * np.arange(800)
     turned = np.exp(t) * (1 + 2 * np.sin(10 * t))
     ended = np.where(t < 6, np.exp(t), np.exp(6.0) * (1 - 0.05 * (t - 6)))
@@ -267,7 +268,7 @@ def test_an_unexcited_coefficient_has_no_interval_and_takes_that_of_within():
 
 
 def test_a_contradiction_of_within_and_the_data_is_said_as_one():
-    """The unconstrained row explains the data; the row inside the set needs larger bounds, never smaller ones."""
+    """The unconstrained row explains the data. The row within the set needs larger bounds, never smaller ones."""
     rng = np.random.default_rng(1)
     recording, noise, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
     with pytest.raises(InputError) as told:
@@ -279,7 +280,7 @@ def test_a_contradiction_of_within_and_the_data_is_said_as_one():
 
 
 def test_the_smallest_factor_is_that_of_a_grid_and_its_bounds_are_explained():
-    """Two noisy coefficients: no row of a fine grid needs a smaller factor, and one nearly as small is found there."""
+    """With two noisy coefficients no row of a fine grid needs a smaller factor, and one row needs a factor nearly as small."""
     rng = np.random.default_rng(6)
     Q = rng.normal(size=(30, 2))
     windows = Windows(Q @ [0.3, -1.0] + 0.5 * rng.normal(size=30), Q, np.full(30, 0.02), np.full((30, 2), 0.03))
@@ -292,23 +293,23 @@ def test_the_smallest_factor_is_that_of_a_grid_and_its_bounds_are_explained():
     assert not enclose(wider).empty and enclose(narrower).empty
     half = np.array([[-np.inf, np.inf], [0.5, 2.0]])
     inside = min(windows.factor(np.array([a, b])) for a in axis for b in axis if b >= 0.5)
-    assert 0.95 * inside < least_factor(windows, half) <= inside  # a step of the grid moves a ratio by 1.5
+    assert 0.95 * inside < least_factor(windows, half) <= inside  # a step of the grid changes a ratio by 1.5
 
 
 def test_data_that_nothing_explains_are_refused_beside_a_regressor_within_its_error():
-    """The set's directions are unbounded, and it is empty all the same: once told as a lack of excitation."""
+    """The set is unbounded in its directions and nevertheless empty. This used to be reported as a lack of excitation."""
     rng = np.random.default_rng(0)
     Q = rng.normal(size=(60, 2))
     windows = Windows(5.0 * rng.normal(size=60), Q, np.full(60, 1e-6), np.column_stack([np.full(60, 1e-7), np.full(60, 1e-7)]))
     buried = replace(windows, Q_error=np.column_stack([1.1 * np.abs(Q[:, 0]), np.full(60, 1e-7)]), left=windows.left)
     assert enclose(windows).empty
     silent = replace(buried, left=np.where(np.arange(60) < 30, 0.0, buried.left), Q=Q * [0, 1], Q_error=buried.Q_error * [0, 1])
-    assert enclose(silent).empty  # the second regressor alone explains nothing, and the first one does not move
+    assert enclose(silent).empty  # the second regressor alone explains nothing, and the first one does not vary
     assert not np.isfinite(enclose(buried).lower[0])  # a large first coefficient explains every window
 
 
 def test_a_silent_input_leaves_the_coefficients_of_the_states_bounded():
-    """u = 0 all the time: only the coefficients of u have no bound, in the known set and in the intervals."""
+    """With u = 0 all the time, only the coefficients of u have no bound in the known set and in the intervals."""
     rng = np.random.default_rng(0)
     A = np.array([[0.0, 1.0], [-3.0, -0.8]])
     step, x, states = expm(A * 0.02), np.array([1.0, 0.0]), []

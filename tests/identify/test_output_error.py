@@ -13,7 +13,7 @@ from barbalat.identify.recording import Recording
 from barbalat.validate import InputError
 
 PLANT = np.array([[0.0, 1.0, 0.0], [-3.0, -0.8, 2.0]])
-"""x'' = -3 x - 0.8 x' + 2 u, with a period of 3.6 s."""
+"""The plant x'' = -3 x - 0.8 x' + 2 u with a period of 3.6 s."""
 
 
 def rig(h, noise, seed, N=400, plant=PLANT, feedback=None):
@@ -41,16 +41,17 @@ def hits(found, plant):
 @pytest.mark.parametrize("h", [0.05, 0.1, 0.2])
 @pytest.mark.parametrize("noise", [1e-4, 1e-2])
 def test_95_of_100_intervals_hold_the_truth(h, noise):
-    """180 intervals: at least 162 and, with a standard deviation of 2.9 for independent ones, usually about 171."""
+    """At least 162 of 180 intervals contain the truth. With a standard deviation of 2.9 for independent intervals, about 171
+    usually do."""
     found = [identify(rig(h, noise, seed)) for seed in range(30)]
     assert 162 <= sum(hits(one, PLANT) for one in found) <= 179
     assert all(one.converged for one in found)
-    for one in found[:3]:  # nothing but that they are no guarantee
+    for one in found[:3]:  # the only message is that they are no guarantee
         assert [said for said in one.findings if "no noise bound" not in said] == []
 
 
 def test_the_intervals_shrink_with_the_noise():
-    """Twice the noise, twice the interval; the trapezoidal rule's error at this sample time would be 1 %."""
+    """Twice the noise gives twice the interval. The trapezoidal rule's error at this sample time would be 1 %."""
     widths = [np.ptp(identify(rig(0.2, noise, 3)).rows[1].interval, axis=1) for noise in (1e-4, 2e-4)]
     np.testing.assert_allclose(widths[1], 2 * widths[0], rtol=1e-2)
     assert (widths[0] < 1e-3).all()
@@ -82,7 +83,7 @@ THERMAL = np.array([-0.0067, 0.004])
 
 
 def furnace(delay=0.0, ambient=0.0, h=2.0, N=900, noise=0.05, seed=0):
-    """T' = -0.0067 (T - ambient) + 0.004 u(t - delay), from rest; the heater is at 0 before the recording."""
+    """T' = -0.0067 (T - ambient) + 0.004 u(t - delay) from equilibrium. The heater is at 0 before the recording."""
     rng = np.random.default_rng(seed)
     d, T, u, temperature = round(delay / h), 0.0, np.repeat(rng.uniform(0, 100, N // 60 + 1), 60)[:N], []
     grown = np.exp(THERMAL[0] * h)
@@ -122,7 +123,7 @@ def test_the_operating_point_is_an_equilibrium_that_is_removed():
 
 
 def test_a_plant_without_an_equilibrium_has_no_operating_point():
-    """x' = 1 + noise-free drift, whatever u does."""
+    """x' = 1 plus a drift without noise, for any u."""
     t = 0.1 * np.arange(200)
     x = np.column_stack([t, np.sin(t)])
     u = np.cos(t)[:, None]
@@ -153,7 +154,7 @@ def test_infeasible_data_are_refused_with_the_factor_and_what_to_try():
 
 
 def test_a_nonlinear_plant_describes_no_plant():
-    """x' = -x^3 + u far beyond its linear range: intervals that are not to be believed, and it is said."""
+    """x' = -x^3 + u far beyond its linear range has meaningless intervals, and a message says so."""
     rng, x, outputs, u = np.random.default_rng(0), 0.0, [], np.repeat(np.random.default_rng(0).choice([-0.05, 8.0], 40), 20)
     for v in u:
         outputs.append([x + 1e-4 * rng.uniform(-1, 1)])
@@ -166,7 +167,7 @@ def test_a_nonlinear_plant_describes_no_plant():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_double_integrator_is_not_blamed_for_the_noise_of_its_initial_state(seed):
-    """The first measured rate, with an error of up to 0.1, would lead a simulation away by half the motion and more."""
+    """The first measured rate has an error of up to 0.1, with which a simulation would deviate by half of the motion or more."""
     integrators = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     found = identify(rig(0.05, 0.1, seed, 2000, integrators, np.array([0.03, 0.25])), derivatives={"q": "w"})
     assert found.restarted is None and min(found.fit.values()) > 0.7
@@ -181,7 +182,7 @@ def test_too_few_samples_of_a_period_are_a_finding():
 
 
 def test_states_at_rest_are_not_taken_for_a_wrong_plant():
-    """The held-out samples of one state are constant; and all samples of all states are."""
+    """In one recording the validation samples of one state are constant, in the other all samples of all states."""
     recording = rig(0.1, 1e-3, 0)
     still = recording.outputs.copy()
     still[300:, 1] = 0.0
@@ -206,7 +207,7 @@ def test_bounds_that_exclude_the_plant_lead_to_an_unstable_one_inside_them():
 
 
 def test_noise_that_hides_the_motion_is_told_apart_from_a_wrong_plant():
-    """The residual is noise as in the fit: the plant is not blamed."""
+    """The residual is noise as in the fit, so that the plant is not called wrong."""
     found = identify(rig(0.1, 3.0, 0, N=1200))
     assert min(found.fit.values()) < 0.7
     assert any("the noise is large compared with the motion of q, w" in said for said in found.findings)

@@ -35,7 +35,7 @@ class Law:
 
 @dataclass(frozen=True)
 class VanDerPol(Law):
-    """Turns x1'' = -x1 + u into van der Pol's oscillator x1'' - mu (1 - x1^2) x1' + x1 = r."""
+    """A law that makes x1'' = -x1 + u van der Pol's oscillator x1'' - mu (1 - x1^2) x1' + x1 = r."""
 
     mu: float = 1.0
 
@@ -45,7 +45,7 @@ class VanDerPol(Law):
 
 @dataclass(frozen=True)
 class Gain(Law):
-    """u = k'(x_m - x) + r."""
+    """The feedback u = k'(x_m - x) + r."""
 
     k: np.ndarray = field(default_factory=lambda: np.ones(1))
 
@@ -62,7 +62,7 @@ class Labelled(NamedTuple):
 
 
 def oscillator(damping: float, x0: list[float], reference: Any = None, **more: Any) -> Problem:
-    """x1'' + 2 damping x1' + x1 = u."""
+    """The plant x1'' + 2 damping x1' + x1 = u."""
     return Problem(
         plant=Plant(A_m=[[0.0, 1.0], [-1.0, -1.4]], b=[0.0, 1.0], theta=[0.0, 1.4 - 2 * damping], x0=x0, **more),
         reference_model=ReferenceModel(k_0=1.0),
@@ -71,7 +71,7 @@ def oscillator(damping: float, x0: list[float], reference: Any = None, **more: A
 
 
 def relay_problem(a: float, delay: float, noise: float = 0.0, reference: Any = None, limit: float = 1.0) -> Problem:
-    """x' = -a x + sat(u(t - delay)), limited to 1 unless said; a high gain makes a relay of the limits."""
+    """The plant x' = -a x + sat(u(t - delay)), with the limit 1 by default. With a high gain the limits act as a relay."""
     return Problem(
         plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0 - a], x0=[0.1], input=PlantInput(saturation=[-limit, limit], delay=delay)),
         reference_model=ReferenceModel(k_0=1.0),
@@ -84,10 +84,10 @@ RELAY_GAIN = 1e4
 
 
 def relay_cycle(a: float, delay: float) -> tuple[float, float]:
-    """Amplitude of x and frequency [rad/s] of a relay of +-1 with a delay before 1/(s + a), exactly.
+    """Exact amplitude of x and frequency [rad/s] of a relay of +-1 with a delay before 1/(s + a).
 
-    From x = 0 the old control acts for the delay and takes x to (1 - e^(-a delay))/a; the other one brings it back to 0 in
-    ln(2 - e^(-a delay))/a. The two together are half a period.
+    From x = 0 the old control acts for the delay and moves x to (1 - e^(-a delay))/a. The other one returns it to 0 in ln(2 -
+    e^(-a delay))/a. Both times together are half a period.
     """
     amplitude = -np.expm1(-a * delay) / a
     return amplitude, np.pi / (delay + np.log(2 - np.exp(-a * delay)) / a)
@@ -115,7 +115,7 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
     square, chirp, sine = Square(1.0, 0.7), Chirp(1.0, 0.2, 4.0, 60.0), Sine(1.0, 2.0)
 
     def hidden(reference: Any) -> tuple:
-        """It follows within its band, and the command turns about as often as it cycles."""
+        """A run that follows within its band, whose command reverses about as often as it oscillates."""
         return relay_problem(rng.uniform(0.8, 1.2), rng.uniform(0.008, 0.012), reference=reference, limit=1.3), fast
 
     fast, rippling = Gain(k=np.array([1e3])), Sines(amplitudes=[1.0, 0.06], frequencies=[0.3, 100.0])

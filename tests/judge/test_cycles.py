@@ -1,4 +1,4 @@
-"""Limit cycles known in closed form are found, with their amplitudes and frequencies; nothing else is taken for one."""
+"""Limit cycles known in closed form are found with their amplitudes and frequencies, and nothing else is taken for one."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -47,7 +47,7 @@ def test_a_relay_with_delay_cycles_as_computed_exactly(a, delay):
 
 
 def recorded_noise(t_end):
-    """A command at rest, as a logger records it."""
+    """A constant command as a logger records it."""
     t = np.linspace(0.0, t_end, 2001)
     return Recorded(times=t, values=1.0 + 1e-6 * np.random.default_rng(0).normal(size=len(t)))
 
@@ -56,7 +56,7 @@ def recorded_noise(t_end):
     "ripple", [{"disturbance": Sine(1e-6, 100.0)}, {"disturbance": Sine(0.05, 37.0)}, {"reference": recorded_noise(20.0)}]
 )
 def test_no_ripple_of_a_signal_hides_a_cycle(ripple):
-    """It turns more often than the control does and does not drive it."""
+    """The ripple reverses more often than the control and does not drive it."""
     problem = replace(relay_problem(0.5, 0.2), **ripple)
     (result,) = simulate(problem, [Gain(k=np.array([RELAY_GAIN]))], Simulation(t_end=20.0, dt=0.001)).values()
     assert result.verdict.kind is Class.CYCLE and result.verdict.cycle.amplitude == pytest.approx(1.0)
@@ -66,7 +66,7 @@ def test_turns_are_counted_beyond_a_ripple():
     t = np.linspace(0.0, 20.0, 20001)
     noisy = Recorded(times=t, values=np.sin(t) + 1e-3 * np.random.default_rng(0).normal(size=len(t)))
     assert Held.of([Sine(1.0, 1.0)], 0.0, 20.0).turns == Held.of([noisy], 0.0, 20.0).turns == 6
-    assert Held.of([Square(1.0, 1.0)], 0.0, 20.0).turns == 2 * 6 - 1  # each jump begins and turns back
+    assert Held.of([Square(1.0, 1.0)], 0.0, 20.0).turns == 2 * 6 - 1  # each jump begins and reverses
 
 
 @pytest.mark.parametrize(("a", "delay"), [(0.5, 0.2), (1.1, 0.1)])
@@ -79,7 +79,8 @@ def test_harmonic_balance_agrees_where_the_plant_is_a_low_pass(a, delay):
 
 
 def test_van_der_pol_has_the_period_of_the_tables():
-    """6.66329 for mu = 1 (Andersen and Geer, SIAM Journal on Applied Mathematics 42, 1982), and an amplitude of 2.0086."""
+    """The period is 6.66329 for mu = 1 (Andersen and Geer, SIAM Journal on Applied Mathematics 42, 1982) and the amplitude
+    2.0086."""
     (result,) = simulate(oscillator(0.0, [0.1, 0.0]), [VanDerPol(mu=1.0)], Simulation(t_end=80.0, dt=0.005)).values()
     verdict = result.verdict
     assert verdict.kind is Class.CYCLE
@@ -103,7 +104,7 @@ def test_labels_known_beforehand():
 
 
 def test_what_is_looked_at_in_runs_is_no_cycle_either():
-    """A run that follows a turning command is checked as in a sweep: everything is held, and no label becomes false."""
+    """A run that follows a reversing command is checked as in a sweep, with everything held constant. No label becomes false."""
     for name, (members, simulation, cycle) in labelled(np.random.default_rng(2), 6).items():
         if not cycle:
             found = simulate_ensemble(members, simulation, judge=Judge(closely=True), frequencies=False).judged
@@ -111,7 +112,7 @@ def test_what_is_looked_at_in_runs_is_no_cycle_either():
 
 
 def test_a_run_that_cycles_where_its_command_turns_as_fast_is_a_limit_cycle():
-    """It stays within 5 % of the scale, goes from limit to limit, and reverses less than the command turns."""
+    """It stays within 5 % of the scale, moves from limit to limit, and reverses less often than the command."""
     problem = relay_problem(1.0, 0.01, reference=Sines(amplitudes=[1.0, 0.06], frequencies=[0.3, 100.0]), limit=1.3)
     (result,) = simulate(problem, [Gain(k=np.array([1e3]))], Simulation(t_end=40.0, dt=1e-3)).values()
     verdict = result.verdict
@@ -148,7 +149,7 @@ gamma = 10.0
 
 
 def test_a_cycle_slower_than_the_tail_is_found_where_it_is_looked_at_closely():
-    """By ``judge.closely``, which ``run`` takes where the tail is shorter than three periods of the model."""
+    """It is found by ``judge.closely``, which ``run`` uses if the tail is shorter than three periods of the model."""
     plain, closely = (parse_case(SLOW + more) for more in ("", "[judge]\nclosely = true\n"))
     simulation = plain.simulation
     assert tail_is_short(plain.problem, simulation)
@@ -179,7 +180,7 @@ def test_no_verdict_depends_on_who_runs_beside(kind):
 
 
 def test_of_100_flexible_joints_40_are_limit_cycles_under_mrac():
-    """An independent program found that with the command held and the noise off 40 oscillate for ever and 60 come to rest."""
+    """An independent program found that with a constant command and no noise 40 oscillate for ever and 60 come to rest."""
     source = CaseText.read(JOINT)
     draws = sampled(source, [("plant.theta", "known-set"), ("plant.input.gain", "uniform:0.6:1.4")])
     plan = Plan({}, draws, 100, Design.LATIN, 0)
@@ -205,7 +206,8 @@ reference = { kind = "square", amplitude = 0.5, frequency = 1.0 }
 simulation = { t_end = 10.0, dt = 1e-3 }
 controller = [{ scheme = "adrc", bandwidth = 25.0, sample_time = 0.01 }]
 """  # noqa: E501
-"""Unstable by itself: with the long delay it swings from rail to rail, and its limits lose it sooner or later."""
+"""A plant that is unstable by itself. With the long delay it swings from limit to limit, and its limits lose it sooner or
+later."""
 
 
 @pytest.mark.parametrize(("delay", "lost"), [(0.0707, True), (0.001, False)])
@@ -218,8 +220,8 @@ def test_what_is_lost_in_its_continuation_is_told(delay, lost):
 
 
 def test_lost_samples_hide_no_limit_cycle():
-    """Holding a lost sample in the continuation would open the loop and the control would rest; here u goes from limit to
-    limit."""
+    """Holding a lost sample in the continuation would open the loop, and the control would be constant. Here u moves from limit
+    to limit."""
     lost = '\n[[faults]]\nkind = "dropout"\nchannel = "theta"\nshare = 0.02\nseed = 1\n'
     case = CaseText(JOINT.read_text("utf-8").replace("delay = 0.012", "delay = 0.032") + lost, JOINT.parent).case()
     (result,) = simulate(case.problem, [one for one in case.controllers if one.name == "MRAC"], case.simulation).values()
@@ -232,7 +234,7 @@ def test_lost_samples_hide_no_limit_cycle():
     [
         ([2.0, 1.0, 1.0], True),
         ([0.5, 1.0, 1.3, 1.4, 1.42], True),  # on its way to a cycle
-        ([1.0, 0.85, 0.85**2, 0.85**3], False),  # faintly damped
+        ([1.0, 0.85, 0.85**2, 0.85**3], False),  # weakly damped
         ([1.0, 1.2, 1.44, 1.728], False),  # diverges slowly
         ([1.0, 0.9, 1.0, 0.95], True),  # beats
         ([1.0, 0.1, 0.01], False),

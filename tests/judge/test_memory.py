@@ -1,4 +1,5 @@
-"""The judge's list, in kernels, along recorded signals and in NumPy, against formulas over all instants of a recorded run."""
+"""The judge's operation list in kernels, along recorded signals and in NumPy, compared with formulas over all instants of a
+recorded run."""
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ def problem(**given) -> Problem:
     return Problem(
         plant=Plant(A_m=[[0.0, 1.0], [-4.0, -3.0]], b=[0.0, 1.0], theta=[2.0, -1.0], x0=[0.5, 0.0], **given),
         reference_model=ReferenceModel(k_0=4.0),
-        reference=Square(1.0, np.pi / 4),  # its jumps lie on the grid
+        reference=Square(1.0, np.pi / 4),  # its jumps are on the grid
         uncertainty=ParameterBox(lower=[-3, -3], upper=[3, 3]),
         sensor=Sensor(noise=Noise(std=[0.01, 0.05], sample_time=0.01, seed=4)),
     )
@@ -41,7 +42,7 @@ LIMITS = {
 
 
 def reversals(v: np.ndarray, widths: np.ndarray) -> int:
-    """How often v moves back by more than ``widths`` from its farthest point since the last turn."""
+    """How often v moves back by more than ``widths`` from its farthest point since the last reversal."""
     count, rising, high, low = 0, True, v[0], v[0]
     for value, width in zip(v[1:], widths[1:], strict=True):
         high, low = max(high, value), min(low, value)
@@ -149,12 +150,12 @@ def test_the_same_lines_in_numpy():
 
 @pytest.mark.parametrize("offset", [0.0, 7.0])
 def test_swings_are_the_way_between_turns_of_the_tail(offset):
-    """By the extremes of the whole path, around any mean of the control."""
+    """They are found from the extremes of the whole path, for any mean of the control."""
     memory, one = Memory(1, 1, 1, limited=(True,), rate_limited=(False,), hysteresis=0.025, weighed=True), np.ones((3000, 1))
     t = np.linspace(0, 30, 3000)
     u = (offset + np.sin(2 * t) + 0.3 * np.sin(9 * t))[:, None]
     samples, ranges = Sample(u, u, u, u, u, 0 * one, 0 * one, u, one), np.array([4.0])
-    for start in (2000, 2040, 2090):  # with an odd and an even number of turns behind it
+    for start in (2000, 2040, 2090):  # after an odd and an even number of reversals
         head, tail = (Sample(*(part[which] for part in samples)) for which in (slice(0, start), slice(start, None)))
         before = along(memory, head, ranges)
         whole = along(memory, tail, ranges, start=before, renewed=True)

@@ -1,4 +1,5 @@
-"""Verdicts as sentences, in JSON, by bands in the plant's units; verdicts that depend on the solver, for a run and in sweeps."""
+"""Verdicts as sentences, in JSON and by bands in the plant's units, and verdicts that depend on the solver, for a run and in
+sweeps."""
 
 import json
 import pickle
@@ -88,7 +89,7 @@ def test_a_component_without_motion_has_the_largest_of_what_else_moves_it_as_sca
 
 
 def test_the_models_answer_to_a_disturbance_is_the_exact_one():
-    """Of x'' + 2 x' + x = 3 sin t, at rest at first: x = 1.5 ((1 + t) e^-t - cos t). Let go at 1, x' comes to -1/e."""
+    """For x'' + 2 x' + x = 3 sin t from zero, x = 1.5 ((1 + t) e^-t - cos t). Released at 1, x' reaches -1/e."""
     problem = replace(oscillator(0.7, [0.0, 0.0]), disturbance=Sine(3.0, 1.0))
     problem = replace(problem, plant=replace(problem.plant, A_m=np.array([[0.0, 1.0], [-1.0, -2.0]])))
     found = Uncommanded.of(problem, 40.0)
@@ -99,7 +100,8 @@ def test_the_models_answer_to_a_disturbance_is_the_exact_one():
 
 
 def test_what_a_truth_starts_from_and_is_disturbed_by_sets_the_scale():
-    """The model rests, and the plant that is designed for has neither a start nor a disturbance; the truth has one state more."""
+    """The model is at rest, and the nominal plant has neither an initial state nor a disturbance. The truth has one state
+    more."""
     plain = replace(oscillator(0.7, [0.0, 0.0]), disturbance=Sine(3.0, 1.0))
     A = [[0.0, 1.0, 0.0], [-1.0, -1.4, 1.0], [0.0, 0.0, -50.0]]
     found = {}
@@ -149,7 +151,7 @@ bandwidth = 40.0
 
 @pytest.mark.parametrize("command", ["0.0", "1e-6"])
 def test_what_runs_away_beside_a_command_of_nothing_is_lost(command):
-    """Its scale was its own size, of which no value is 100 times; a command of 1e-6 does not change the run."""
+    """Its scale used to be its own size, which no value exceeds 100 times. A command of 1e-6 does not change the run."""
     case = parse_case(RUNAWAY.replace("COMMAND", command))
     found = [one.verdict for one in simulate(case.problem, case.controllers, case.simulation).values()]
     assert {one.kind for one in found} == {Class.LOST}
@@ -273,7 +275,7 @@ def test_between_samples_the_plants_own_modes_must_be_resolved():
 
 
 def test_ringing_shares_are_those_of_a_step_that_resolves_it():
-    """Section V at h = 1 ms, where every member rings: against the same members at 10 us."""
+    """Section V at h = 1 ms, where every member oscillates, is compared with the same members at 10 us."""
     text = CaseText(SECTION_V.replace("GAMMA", "100.0"))
     fine = CaseText(SECTION_V.replace("GAMMA", "100.0").replace("dt = 1e-3", "dt = 1e-5"))
     given = {"sample": {"plant.theta": "known-set"}, "members": 24, "bounds": False, "audit": 0}
@@ -305,13 +307,13 @@ def test_two_inputs_are_judged_each():
     ("follows", "told"),
     [
         ({}, ("x_2", None)),
-        ({"x_2": 500.0}, ("x_2", "x_1")),  # both are off: the declared state first, then the worst one
-        ({"x_2": 600.0}, ("x_1", "x_2")),  # only the other one is off
+        ({"x_2": 500.0}, ("x_2", "x_1")),  # both are outside: the declared state first, then the worst one
+        ({"x_2": 600.0}, ("x_1", "x_2")),  # only the other one is outside
         ({"x_1": 240.0, "x_2": 700.0}, ("x_2", "x_1")),  # both follow
     ],
 )
 def test_the_state_that_is_declared_to_follow_comes_first(follows, told):
-    """Section V with a slow filter, which lets both states miss; only x_1 can be declared, so the states are swapped."""
+    """In Section V with a slow filter both states miss their bands. Only x_1 can be declared, so that the states are swapped."""
     text = SECTION_V.replace("k_0 = 4.0", 'follow = "x_2"').replace("[4.0, -3.0]", "[-3.0, 4.0]").replace("GAMMA", "10.0")
     text = text.replace("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A_m = [[-1.0, -0.3], [1.0, 0.0]]").replace(
         "b = [0.0, 1.0]", "b = [1.0, 0.0]"

@@ -1,4 +1,4 @@
-"""A driven linear system between instants, against SciPy's ``lsim``, and its integrator for signals straight in between."""
+"""A driven linear system between instants, compared with SciPy's ``lsim``, and its integrator for piecewise linear signals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Responses along known signals: closed forms, and dense steps of SciPy's matrix exponential."""
+"""Responses along known signals, compared with closed forms and short steps of SciPy's matrix exponential."""
 
 import math
 
@@ -24,7 +24,7 @@ SIGNALS = (
 
 
 def responding(A: np.ndarray, b: np.ndarray, x0: np.ndarray, signal, t_end: float) -> list[np.ndarray]:
-    """x' = A x + b r, all states as outputs."""
+    """The system x' = A x + b r with all states as outputs."""
     made = generator(signal, t_end)
     k, n = len(made.S), len(A)
     whole = np.block([[made.S, np.zeros((k, n))], [np.outer(b, made.c), A]])
@@ -34,7 +34,7 @@ def responding(A: np.ndarray, b: np.ndarray, x0: np.ndarray, signal, t_end: floa
 
 
 def sampled(A: np.ndarray, b: np.ndarray, x0: np.ndarray, signal, t_end: float, steps: int) -> np.ndarray:
-    """The same at many instants: r by Simpson's weights in each step, but where it jumps, the value on either side."""
+    """The response at many instants. r has Simpson's weights in each step, and at a jump the value on either side."""
     n, h = len(A), t_end / steps
     half, whole = expm(A * h / 2), expm(A * h)
     x, found = x0.astype(float), [x0.astype(float)]
@@ -48,7 +48,7 @@ def sampled(A: np.ndarray, b: np.ndarray, x0: np.ndarray, signal, t_end: float, 
 
 
 def test_the_peak_of_a_driven_lag_in_closed_form():
-    """x' = -x + sin 2t from 0: x = (sin 2t - 2 cos 2t + 2 e^-t)/5, on a million points."""
+    """x' = -x + sin 2t from 0 has x = (sin 2t - 2 cos 2t + 2 e^-t)/5, evaluated at a million points."""
     bounds = responding(-np.eye(1), np.ones(1), np.zeros(1), Sine(1.0, 2.0), 20.0)
     t = np.linspace(0, 20, 1_000_001)
     peak = np.abs((np.sin(2 * t) - 2 * np.cos(2 * t) + 2 * np.exp(-t)) / 5).max()
@@ -63,7 +63,8 @@ def test_nothing_happens_without_a_command():
 @pytest.mark.parametrize("signal", SIGNALS, ids=lambda one: type(one).__name__)
 @pytest.mark.parametrize("n", [1, 3])
 def test_no_state_leaves_its_bound_and_the_bound_is_near(signal, n):
-    """Simpson's rule on 20,000 steps is right to 1e-6 but in the step of a jump, where it misses at most h |b| 2 |r|."""
+    """Simpson's rule with 20,000 steps is accurate to 1e-6, except in the step of a jump, where its error is at most h |b| 2
+    |r|."""
     rng = np.random.default_rng(n)
     A = rng.normal(size=(n, n)) - 3 * np.eye(n)
     A[0, 0] -= 60.0  # stiff

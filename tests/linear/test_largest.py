@@ -16,7 +16,7 @@ def up_to(limit):
 
 @pytest.mark.parametrize("limit", [1e-300, 1e-160, 3e-5, 0.7, 1.0 - 1e-16, 1e12, 1e200])
 def test_neighbours_of_a_known_limit(limit):
-    """Also where the product of the ends is below the smallest float, which once made the search endless."""
+    """This also holds if the product of the ends is below the smallest float, which once made the search endless."""
     eight_roundings = 8 * sys.float_info.epsilon
     assert largest(up_to(limit), 0.0, 10 * limit) == pytest.approx(limit, rel=eight_roundings)
     assert largest(up_to(limit), limit / 1e4, limit * 1e4) == pytest.approx(limit, rel=eight_roundings)
@@ -69,7 +69,7 @@ def test_secants_where_nothing_or_everything_is_borne():
 
 
 def test_the_first_exit_counts_where_the_steps_are_short():
-    """Tolerated below 2 and from 3 to 4: steps of a tenth find the gap, and the boundary is its beginning."""
+    """Values below 2 and from 3 to 4 are tolerated. Steps of a tenth find the gap, and the result is its beginning."""
     found = largest_from(lambda value: value <= 2 or 3 <= value <= 4, 1.0, factor=1.1)
     assert found == pytest.approx(2.0, rel=1e-15)
 
@@ -91,7 +91,7 @@ def test_as_many_halvings_as_it_takes(ratio, within):
 @pytest.mark.parametrize("bound", range(24))
 @pytest.mark.parametrize("stride", [1, 4, 7])
 def test_the_largest_whole_number(bound, stride):
-    """All values up to the bound are tolerated; beyond the last stride nothing is tried."""
+    """All values up to the bound are tolerated. Nothing is tried beyond the last stride."""
     tried = []
 
     def bears(number):

@@ -1,4 +1,4 @@
-"""Margins against python-control, against Pade approximations of the delay, and against closed forms."""
+"""Margins, compared with python-control, with Pade approximations of the delay, and with closed forms."""
 
 import math
 
@@ -40,15 +40,15 @@ def random_loops(count: int) -> list[StateSpace]:
 
 
 def pade_closed_loop(loop: StateSpace, delay: float, order: int = 12) -> float:
-    """The closed loop's largest real part with the delay as a Pade approximation."""
+    """The largest real part of the closed-loop poles with a Pade approximation of the delay."""
     num, den = control.pade(delay, order)
     delayed = series(loop, TransferFunction(np.array(num), np.array(den)).realise())
     return float(np.linalg.eigvals(delayed.A - np.outer(delayed.B, delayed.C) / (1 + delayed.D)).real.max())
 
 
 def test_a_crossing_that_lies_on_a_point_of_the_grid():
-    """Second-order MRAC loops whose theta rounds such that, near a zero, a value computed alone has another sign than in an
-    array."""
+    """Second-order MRAC loops whose theta is rounded such that, near a zero, a value computed alone and the same value in an
+    array have different signs."""
     b, found = np.array([0.0, 1.0]), 0
     for first in np.round(np.arange(0.35, 0.95, 0.0125), 4):
         theta = np.array([first, 2.0])
@@ -85,7 +85,7 @@ def test_delay_margin_is_where_the_delayed_loop_loses_stability():
 
 
 def test_all_crossovers_count():
-    """Two resonances: the delay margin belongs to the higher crossover, although the first has the smaller phase margin."""
+    """With two resonances the delay margin is that of the higher crossover, although the first has the smaller phase margin."""
     slow = TransferFunction(np.array([0.02]), np.array([1.0, 0.02, 0.01])).realise()
     fast = TransferFunction(np.array([60.0]), np.array([1.0, 0.5, 10000.0])).realise()
     both = StateSpace(
@@ -124,7 +124,7 @@ def test_unstable_and_ill_posed_loops_are_refused():
 
 
 def test_fast_adaptation_is_the_limit_of_the_adaptive_loop():
-    """The loop linearised with the law inside tends to the LTI limit as 1/sqrt(Gamma), below the adaptation frequency."""
+    """The loop linearised with its law tends to the LTI limit as 1/sqrt(Gamma), below the frequency of adaptation."""
     problem = load_case("paper").problem
     C = input_filter(0.1)
     limit = fast_adaptation(problem.plant, C.realise())
@@ -143,7 +143,7 @@ def test_fast_adaptation_is_the_limit_of_the_adaptive_loop():
 
 
 def test_mrac_around_a_constant_command_by_hand():
-    """theta_hat'x* integrates Gamma |x*|^2 b'P e: L = theta'G + (Gamma |x*|^2/s) b'P G."""
+    """theta_hat'x* integrates Gamma |x*|^2 b'P e, so that L = theta'G + (Gamma |x*|^2/s) b'P G."""
     problem = load_case("paper").problem
     plant, gamma, r = problem.plant, 2.0, 3.0
     controller = Mrac(gamma=gamma)
@@ -169,7 +169,7 @@ def test_known_parameters_with_and_without_filter():
 
 
 def random_delayed_loops(count: int):
-    """Loops with a part of the delay that they tolerate, or of one of their time constants."""
+    """Random loops with a delay that is a fraction of the tolerated one or of one of their time constants."""
     rng = np.random.default_rng(9)
     for loop in random_loops(count):
         borne = margins(loop).delay
@@ -188,7 +188,7 @@ def brute_force(loop: StateSpace, delay: float):
 
 
 def test_beside_a_delay_against_brute_force():
-    """1e-4: linear interpolation of the brute force."""
+    """The tolerance 1e-4 is for the linear interpolation of the brute force."""
     for loop, delay in random_delayed_loops(15):
         found, peaks = margins(loop, delay), delayed_peaks(loop, delay)
         L = brute_force(loop, delay)
@@ -205,7 +205,7 @@ def test_beside_a_delay_against_brute_force():
         for peak, values in ((peaks.sensitivity, 1 / (1 + L)), (peaks.complementary, L / (1 + L))):
             highest = float(np.abs(values).max())
             assert highest <= peak * (1 + 1e-9)
-            assert peak == pytest.approx(highest, rel=1e-3)  # an upper end to 1e-6; the points lie beside a sharp peak
+            assert peak == pytest.approx(highest, rel=1e-3)  # an upper end to 1e-6; the points are next to a sharp peak
 
 
 def test_beside_a_delay_the_factors_are_where_stability_is_lost():
@@ -232,7 +232,7 @@ def test_the_delay_that_is_there_is_taken_off():
 
 
 def test_an_integrator_with_a_delay():
-    """k/s e^(-s d): the phase is -pi at w = pi/(2 d) + 2 pi m/d, the first with |L| = 2 k d/pi."""
+    """The phase of k/s e^(-s d) is -pi at w = pi/(2 d) + 2 pi m/d, at the first of which |L| = 2 k d/pi."""
     found = margins(TransferFunction([0.5], [1.0, 0.0]).realise(), 0.3)
     assert found.gain_up == pytest.approx(np.pi / (2 * 0.5 * 0.3), rel=1e-9)
     assert found.gain_down == 0
@@ -242,7 +242,7 @@ def test_an_integrator_with_a_delay():
 
 
 def test_a_loop_that_does_not_fall_off_bears_no_more_than_its_end():
-    """L = 0.5 (s + 3)/(s + 1): with the delay, L turns at |L| -> 0.5 for ever, so that the factor 2 loses stability."""
+    """With the delay, L = 0.5 (s + 3)/(s + 1) rotates for ever at |L| -> 0.5, so that stability is lost at the factor 2."""
     loop = TransferFunction([0.5, 1.5], [1.0, 1.0]).realise()
     assert margins(loop, 0.01).gain_up == pytest.approx(2, rel=1e-3)
     assert margins(loop, 0.01).gain_up <= 2
@@ -251,7 +251,7 @@ def test_a_loop_that_does_not_fall_off_bears_no_more_than_its_end():
 
 
 def test_a_peak_that_is_flat_over_decades():
-    """An integrator: |T| tends to 1 from below for w -> 0 and stays near 1 up to the crossover; |S| peaks beyond it."""
+    """For an integrator |T| tends to 1 from below for w -> 0 and stays near 1 up to the crossover. |S| peaks beyond it."""
     loop = TransferFunction([307.0, 8401.0], [1.0, 43.6, 0.0]).realise()
     found = delayed_peaks(loop, 3.4e-5)
     w = np.geomspace(1e-4, 1e6, 400_000)
@@ -261,7 +261,7 @@ def test_a_peak_that_is_flat_over_decades():
 
 
 def test_a_plant_that_integrates_has_a_margin_with_its_law_inside():
-    """A motor's angle: an eigenvalue of zero is computed as a rounding error; frequencies below it are irrelevant."""
+    """For a motor's angle the eigenvalue of zero is computed as a rounding error. Frequencies below it are irrelevant."""
     plant = Plant(A=[[0, 1], [0, -0.7]], b=[0, 12.5], A_m=[[0, 1], [-25, -7]])
     given = Problem(plant, ReferenceModel(2.0), Constant(1.0), uncertainty=ParameterBox([-1, -1], [4, 4]))
     certificate = certify(given, L1Adaptive(1e4, input_filter(0.01)), Simulation(1.0, 1e-3))["L1"]
@@ -271,7 +271,7 @@ def test_a_plant_that_integrates_has_a_margin_with_its_law_inside():
 @pytest.mark.parametrize("delay", [0.0, 0.01])
 @pytest.mark.parametrize("share", [0.5, 2.0, 1e38])
 def test_a_loop_that_is_as_good_as_open_has_no_gain_margin(share, delay):
-    """K/(s + 1)^3 tolerates K = 8; with K = 8/(share 1e6) the factor is share 1e6, and a factor beyond 1e6 is not reported as a
+    """K/(s + 1)^3 tolerates K = 8. With K = 8/(share 1e6) the factor is share 1e6, and a factor above 1e6 is not reported as a
     margin."""
     loop = TransferFunction([8.0 / (share * 1e6)], [1.0, 3.0, 3.0, 1.0]).realise()
     found = margins(loop, delay).gain_up

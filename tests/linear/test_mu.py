@@ -1,4 +1,4 @@
-"""mu of the matched family against SLICOT's upper bound, feasible parameters, and eigenvalues by brute force."""
+"""mu of the matched family, compared with SLICOT's upper bound, feasible parameters and eigenvalues by brute force."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from independent import refusal
 
 
 def largest_real_part(family, delta):
-    """Of the closed loop's eigenvalues at theta = centre + width delta, without unmodelled dynamics."""
+    """The largest real part of the closed-loop eigenvalues at theta = centre + width delta, without unmodelled dynamics."""
     S = sensitivity(family.loop)
     moved = S.A.copy()
     moved[:, : len(family.width)] += np.outer(S.B, family.width * delta)
@@ -29,7 +29,8 @@ parts = st.floats(-3, 3).map(lambda v: round(v, 3))
 @settings(max_examples=200, derandomize=True)
 @given(st.lists(st.tuples(parts, parts), min_size=1, max_size=4), st.floats(0.01, 3))
 def test_the_exact_value_is_the_least_of_all_upper_bounds(entries, rho):
-    """Every slope m = tan(angle) gives an upper bound, quasi-convex in the angle: a grid, then a bounded minimisation."""
+    """Every slope m = tan(angle) gives an upper bound, which is quasi-convex in the angle. Its minimum is found by a grid and
+    then a bounded minimisation."""
     a = np.array([complex(*entry) for entry in entries])
 
     def bound(angle):
@@ -47,7 +48,7 @@ def test_the_exact_value_is_the_least_of_all_upper_bounds(entries, rho):
 
 
 def test_slicots_upper_bound_lies_on_it():
-    """AB13MD never stops below the exact value; measured here 0.1 % above it in the median, 8 % at most."""
+    """AB13MD never stops below the exact value. Here its median is 0.1 % and its maximum 8 % above it."""
     slycot = pytest.importorskip("slycot")
     rng, ratios = np.random.default_rng(2), []
     for _ in range(200):
@@ -62,7 +63,7 @@ def test_slicots_upper_bound_lies_on_it():
 
 
 def test_the_parameters_that_attain_it():
-    """A feasible point with that value: the lower bound meets the upper one."""
+    """A feasible point has that value, so that the lower bound equals the upper one."""
     rng = np.random.default_rng(3)
     for _ in range(200):
         a = rng.normal(size=(1, int(rng.integers(2, 5)))) + 1j * rng.normal(size=(1, 1)) * rng.normal(size=1)
@@ -83,14 +84,14 @@ def test_known_values():
 
 
 def scalar_family(K: float, width: float, weight=None) -> MatchedFamily:
-    """x' = -x + theta x + u, u = -K x."""
+    """The family x' = -x + theta x + u with u = -K x."""
     return MatchedFamily(
         loop=StateSpace(np.array([[-1.0]]), np.ones(1), np.array([K]), 0.0), width=np.array([width]), weight=weight
     )
 
 
 def test_a_scalar_plant():
-    """-1 - K + theta < 0: theta = 1 + K breaks it, at zero frequency."""
+    """The condition -1 - K + theta < 0 is violated by theta = 1 + K, at zero frequency."""
     found = robust_stability(scalar_family(K=3.0, width=2.0))
     assert found.peak == pytest.approx(2 / 4, rel=1e-14)
     assert found.frequency == 0
@@ -99,7 +100,8 @@ def test_a_scalar_plant():
 
 
 def test_a_scalar_plant_with_dynamics():
-    """At zero frequency the weight is zero; above, T = 3/(s + 4) and 3 |W| stays below what the parameter does there."""
+    """At zero frequency the weight is zero. Above it T = 3/(s + 4), and 3 |W| stays below the effect of the parameter at zero
+    frequency."""
     W = TransferFunction([0.1, 0.0], [0.1, 1.0])
     family = scalar_family(K=3.0, width=2.0, weight=W)
     found = robust_stability(family)
@@ -113,7 +115,7 @@ def test_a_scalar_plant_with_dynamics():
 
 @pytest.mark.parametrize("kappa", [0.02, 0.05, 0.1, 0.5])
 def test_the_section_v_family_by_brute_force(section_v, kappa):
-    """No theta of a fine grid inside 1/mu destabilises, the reported one does just outside."""
+    """No theta of a fine grid inside 1/mu makes the loop unstable, but the reported theta just outside does."""
     centre, width = section_v.uncertainty.middle, section_v.uncertainty.upper
     plant = Plant(A_m=section_v.plant.A_m, b=section_v.plant.b, theta=centre)
     C = input_filter(kappa).realise()
@@ -124,7 +126,7 @@ def test_the_section_v_family_by_brute_force(section_v, kappa):
     assert max(largest_real_part(family, np.array([p, q])) for p in corners for q in corners) < 0
     assert np.abs(found.delta).max() == pytest.approx(found.scale, rel=1e-9)
     assert largest_real_part(family, found.delta * (1 + 1e-6)) > 0
-    # the family's eigenvalues are those of the loop that is built with that theta
+    # the family's eigenvalues are those of the loop with that theta
     moved = Plant(A_m=plant.A_m, b=plant.b, theta=centre + width * found.delta)
     loop = fast_adaptation(moved, C)
     eigenvalues = np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C) / (1 + loop.D))
@@ -145,7 +147,7 @@ def test_third_order_box_by_random_search(third_order):
 
 
 def test_a_single_uncertain_parameter_acts_only_where_its_response_is_real(section_v):
-    """theta_1 free, theta_2 known: a grid alone would miss the isolated frequencies."""
+    """With theta_1 uncertain and theta_2 known, a grid alone would miss the isolated frequencies."""
     p = section_v.plant
     plant = Plant(A_m=p.A_m, b=p.b, theta=[0.0, 0.0])
     C = input_filter(0.3).realise()

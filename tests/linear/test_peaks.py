@@ -1,4 +1,4 @@
-"""Peak gains against closed forms and python-control's H-infinity norm."""
+"""Peak gains, compared with closed forms and python-control's H-infinity norm."""
 
 import control
 import numpy as np
@@ -11,7 +11,7 @@ from independent import refusal
 
 @pytest.mark.parametrize("zeta", [1e-4, 0.01, 0.1, 0.5])
 def test_resonance(zeta):
-    """1/(s^2 + 2 zeta s + 1) peaks with 1/(2 zeta sqrt(1 - zeta^2)) at sqrt(1 - 2 zeta^2)."""
+    """1/(s^2 + 2 zeta s + 1) has the peak 1/(2 zeta sqrt(1 - zeta^2)) at sqrt(1 - 2 zeta^2)."""
     peak = peak_gain(TransferFunction([1.0], [1.0, 2 * zeta, 1.0]).realise())
     assert peak.gain == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2)), rel=2 * PEAK_PRECISION)
     assert peak.frequency == pytest.approx(np.sqrt(1 - 2 * zeta**2), rel=0.01)
@@ -28,7 +28,7 @@ def test_ends_of_the_frequency_axis():
 
 
 def test_random_systems():
-    """python-control's own bisection (or SLICOT's, where it is installed) stops within 1e-6 or so."""
+    """python-control's own bisection, or SLICOT's if it is installed, stops within about 1e-6."""
     rng = np.random.default_rng(1)
     for _ in range(60):
         n = int(rng.integers(1, 6))

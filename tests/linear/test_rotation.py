@@ -1,4 +1,5 @@
-"""The phase of a loop with a delay against NumPy's unwrapped angle, and statements on intervals against dense samples."""
+"""The phase of a loop with a delay, compared with NumPy's unwrapped angle, and statements on intervals, compared with dense
+samples."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from barbalat.linear.systems import TransferFunction
 
 
 def loops():
-    """Zeros and poles in either half plane, some in pairs, none nearer to the axis than a fiftieth of its size."""
+    """Random loops with zeros and poles in either half plane, some in pairs, none nearer to the axis than a fiftieth of its
+    magnitude."""
     random = np.random.default_rng(3)
     for _ in range(12):
         n = int(random.integers(1, 5))
@@ -42,7 +44,7 @@ def test_phase_swing_and_slope(rotation):
             assert -below[i] - 1e-9 <= inside.min() and inside.max() <= above[i] + 1e-9
             slopes = np.diff(inside)
             assert not monotone[i] or (slopes < 1e-9).all() or (slopes > -1e-9).all()
-    # a short interval holds little: each arc turns by less than its length over its distance from the axis, the delay by d
+    # the phase changes little in short intervals: each arc by less than its length over its distance to the axis, the delay by d
     steepest = (1 / rotation._width).sum() + rotation.delay
     below, above = rotation.swing(w[:-1], w[1:])
     assert (np.maximum(below, above) <= steepest * np.diff(w) * (1 + 1e-9) + 1e-15).all()

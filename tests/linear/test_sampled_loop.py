@@ -1,4 +1,4 @@
-"""Sampled loops with delays inside of samples, against characteristic polynomials by hand."""
+"""Sampled loops with delays within samples, compared with characteristic polynomials by hand."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from independent import refusal
 
 
 def integrator(k: float, T: float) -> SampledLoop:
-    """x' = v, u = -k x at the samples: X = (x, u)."""
+    """The loop x' = v with u = -k x at the samples and the state X = (x, u)."""
     return SampledLoop(np.zeros((2, 2)), np.array([[1.0], [0.0]]), np.array([[1.0, 0.0], [-k, 0.0]]), np.array([[0.0, 1.0]]), T)
 
 
 @pytest.mark.parametrize("kT", [1.05, 1.2, 1.6, 1.9])
 def test_the_delay_margin_inside_the_first_sample(kT):
-    """z^2 - (1 - k (T - d)) z + k d: stable while k d < 1, by Jury's conditions."""
+    """By Jury's conditions z^2 - (1 - k (T - d)) z + k d is stable while k d < 1."""
     T = 0.01
     assert delay_margin(integrator(kT / T, T), 0.0) == pytest.approx(T / kT, rel=1e-6)
 
 
 @pytest.mark.parametrize("d", [0.0, 0.003, 0.0099, 0.01, 0.0234, 0.05])
 def test_the_closed_loop_with_any_delay(d):
-    """The roots of z^(l+2) - z^(l+1) + k (T - f) z + k f with d = l T + f, by hand."""
+    """The roots are those of z^(l+2) - z^(l+1) + k (T - f) z + k f with d = l T + f, by hand."""
     T, k = 0.01, 7.0
     whole, f = divmod(round(d / T, 9), 1.0)
     polynomial = np.zeros(int(whole) + 3)
@@ -37,7 +37,7 @@ def test_the_closed_loop_with_any_delay(d):
 
 
 def test_gain_and_phase_margin_of_the_integrator():
-    """|1 - k T| < 1: the factor 2/(k T). |L| = k T/|z - 1| = 1 at w T = 2 asin(k T/2), where the phase is -pi/2 - w T/2."""
+    """|1 - k T| < 1 gives the factor 2/(k T). |L| = k T/|z - 1| = 1 at w T = 2 asin(k T/2), where the phase is -pi/2 - w T/2."""
     kT = 0.4
     found = margins(integrator(kT / 0.01, 0.01).as_continuous(0.0))
     assert found.gain_up == pytest.approx(2 / kT, rel=1e-9)
@@ -45,7 +45,8 @@ def test_gain_and_phase_margin_of_the_integrator():
 
 
 def test_the_delay_margin_is_where_the_radius_passes_one(sample):
-    """Random stable loops of a second-order plant with a lag: stable up to the margin on a grid of delays, unstable beyond."""
+    """Random stable loops of a second-order plant with a lag are stable on a grid of delays up to the margin and unstable
+    beyond."""
     random, seen = np.random.default_rng(3), 0
     for _ in range(sample(4, 60)):
         T = 10 ** random.uniform(-2, -0.5)
@@ -68,7 +69,7 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
 
 
 def test_a_loop_whose_gain_stays_just_below_one_bears_every_delay():
-    """|L| is at most 0.985: no delay destabilises the loop, and the search for one would not end."""
+    """|L| is at most 0.985, so that no delay destabilises the loop and the search for one would not end."""
     A = np.array([[0.0, 1.0, 0.0], [-3.2281, -3.6519, 0.0], [0.0, 0.0, 0.0]])
     J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.4941, -2.048, 0.3927]])
     loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), 0.16285)
@@ -94,14 +95,14 @@ T_2 = 0.2
 
 
 def two_inputs() -> SampledLoop:
-    """x' = A x + B v, u = -K x at the samples: X = (x, u)."""
+    """The loop x' = A x + B v with u = -K x at the samples and the state X = (x, u)."""
     A, E, J = np.zeros((5, 5)), np.zeros((5, 2)), np.eye(5)
     A[:3, :3], E[:3], J[3:] = A_2, B_2, np.hstack([-K_2, np.zeros((2, 2))])
     return SampledLoop(A, E, J, np.eye(5)[3:], T_2)
 
 
 def closed_by_hand(delays, gains=(1.0, 1.0)):
-    """x[k+1], and each input's last samples, written by hand for u_i(t) = -g_i K_i x at t - d_i; the largest |z|."""
+    """The largest |z| of the map to x[k+1] and each input's last samples, written by hand for u_i(t) = -g_i K_i x at t - d_i."""
     depth = 1 + int(max(delays) // T_2) + 1
     M = np.zeros((3 + 2 * depth, 3 + 2 * depth))
     M[:3, :3] = expm(A_2 * T_2)
@@ -121,7 +122,8 @@ def closed_by_hand(delays, gains=(1.0, 1.0)):
 @pytest.mark.parametrize("at", [None, 0, 1])
 @pytest.mark.parametrize("own", [0.0, 0.05, 0.2])
 def test_the_delay_of_one_of_several_inputs_and_of_all(at, own):
-    """Stable on a grid of delays below, unstable a millionth above; ``own`` is the delay that all inputs already have."""
+    """The loop is stable on a grid of smaller delays and unstable a millionth above. ``own`` is the delay that all inputs already
+    have."""
     margin = delay_margin(two_inputs(), own, at)
     moved = np.ones(2) if at is None else np.eye(2)[at]
     assert max(closed_by_hand(own + late * moved) for late in np.linspace(0, margin * (1 - 1e-6), 40)) < 1
@@ -129,7 +131,8 @@ def test_the_delay_of_one_of_several_inputs_and_of_all(at, own):
 
 
 def test_the_gain_of_one_of_several_inputs_and_of_all():
-    """The first factor of a fine grid at which the loop written by hand is unstable; 1e-9 around the factor found."""
+    """It is the first factor of a fine grid at which the loop written by hand is unstable, and the loop changes within 1e-9 of
+    the result."""
     loop, delay = two_inputs(), 0.05
     found = {None: gain_margins(loop, delay)}
     for i in range(2):
@@ -148,7 +151,7 @@ def test_the_gain_of_one_of_several_inputs_and_of_all():
 
 
 def test_an_unstable_plant_bears_no_factor_that_is_too_small():
-    """x' = a x + v, u = -3 f x of two such plants: |e^(aT) - 3 f (e^(aT) - 1)/a| < 1 between two factors f of each."""
+    """Two plants x' = a x + v with u = -3 f x have |e^(aT) - 3 f (e^(aT) - 1)/a| < 1 between two factors f each."""
     T = 0.1
     for a, b in ((0.5, 1.0), (1.5, 0.3)):
         A, E, J = np.zeros((4, 4)), np.zeros((4, 2)), np.eye(4)

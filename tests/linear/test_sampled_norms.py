@@ -1,5 +1,5 @@
-"""Bounds from sample to sample: against sums in exact arithmetic, with states of very different sizes and loops that decay
-slowly."""
+"""Bounds from sample to sample, compared with sums in exact arithmetic, for states of very different sizes and slowly decaying
+loops."""
 
 from fractions import Fraction
 
@@ -12,7 +12,7 @@ from independent import refusal
 
 
 def exact_sums(M, s, count):
-    """sum and max of |M^k s|, k < count, entry by entry, as fractions."""
+    """The sum and the maximum of |M^k s| over k < count for each entry, as fractions."""
     state, rows = [Fraction(value) for value in s.tolist()], [[Fraction(v) for v in row] for row in M.tolist()]
     total, largest = [Fraction(0)] * len(state), [Fraction(0)] * len(state)
     for _ in range(count):

@@ -1,8 +1,8 @@
-"""The limits of gain and step against simulation: where the command takes |x| they are met within a tenth or two.
+"""The limits of gain and step compared with simulation. For the |x| under the command they agree within 10 to 20 %.
 
-A run's label (``Result.label``) comes from the exact Jacobian's spectrum along the run, the limits from a frozen oscillator: two
-methods. 0.8 and 1.1: in the first seconds e takes |x| beyond |x_m|, and the oscillator leaves out what the frozen loop does
-besides.
+A run's label (``Result.label``) comes from the spectrum of the exact Jacobian along the run, but the limits come from a frozen
+oscillator. The factors are 0.8 and 1.1 because |x| exceeds |x_m| in the first seconds and the oscillator neglects other modes of
+the frozen loop.
 """
 
 import math
@@ -17,7 +17,7 @@ from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
 
-T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has been at its largest
+T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has reached its maximum
 SCHEMES = {
     "mrac": Mrac(gamma=10.0),
     "closed-loop model": MracClosedLoop(gamma=10.0, model_feedback=[[-1.0, 0.0], [0.0, -1.0]]),
@@ -54,8 +54,8 @@ def test_the_step_at_which_a_run_leaves_the_region(solver, name):
 
 
 def test_the_step_of_eulers_method():
-    """The method tolerates an oscillation only if it is damped: slow adaptation, and a long run because its growth is slow
-    too."""
+    """The method tolerates an oscillation only if it is damped. The adaptation is slow, and the run is long because the growth is
+    slow too."""
     controller = Mrac(gamma=1e-5)
     found = limits(controller, EULER)
     for dt, expected in ((0.9 * found["step_max"], False), (1.1 * found["step_max_at_model"], True)):
@@ -74,7 +74,7 @@ def test_the_gain_above_which_oscillations_are_due(name):
     def with_gain(gamma):
         return Mrac(gamma=gamma) if name == "mrac" else L1Adaptive(gamma=gamma, filter=input_filter(0.02))
 
-    assert not labelled(with_gain(0.8 * seen), RK4, dt)  # 0.8 and 1.2: the gain enters by its root
+    assert not labelled(with_gain(0.8 * seen), RK4, dt)  # 0.8 and 1.2, as the limit depends on the square root of the gain
     assert labelled(with_gain(1.2 * seen), RK4, dt)
 
 
@@ -102,7 +102,8 @@ gamma = 2000.0
 
 
 def test_a_limit_that_counts_on_damping_is_no_least_one(tmp_path):
-    """Heun amplifies every undamped oscillation; theta_hat - theta turns the frozen loop's damping of -0.35/s into +0.13/s."""
+    """Heun's method amplifies every undamped oscillation. theta_hat - theta changes the real part of the frozen loop's mode from
+    -0.35/s to +0.13/s."""
     path = tmp_path / "case.toml"
     path.write_text(OFF_THETA)
     case = load_case(path)

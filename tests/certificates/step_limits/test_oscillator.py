@@ -1,4 +1,4 @@
-"""The predicted limits of gain and step: against the matrices of whole steps, and against runs on both sides of them."""
+"""The predicted limits of gain and step, compared with the matrices of whole steps and with runs on both sides of the limits."""
 
 import flint
 import numpy as np
@@ -27,14 +27,14 @@ def known(request):
 
 @pytest.fixture
 def digits():
-    """Eighty of them: Euler's own growth may be 1e-9 here, beside an eigenvalue 1 for each parameter that rests."""
+    """Compute with eighty digits. Euler's growth may be 1e-9 here, and every constant parameter adds an eigenvalue of 1."""
     before, flint.ctx.dps = flint.ctx.dps, 80
     yield
     flint.ctx.dps = before
 
 
 def growth_of_a_step(known, solver, h, x, gamma):
-    """log of the spectral radius of the matrix that one step multiplies (x_tilde, theta_tilde) by."""
+    """The logarithm of the spectral radius of the matrix by which a step multiplies (x_tilde, theta_tilde)."""
     n = known.n
     M = flint.acb_mat(2 * n, 2 * n)
     for i in range(n):
@@ -44,7 +44,9 @@ def growth_of_a_step(known, solver, h, x, gamma):
             M[n + i, j] = gamma * (known.P @ known.b)[j] * x[i]
     R = power = flint.acb_mat(flint.fmpz_mat(2 * n, 2 * n, [int(i == j) for i in range(2 * n) for j in range(2 * n)]))
     for k in range(1, len(solver.b) + 1):
-        power = power * M * (flint.arb(h) / k)  # a method of order s in s stages has the exponential's polynomial
+        power = (
+            power * M * (flint.arb(h) / k)
+        )  # the stability polynomial of a method of order s with s stages is the truncated exponential series
         R = R + power
     return max(float(abs(value).log().mid()) for value in R.eig(algorithm="approx"))
 
@@ -55,21 +57,24 @@ def test_against_the_matrix_of_a_step(known, solver, h, digits):
     g = Oscillator(known, solver, NONE).largest_g(h)
     direction = np.random.default_rng(1).standard_normal(known.n)
     x = 3 * direction / np.linalg.norm(direction)
-    beyond = 1.01 if solver.imaginary_limit == 0 else 1.2  # the formula ignores the damping there, so the true limit is larger
+    beyond = (
+        1.01 if solver.imaginary_limit == 0 else 1.2
+    )  # the formula ignores the damping there, so that the true limit is larger
     assert growth_of_a_step(known, solver, h, x, beyond * g / 9) > 1e-30
     for fraction in (0.99, 0.5, 0.1, 1e-3, 1e-6):
-        assert growth_of_a_step(known, solver, h, x, fraction * g / 9) <= 1e-30  # n - 1 modes rest at 1
+        assert growth_of_a_step(known, solver, h, x, fraction * g / 9) <= 1e-30  # n - 1 modes stay at 1
 
 
 def test_eulers_limit_in_closed_form(known):
-    """For a fast oscillation -sigma +- j omega: h = 2 sigma/omega^2, sigma = b'b/(4 b'P b). 1e-2: the next term, h times A_m."""
+    """For a fast oscillation -sigma +- j omega, h = 2 sigma/omega^2 with sigma = b'b/(4 b'P b). The tolerance 1e-2 is for the
+    next term, h times A_m."""
     oscillator = Oscillator(known, EULER, NONE)
     for h in (1e-3, 1e-5):
         assert oscillator.largest_g(h) == pytest.approx(known.b @ known.b / (2 * oscillator.bPb**2 * h), rel=1e-2)
 
 
 def test_first_order_plant_by_hand():
-    """lambda^2 + a lambda + g b^2/(2a) = 0: Euler's h is 2/a while A_m's own mode binds, then a/(g b^2/(2a))."""
+    """lambda^2 + a lambda + g b^2/(2a) = 0. Euler's h is 2/a while A_m's mode determines it, and a/(g b^2/(2a)) beyond."""
     a, b = 3.0, 2.0
     known = Problem(plant=Plant(A_m=[[-a]], b=[b], theta=[0.0])).known
     oscillator = Oscillator(known, EULER, NONE)
@@ -80,7 +85,8 @@ def test_first_order_plant_by_hand():
 
 
 def test_gain_and_step_are_two_sides_of_one_limit(known, solver):
-    """1e-6: the rounding of faint decay rates, 1e-16 of the frequency, seen from the square of a large one."""
+    """The tolerance 1e-6 is for the rounding of small decay rates, 1e-16 of the frequency, next to the square of a large
+    frequency."""
     oscillator = Oscillator(known, solver, NONE)
     for h in (1e-2, 1e-4):
         assert oscillator.largest_step(oscillator.largest_g(h)) == pytest.approx(h, rel=1e-6)
@@ -93,7 +99,8 @@ def test_a_fast_filter_binds(known, solver):
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_a_run_on_both_sides(name):
-    """The MRAC near its rest under a constant command is the frozen oscillator: a small error dies out below, grows above."""
+    """Near its equilibrium under a constant command, the MRAC is the frozen oscillator. A small error decays below the limit and
+    grows above it."""
     solver, h = SOLVERS[name], 1e-3
     base = load_case("paper").problem
     x = -np.linalg.solve(base.plant.A_m, base.plant.b * 4 * 2.0)
@@ -105,7 +112,7 @@ def test_a_run_on_both_sides(name):
     gamma = Oscillator(problem.known, solver, NONE).largest_g(h) / float(x @ x)
 
     def run(factor):
-        """The largest error of all and of the last quarter, against the largest that the equations allow."""
+        """The largest error of the whole run and of its last quarter, relative to the largest that the equations allow."""
         controller = Mrac(gamma=factor * gamma, theta_hat0=[4 + 1e-6, -3], projection=False)
         metrics = simulate(problem, [controller], Simulation(t_end=800.0, dt=h, solver=solver))["MRAC"].metrics
         allowed = 1e-6 / np.sqrt(factor * gamma * np.linalg.eigvalsh(problem.known.P)[0])  # (9)
@@ -114,12 +121,12 @@ def test_a_run_on_both_sides(name):
     largest, tail = run(0.9)
     assert largest < 1
     assert tail < 1e-2  # Euler leaves 10 % of the decay rate b'b/(4 b'P b) = 0.115/s: exp(-6.9) after 600 s
-    assert run(1.2)[0] > 1e2  # until the estimates have wandered to where A_m - b theta_tilde' is damped better
+    assert run(1.2)[0] > 1e2  # until the estimates have drifted to values for which A_m - b theta_tilde' has better damping
 
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_a_normalised_gradient_law_on_both_sides(name):
-    """Its decay is Gamma |phi|^2/m_s^2, all but Gamma for a large regressor."""
+    """Its decay rate is Gamma |phi|^2/m_s^2, which is close to Gamma for a large regressor."""
     h, base = 1e-3, load_case("paper").problem
     problem = Problem(plant=base.plant, reference_model=base.reference_model, reference=Constant(1e4))
     simulation = Simulation(t_end=10.0, dt=h, solver=SOLVERS[name])
@@ -142,5 +149,5 @@ def test_every_adaptive_scheme_has_its_limits(solver):
     for name in ("L1", "MRAC"):
         assert found[name].values["gamma_max"] > 0 and found[name].values["step_max"] > 0
         assert not {"gamma_max", "step_max", "adaptation_frequency"} & found[name].guaranteed
-    # Q(s) decays with 1/tau and W_m's zero, the law with up to 2 P(0) = 1000 per s
+    # Q(s) decays with 1/tau and W_m's zero, the law with up to 2 P(0) = 1000 1/s
     assert found["Robust MRAC"].values["step_max"] == pytest.approx(solver.real_limit / 1000, rel=1e-9)

@@ -1,4 +1,5 @@
-"""L1 output feedback with the piecewise-constant law: its equations by SciPy, its limit, its remaining error and its margins."""
+"""L1 output feedback with the piecewise-constant law: its equations compared with SciPy, its limit, its remaining error and its
+margins."""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ MODELS = {
 
 
 def problem_of(model=MODEL, reference=None, **more):
-    """The plant's relative degree is at most the model's."""
+    """A problem in which the plant's relative degree is at most the model's."""
     path = {"input": more.pop("input")} if "input" in more else {}
     plant = OutputPlant(WITH_ZERO if model.relative_degree == 1 else PLANT, **path)
     command = Sine(1.0, 0.7) if reference is None else reference
@@ -46,9 +47,10 @@ def problem_of(model=MODEL, reference=None, **more):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_run_is_the_book_s_formulas(name):
-    """Predictor and sigma_hat by matrix exponentials, C(s) M(s)^-1 c'(sI - A_m)^-1 by Tustin's rule from polynomials.
+    """The predictor and sigma_hat use matrix exponentials. C(s) M(s)^-1 c'(sI - A_m)^-1 is discretised by Tustin's rule from
+    polynomials.
 
-    1e-8: transfer functions of order 6 whose poles lie within T of z = 1 lose some six of SciPy's digits.
+    The tolerance is 1e-8 because SciPy loses about six digits for transfer functions of order 6 with poles within T of z = 1.
     """
     (M, C), T, steps = MODELS[name], 0.01, 200
     at = Simulation(t_end=steps * T, dt=T / 4, record_points=4 * steps)
@@ -73,7 +75,7 @@ def test_a_run_is_the_book_s_formulas(name):
 
 
 def _tustin(num, den, signal, T):
-    """Of a signal that is zero at the first sample, from rest."""
+    """Tustin's discretisation from zero, for a signal that is zero at the first sample."""
     assert signal[0] == 0
     (b,), a, _ = cont2discrete((num, den), T, method="bilinear")
     return lfilter(b, a, signal)
@@ -81,7 +83,7 @@ def _tustin(num, den, signal, T):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_predictor_s_error_falls_in_the_norm_of_P(seed):
-    """|e^(A_m T) (I - g c')|_P < 1 for any model and any T."""
+    """|e^(A_m T) (I - g c')|_P < 1 holds for any model and any T."""
     random = np.random.default_rng(seed)
     den = np.poly(-random.uniform(0.3, 5, 3))
     model = TF([den[-1]], den).realise()
@@ -95,7 +97,7 @@ def test_the_predictor_s_error_falls_in_the_norm_of_P(seed):
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.short(kept=lambda name: name == "order 2")
 def test_for_short_samples_it_is_the_continuous_controller(name):
-    """The distance of the delay margins to C/((1 - C) M) G's falls in proportion to T: a tenth of T leaves 5 to 20 %."""
+    """The difference from the delay margin of C/((1 - C) M) G is proportional to T: with a tenth of T, 5 to 20 % of it remain."""
     M, C = MODELS[name]
     found = []
     for T in (0.02, 0.002):
@@ -130,7 +132,7 @@ def test_what_constant_signals_leave_is_what_runs_show():
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.short(kept=lambda name: name == "order 2, a zero")
 def test_what_the_estimate_is_of_a_constant_disturbance_is_what_a_run_shows(name):
-    """On a plant equal to the model without a command: sigma_hat's first column, and the part of y that remains without u."""
+    """For a plant equal to the model and no command, compare the first column of sigma_hat and the remaining part of y."""
     (M, C), T, d = MODELS[name], 0.05, 0.7
     made = L1OutputPiecewiseConstant(sample_time=T, filter=C)
     problem = OutputProblem(plant=OutputPlant(M), reference_model=OutputReferenceModel(M), disturbance=Constant(d))
@@ -149,7 +151,7 @@ def test_what_the_estimate_is_of_a_constant_disturbance_is_what_a_run_shows(name
 @pytest.mark.parametrize("lag", [0.0, 0.03])
 @pytest.mark.short(kept=lambda lag: lag == 0)
 def test_noise_in_a_simulation_is_what_is_certified(lag):
-    """3 % and 5 %, as of the law that feeds back the state."""
+    """The tolerances are 3 % and 5 %, as for the law with state feedback."""
     T, s = 0.01, 0.02
     made = L1OutputPiecewiseConstant(sample_time=T, filter=FILTER)
     sensor = Sensor(noise=Noise(std=s, sample_time=T, seed=5), lag=lag)
@@ -161,8 +163,8 @@ def test_noise_in_a_simulation_is_what_is_certified(lag):
 
 
 def random_case(random, i):
-    """A plant that differs from its model, a command with jumps on or off the samples or without jumps, and a d every other
-    time."""
+    """A plant that differs from its model, with a command without jumps or with jumps at or between samples. Every other case has
+    a disturbance d."""
     T = float(random.choice([0.02, 0.05]))
     model = TF([4.0], np.poly(-random.uniform(1.0, 4.0, 1 + i % 2)))
     model = TF(model.num * model.den[-1] / 4.0, model.den)
@@ -176,7 +178,7 @@ def random_case(random, i):
 
 
 def test_no_run_is_farther_from_its_model_than_is_guaranteed(sample):
-    """Against y_m under r, and, computed here from y, under the command as it is sampled."""
+    """The error is relative to y_m under r and, computed here from y, to y_m under the sampled command."""
     random, close = np.random.default_rng(8), 0.0
     for i in range(sample(5, 40)):
         T, problem = random_case(random, i)
@@ -197,7 +199,7 @@ def test_no_run_is_farther_from_its_model_than_is_guaranteed(sample):
 
 
 def held_model(M, r, T):
-    """At a quarter of a sample each, from the command at every fourth."""
+    """The model's output at every quarter of a sample, from the command at every fourth instant."""
     model, x, found = M.realise(), np.zeros(M.realise().order), []
     step = expm(T / 4 * np.block([[model.A, model.B[:, None]], [np.zeros((1, model.order + 1))]]))
     for k in range(len(r)):
@@ -207,7 +209,8 @@ def held_model(M, r, T):
 
 
 def test_the_worst_command_comes_near_the_bound():
-    """r = sign of e's impulse response, backwards: without d the bound at the samples is attained but for what lies between."""
+    """r is the sign of e's impulse response, reversed in time. Without d this attains the bound at the samples, up to the part
+    between samples."""
     T, steps = 0.05, 400
     made = L1OutputPiecewiseConstant(sample_time=T, filter=FILTER)
     at = Simulation(t_end=steps * T, dt=T, record_points=steps)
@@ -218,7 +221,9 @@ def test_the_worst_command_comes_near_the_bound():
         (run,) = simulate(problem, [made], at).values()
         return run.e[:, 0], certify(problem, [made], at)[made.name].values["error_bound_held"]
 
-    response = np.diff(e_of(np.ones(steps))[0])  # to a step, so that its differences are the answer to one sample's r
+    response = np.diff(
+        e_of(np.ones(steps))[0]
+    )  # the response to a step, whose differences are the response to r in a single sample
     e, bound = e_of(np.where(response[::-1] >= 0, 1.0, -1.0))
     assert 0.9 * bound < np.abs(e).max() <= bound
 

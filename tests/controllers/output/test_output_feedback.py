@@ -1,4 +1,4 @@
-"""Output feedback: the matching equation, the exact identity, the laws; the L1 controller and its linear equivalent."""
+"""Output feedback: the matching equation, the exact identity, the laws, the L1 controller and its linear equivalent."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
 TF = TransferFunction
-# plant, model: relative degrees 1, 2, 3, a zero in the model, a negative gain; all but the first and the third are unstable
+# plants and models of relative degree 1, 2, 3, a zero in the model, a negative gain; all except the first and third are unstable
 EXAMPLES = {
     "n*=1": (TF([2.0, 2.0], [1.0, 1.0, 2.0]), TF([1.0], [1.0, 1.0])),
     "n*=2": (TF([2.0], [1.0, 1.0, -0.5]), TF([1.0], [1.0, 2.0, 1.0])),
@@ -72,7 +72,7 @@ def mrac(plant, model, law, **settings):
 
 @pytest.mark.parametrize("seed", range(30))
 def test_matching_makes_the_closed_loop_the_model(seed):
-    """Random plants of order 1 ... 5 and any relative degree: python-control's transfer function from r to y is W_m's."""
+    """For random plants of order 1 to 5 and any relative degree, python-control's transfer function from r to y is W_m."""
     random = np.random.default_rng(seed)
     n = int(random.integers(1, 6))
     n_star = int(random.integers(1, n + 1))
@@ -98,7 +98,7 @@ def test_matching_makes_the_closed_loop_the_model(seed):
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("missing", [0, 1, 2])
 def test_matching_in_any_time_unit_and_for_lower_orders(missing, unit):
-    """The closed loop at three frequencies, theta* of a plant of order 3 - missing; theta grows as unit^4."""
+    """The closed loop is W_m at three frequencies, with theta* of a plant of order 3 - missing. theta grows as unit^4."""
     poles, zeros = [1.0, -2.0, 0.5][: 3 - missing], [-3.0, -1.5][: 2 - missing]
     plant = TF(2 * unit * np.atleast_1d(np.poly(np.array(zeros) * unit)), np.poly(np.array(poles) * unit))
     model = TF([3.0 * unit], [1.0, 3.0 * unit])
@@ -113,7 +113,7 @@ def test_matching_in_any_time_unit_and_for_lower_orders(missing, unit):
 
 
 def test_a_run_in_a_fast_time_unit_does_not_diverge_for_its_large_parameters():
-    """n = n* = 4 at 1e5 rad/s: entries of theta* up to 1e15, y of the order of one."""
+    """With n = n* = 4 at 1e5 rad/s, theta* has entries up to 1e15, and y is of the order of one."""
     W = 1e5
     model, plant = TF([W**4], np.poly(-W * np.ones(4))), TF([2 * W**4], np.poly(-W * np.array([0.5, 1.0, 1.5, 2.0])))
     theta = theta_star(plant, model)
@@ -139,9 +139,11 @@ def test_exact_parameters_leave_no_error(name):
 @pytest.mark.parametrize("level", [np.inf, 0.5])
 @pytest.mark.short(kept=lambda name, law, level: (law == "gradient") == np.isfinite(level))
 def test_the_exact_identity(name, law, level):
-    """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a], c_0 the estimate, any u_a. 1e-10: the integration.
+    """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a] with the estimate c_0 and any u_a, up to the integration's
+    1e-10.
 
-    With u limited to ``level`` and the model fed with sat(u), what the limit takes away stands beside u_a; 1e-8: it has corners.
+    With u limited to ``level`` and sat(u) in the model, the part removed by the limit is added to u_a. It has corners, so that
+    the tolerance is 1e-8.
     """
     plant, model = EXAMPLES[name]
     laws = {"gradient": Gradient(gamma=3.0), "least squares": LeastSquares(covariance0=5.0)}
@@ -178,14 +180,14 @@ def test_the_exact_identity(name, law, level):
         swapped = W_m.C @ state.swapping
         right.append(-estimation.epsilon * estimation.m_s_squared - swapped + W_m.C @ s[-order:])
         moved = max(moved, abs(swapped))
-    assert moved > 1e-3 * np.abs(left).max()  # the swapping term counts
+    assert moved > 1e-3 * np.abs(left).max()  # the swapping term is not negligible
     np.testing.assert_allclose(right, left, atol=(1e-10 if np.isinf(level) else 1e-8) * np.abs(left).max())
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.short(kept=lambda name: name in ("n*=2", "n=3, n*=2, k_p<0"))
 def test_auxiliary_input_improves_the_transient_with_tau(name):
-    """Any relative degree: a smaller tau leaves less of the error, which tends to zero with the run either way."""
+    """For any relative degree a smaller tau decreases the error, which tends to zero along the run in any case."""
     plant, model = EXAMPLES[name]
     controllers = [mrac(plant, model, Gradient(gamma=5.0), tau=tau, name=f"{tau}") for tau in (0.2, 0.1, 0.05)]
     runs = simulate(problem_of(plant, model), controllers, Simulation(t_end=20.0, dt=1e-3))
@@ -194,7 +196,7 @@ def test_auxiliary_input_improves_the_transient_with_tau(name):
 
 
 def test_every_law_runs_as_in_numpy_and_keeps_c_0_on_its_side(sample):
-    """The kernel's derivative is the equations'; the sign of c_0 holds at every step; all signals stay bounded."""
+    """The kernel's derivative is that of the equations, c_0 keeps its sign at every step, and all signals stay bounded."""
     plant, model = EXAMPLES["n=3, n*=2, k_p<0"]
     random = np.random.default_rng(1)
     for name in list(LAWS)[:: sample(4, 1)]:
@@ -222,7 +224,7 @@ def test_strictly_positive_real_against_a_sweep(sample):
         W = TF(random.choice([1, 1, -1]) * zeros, np.poly(-random.uniform(0.1, 5, n)))
         real = np.array([W.at(1j * x).real for x in w[::20]]) * (1 + w[::20] ** 2)
         if np.abs(real).min() < 1e-3 * np.abs(real).max():
-            continue  # too close to the limit to decide by sampling
+            continue  # too close to the limit for a decision by sampling
         verdicts.append(is_strictly_positive_real(W))
         assert verdicts[-1] == bool((real > 0).all())
     assert any(verdicts)
@@ -237,7 +239,7 @@ def rohrs_runs():
 
 
 def test_rohrs_counterexample(rohrs_runs):
-    """As published, the classical law drifts until the loop bursts, whereas the modified laws stay bounded."""
+    """As published, the classical law drifts until the loop bursts, and the modified laws stay bounded."""
     classical = rohrs_runs["Classical"]
     assert 5 < classical.diverged_at < 60
     drift = classical.theta_hat[:, 0]
@@ -275,7 +277,8 @@ def l1(**settings):
 @pytest.mark.parametrize("gamma", [10.0, 1e4])
 @pytest.mark.parametrize("filter", [C, TF([40.0], [1.0, 9.0, 40.0])])
 def test_linear_equivalent_agrees_to_rounding_inside_the_bounds(gamma, filter):
-    """A nonlinear plant, a disturbance: 1e-9 of the signals' size over 20,000 steps in two different realisations."""
+    """With a nonlinear plant and a disturbance, two different realisations agree to 1e-9 of the signals' size over 20,000
+    steps."""
     controller = l1(gamma=gamma, filter=filter)
     same = linear_equivalent(controller)
     linear = LinearOutput(loop=same.feedback, feedforward=same.feedforward, name="linear")
@@ -285,7 +288,7 @@ def test_linear_equivalent_agrees_to_rounding_inside_the_bounds(gamma, filter):
 
 
 def test_equivalent_against_python_control():
-    """K and F from the block diagram, put together by python-control; the integral action is a pole at s = 0."""
+    """python-control combines the block diagram to K and F. The integral action is a pole at s = 0."""
     for gamma in (5.0, 1e4):
         controller = l1(gamma=gamma)
         s = control.tf("s")
@@ -304,7 +307,8 @@ def test_equivalent_against_python_control():
 
 
 def test_integral_action_and_anti_windup():
-    """A constant disturbance leaves no error; under saturation the bounded sigma recovers sooner than the unbounded one."""
+    """A constant disturbance causes no remaining error. After saturation the bounded sigma recovers sooner than the unbounded
+    one."""
     constant = problem_of(G, TF([M], [1.0, M]), Step(amplitude=1.0), disturbance=Step(amplitude=0.7, start=1.0))
     run = simulate(constant, [l1()], Simulation(t_end=20.0, dt=1e-3))["c"]
     assert abs(run.e[-1, 0]) < 1e-9
@@ -318,7 +322,7 @@ def test_integral_action_and_anti_windup():
 
 
 class _Pulse:
-    """-4 from 1 to 6 s."""
+    """A pulse of -4 from 1 to 6 s."""
 
     bound = 4.0
 
@@ -331,7 +335,7 @@ class _Pulse:
 
 @pytest.mark.parametrize("filter", [C, TF([40.0], [1.0, 9.0, 40.0])])
 def test_the_system_of_condition_20_against_python_control(filter):
-    """H (1 - C) with H = G G_m/(C G + (1 - C) G_m), by python-control's own algebra."""
+    """H (1 - C) with H = G G_m/(C G + (1 - C) G_m) agrees with python-control's algebra."""
     controller = l1(filter=filter)
     plant = TF([2.0, 1.0], [1.0, 0.4, -0.3])
     G, G_m, C_s = (control.tf(system.num, system.den) for system in (plant, controller.G_m, filter))
@@ -343,7 +347,7 @@ def test_the_system_of_condition_20_against_python_control(filter):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_feedback_and_auxiliary_filter_against_python_control(name):
-    """K of u = -K[y] at theta*, and Q = 1/(W_m (tau s + 1)^n*)."""
+    """python-control confirms K of u = -K[y] at theta* and Q = 1/(W_m (tau s + 1)^n*)."""
     plant, model = EXAMPLES[name]
     Lambda, theta, n = filter_polynomial(len(plant.poles), model, None), theta_star(plant, model), len(plant.poles)
     alpha = [control.tf(np.eye(n - 1)[i], Lambda) for i in range(n - 1)]
@@ -358,7 +362,8 @@ def test_feedback_and_auxiliary_filter_against_python_control(name):
 
 
 def test_a_diagonal_gain_makes_the_run_nearly_independent_of_the_time_unit():
-    """Plant, model, command and step in units of 1/W s. Not exactly: m^2 weighs the entries of phi in their own units."""
+    """Plant, model, command and step are in units of 1/W s. The independence is not exact because m^2 weights the entries of phi
+    in their own units."""
     tails = {}
     for W, scaled in ((1.0, True), (1000.0, True), (1000.0, False)):
         plant, model = TF([1.5 * W**3], [1.0, 2 * W, 2 * W**2, 0.5 * W**3]), TF([W**3], [1.0, 3 * W, 3.5 * W**2, 1.5 * W**3])
@@ -372,7 +377,7 @@ def test_a_diagonal_gain_makes_the_run_nearly_independent_of_the_time_unit():
 
 
 def test_condition_20_against_quadrature(sample):
-    """The certified norm of H(1 - C) encloses a fine quadrature of its impulse response; unstable H is refused."""
+    """The certified norm of H(1 - C) encloses a fine quadrature of its impulse response. An unstable H is refused."""
     for plant in (TF([1.0, 3.0], [1.0, 2.0, 1.0]), G, TF([1.0], [1.0, 4.0]))[: sample(1, 3)]:
         enclosure = condition_norm(l1(), plant)
         system = small_gain_system(l1(), plant)
@@ -385,7 +390,8 @@ def test_condition_20_against_quadrature(sample):
 
 
 def test_certificate_margin_against_simulated_delays():
-    """No command, a kick by the disturbance: a delay below the certified margin dies out, one above grows."""
+    """The loop has no command and a pulse of disturbance. The motion decays with a delay below the certified margin and grows
+    with one above."""
     problem = problem_of(G, TF([M], [1.0, M]), Sine(amplitude=1e-9, frequency=1.0), disturbance=_Pulse())
     controller, simulation = l1(), Simulation(t_end=60.0, dt=1e-3)
     margin = certify(problem, (controller,), simulation)["c"].values["delay_margin"]
@@ -399,7 +405,7 @@ def test_certificate_margin_against_simulated_delays():
 
 
 def test_noise_sampling_and_ensembles():
-    """A member of an ensemble is the single run; sampled Euler tends to the continuous controller."""
+    """A member of an ensemble equals the single run. The sampled controller with Euler steps tends to the continuous one."""
     noisy = l1_problem(sensor=Sensor(lag=0.01, noise=Noise(std=0.01, sample_time=0.01, seed=2)))
     simulation = Simulation(t_end=2.0, dt=1e-3)
     together = simulate_ensemble([(noisy, l1(gamma=10.0 * (i + 1))) for i in range(3)], simulation).metrics
@@ -491,7 +497,7 @@ def problem_bind(plant, controller, model):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_c_0_min_alone_keeps_c_0_on_its_side_of_zero(sign):
-    """c_0 = k_m/k_p: the mirrored plant has the mirrored interval, and c_0's first estimate is the end nearest to zero."""
+    """c_0 = k_m/k_p, so that the mirrored plant has the mirrored interval. c_0's initial estimate is the end nearest to zero."""
     controller = MracOutput(order=1, relative_degree=1, sign=sign, law=Gradient(gamma=1.0), c_0_min=0.1)
     equations = problem_bind(TF([2.0 * sign], [1.0, 1.0]), controller, TF([3.0], [1.0, 3.0])).equations
     near, far = sorted((equations.estimate_set.lower[-1], equations.estimate_set.upper[-1]), key=abs)
@@ -541,7 +547,7 @@ def test_certify_refuses_what_a_run_refuses():
         (LyapunovLaw(gamma=1.0, leakage=FixedSigma(sigma=0.1)), True, False),
         (LyapunovLaw(gamma=1.0, dead_zone=DeadZone(g_0=0.1)), False, False),
         (Gradient(gamma=1.0), True, True),
-        (Gradient(gamma=1.0, leakage=FixedSigma(sigma=0.1)), False, False),  # known for a small sigma only
+        (Gradient(gamma=1.0, leakage=FixedSigma(sigma=0.1)), False, False),  # known only for a small sigma
         (LeastSquares(covariance0=1.0), True, True),
     ],
     ids=["lyapunov", "its sigma", "its dead zone", "gradient", "its sigma", "least squares"],

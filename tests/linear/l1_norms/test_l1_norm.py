@@ -1,4 +1,4 @@
-"""The enclosures hold: closed forms, an independent float64 method, invariances, hard cases, refusals."""
+"""Enclosures compared with closed forms and an independent float64 method; invariances, hard cases and refusals."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def holds(found: Enclosure, exact: Fraction | int) -> bool:
 
 
 def holds_ball(found: Enclosure, exact: arb) -> bool:
-    """Exact value known as a very thin ball: it must lie inside entirely."""
+    """Whether an enclosure contains a very thin ball around the exact value."""
     return bool(arb(found.lower) <= exact <= arb(found.upper))
 
 
 def companion(numerator, denominator):
-    """Controllable form of a strictly proper transfer function, highest power first, monic denominator."""
+    """The controllable form of a strictly proper transfer function with a monic denominator, highest power first."""
     n = len(denominator) - 1
     A = np.eye(n, k=1)
     A[-1] = -np.asarray(denominator[:0:-1], dtype=float)
@@ -49,10 +49,10 @@ def jordan(n):
 
 
 def independent_norm(A, B, C, D, steps=4096):
-    """Float64 estimate by step-response differences on a grid with refined sign changes; and its error.
+    """A float64 estimate by differences of the step response on a grid with refined sign changes, and its error.
 
-    Independent of the module: scipy matrix exponential, no balls, no Taylor segments. A double sign change
-    inside one cell is missed; it is worth at most (cell width)^3 max|h''| / 6 each.
+    It is independent of the module: it uses SciPy's matrix exponential and neither balls nor Taylor segments. A double sign
+    change within one cell is missed. It contributes at most (cell width)^3 max|h''| / 6 each.
     """
     decay = -np.linalg.eigvals(A).real.max()
     horizon = 45.0 / decay
@@ -270,7 +270,7 @@ def test_slow_oscillation_closed_form_agrees_with_marching(monkeypatch):
     C = np.hstack([system[2], [[-1.0, 0.3]]])
     quick = l1_norm(A, B, C, ZERO)
     monkeypatch.setattr(model, "slow_oscillation", lambda *_: None)
-    enclosed.cache_clear()  # it is remembered otherwise
+    enclosed.cache_clear()  # it would be cached otherwise
     slow = l1_norm(A, B, C, ZERO)
     assert slow.segments > 5 * quick.segments
     assert max(quick.lower, slow.lower) <= min(quick.upper, slow.upper)
@@ -359,7 +359,7 @@ def test_work_limit_leaves_a_valid_interval_and_says_so():
 
 
 def low_pass_mismatch(kappa):
-    """W_b(s)(1 - C(s)) for A_m = [[0, 1], [-0.3, -1]], b = [0, 1], C = 1/(kappa s + 1): three states."""
+    """W_b(s)(1 - C(s)) with three states for A_m = [[0, 1], [-0.3, -1]], b = [0, 1] and C = 1/(kappa s + 1)."""
     pole = 1.0 / kappa
     A = [[0.0, 1.0, 0.0], [-0.3, -1.0, -pole], [0.0, 0.0, -pole]]
     return np.array(A), np.array([[0.0], [1.0], [1.0]]), np.eye(2, 3), np.zeros((2, 1))
@@ -431,7 +431,7 @@ small = st.integers(-4, 4).map(float)
 
 
 def dyadic_system(draw_matrix, n):
-    """Small-integer system shifted stable, so that integer similarity transforms are exact in float64."""
+    """A system of small integers, shifted to be stable, so that integer similarity transforms are exact in float64."""
     A = np.array(draw_matrix[: n * n]).reshape(n, n)
     A = A - (math.ceil(np.linalg.eigvals(A).real.max()) + 1.0) * np.eye(n)
     return A, np.array(draw_matrix[n * n : n * n + n]).reshape(n, 1), np.array(draw_matrix[-n:]).reshape(1, n)
