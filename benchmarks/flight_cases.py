@@ -36,6 +36,7 @@ from barbalat import (
 )
 from barbalat.laws import FixedSigma, Gradient, LeastSquares, LyapunovLaw
 from barbalat.plants import PlantInput, Shell
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.regressors import Terms
 from barbalat.signals import Sine
@@ -141,12 +142,15 @@ CASES = [
 ]
 """The cases. They use midpoint steps unless they say otherwise."""
 
-SHELL = Shell(
-    range={"x_1": [-50.0, 50.0], "x_2": [-50.0, 50.0]},
-    rate={"x_1": 500.0, "x_2": 500.0},
-    jitter=0.1,
-    longest_outage=0.2,
-    fallback="fade",
-)
-SHELLED = [("MRAC, with a shell", replace(STATE, shell=SHELL), _sampled(Mrac(gamma=20.0)))]
-"""The cost that a shell adds to a sample. The shell has every part except *stuck*, which is off by default."""
+
+def shelled(problem: TrackingProblem) -> TrackingProblem:
+    """Add a shell that checks every measured channel. It has every part except *stuck*, which is off by default."""
+    names = problem.handed_names
+    shell = Shell(
+        range={name: [-50.0, 50.0] for name in names},
+        rate=dict.fromkeys(names, 500.0),
+        jitter=0.1,
+        longest_outage=0.2,
+        fallback="fade",
+    )
+    return replace(problem, shell=shell)  # type: ignore[type-var]

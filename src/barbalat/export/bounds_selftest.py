@@ -19,7 +19,7 @@ COMPARED = "age", "command_outage"
 def bounds_tests(printed: Printed) -> str:
     """The text of ``test_bounds``."""
     contents, around = printed.contents, printed.contents.around
-    lines = [*_numbers(printed), *_counts(printed)]
+    lines = [*_numbers(printed), *_last_good(printed), *_counts(printed)]
     times = around is not None and around.band is not None
     lines += _CALLS if times and around is not None and 1 <= (around.longest or 0) <= MOST_MADE_UP else []
     if around is not None and around.longest is not None:
@@ -46,6 +46,24 @@ def _numbers(printed: Printed) -> Iterator[str]:
     for sign in ("-", ""):
         yield f"{{n}}_init(&c); (void)replay(&c, 2); c.bump[0] = {sign}{{M}}_RANGE;"
         yield 'require(!refuses_state(&c), "a number at the end of the range is refused");'
+
+
+def _last_good(printed: Printed) -> Iterator[str]:
+    """Each entry of the last good measurement and command, if a rate is compared with it, at both ends of its range and just
+    beyond them."""
+    around, layout, numbers = printed.contents.around, printed.contents.layout, printed.contents.real.numbers
+    if around is None:
+        return
+    for part, rated, ranged, low, high in (
+        (layout.measured, around.rated, around.ranged, around.low, around.high),
+        (layout.r, around.command_rated, around.command_ranged, around.command_low, around.command_high),
+    ):
+        for i in ranged if rated else ():
+            for end, far in ((numbers(low[i]), -np.inf), (numbers(high[i]), np.inf)):
+                for value, bad in ((end, 0), (np.nextafter(end, numbers(far)), 1)):
+                    if abs(end) <= printed.contents.range:
+                        yield f"{{n}}_init(&c); (void)replay(&c, 2); c.{part.name}[{i}] = {printed.number(float(value))};"
+                        yield f'require(refuses_state(&c) == {bad}, "the range of a last good value differs: {part.name}");'
 
 
 def _counts(printed: Printed) -> Iterator[str]:
@@ -136,6 +154,12 @@ _CALLS = [
     "in.sample_time = ({real})({M}_LONGEST_OUTAGE + 1L) * {M}_SAMPLE_TIME + {half_band};",
     "require(({n}_step(&c, &in, &out) & ({M}_MISSED_CALLS | {M}_WRONG_SAMPLE_TIME)) == {M}_MISSED_CALLS,",
     '    "missed calls up to the longest outage are not processed if the last one is late");',
+    "{n}_init(&c); (void)replay(&c, 4); c.outage = {M}_LONGEST_OUTAGE; in = sample(4); in.sample_time = 2 * {M}_SAMPLE_TIME;",
+    'require({n}_step(&c, &in, &out) == {M}_MISSED_CALLS, "the fallback of a missed call is reported although it has ended");',
+    "{n}_init(&c); (void)replay(&c, 4); c.fade_left = -1L; other = c; in = sample(4);",
+    "(void){n}_step(&other, &in, &out); in.sample_time = 2 * {M}_SAMPLE_TIME;",
+    "require({n}_step(&c, &in, &out) == ({M}_MISSED_CALLS | {M}_STATE_REFUSED) && same_state(&c, &other),",
+    '    "the controller does not begin again at once if calls were missed before a bad state");',
 ]
 _WRONG_TIME = """\
     {n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = 0;

@@ -30,6 +30,7 @@ def shell(printed: Printed) -> dict[str, str]:
     """The parts of ``controller.h`` and ``controller.c`` for a shell; they are empty without one."""
     around = printed.contents.around
     ends, timed = _ends(around), around is not None and around.band is not None
+    rated = around is not None and bool(around.rated)
     macro, x = printed.macro, printed.measured
     told = f"*status |= {macro}_MEASUREMENT_LOST;"
     lost = ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
@@ -41,7 +42,6 @@ def shell(printed: Printed) -> dict[str, str]:
         "command_lost": " || ".join(_command_lost(printed)),
         "fall_back": _fall_back(printed),
         "refuse": _refuse(printed, timed=timed),
-        "refuse_before": "&before, " if _goes_back(printed) else "",
         "result_refused": "it counts as a miss, and u and the state keep their values unless the fallback acts"
         if ends
         else "u is held, and after the first the controller begins again",
@@ -50,10 +50,10 @@ def shell(printed: Printed) -> dict[str, str]:
         "uncalled": "*measured == 0 || " if timed else "",
         "implausible": " || ".join(_implausible(printed)),
         "lost": indented(lost, 8),
-        "returns": indented([*(_returns(printed) if ends else []), "c->refused = 0;"], 8),
+        "returns": indented([*(_returns(printed) if ends else []), *(["c->age = 0L;"] if rated else []), "c->refused = 0;"], 8),
         "seen": indented(_seen(printed)),
         "accepted": indented(["c->advanced = measured > 0 ? 0L : c->advanced;"] if timed else []),
-        "counted": indented(_one_more("outage") if ends else [], 8),
+        "counted": indented([*(_one_more("outage") if ends else []), *(_aged(timed=timed) if rated else [])], 8),
         "falls_back": indented([f"fall_back({_before(around)}c);"] if _falls(around) else [], 8),
         "no_outage": indented(_no_outage(printed, age=str(MOST_COUNTED))),
         "no_outage_at_start": indented(_no_outage(printed, age="0" if printed.contents.measures_state else str(MOST_COUNTED))),
@@ -61,9 +61,7 @@ def shell(printed: Printed) -> dict[str, str]:
         "start_control": indented(_started(printed)),
         **_without_state(printed),
         "first_misses": ", up to LONGEST_OUTAGE misses" if ends else "",
-        "clock_test": (_BAND if timed else _CLOCK).format(**_names(printed)),
-        "sample": _sample(printed, timed=timed),
-        "one": "" if timed else " = 1",
+        **(_timed(printed) if timed else _untimed(printed)),
         "untold": indented(_untold(macro, timed=timed, rated=around is not None and bool(around.command_rated)), 8),
         "command_good": " else {\n        c->command_outage = 0L;\n    }" if around is not None and around.command_rated else "",
         "good": "> 0" if timed else "!= 0",
@@ -86,16 +84,37 @@ def usable(printed: Printed) -> list[str]:
 def _held_in_range(printed: Printed) -> list[str]:
     """Tests of the last good measurement and command, if there are any: compared with a corrupted one, every good one would be
     too fast."""
-    around, layout = printed.contents.around, printed.contents.layout
+    around, layout, always = printed.contents.around, printed.contents.layout, in_own_range(printed)
     assert around is not None
-    of_r = _ranges(printed, f"c->{layout.r.name}", around.command_ranged, around.command_low, around.command_high)
     found = []
-    for there, count, tests in (
-        (around.rated, "age", in_ranges(printed, f"c->{layout.measured.name}")),
-        (around.command_rated, "command_outage", of_r),
+    for part, there, count, tests in (
+        (layout.measured, around.rated, "age", in_ranges(printed, f"c->{layout.measured.name}")),
+        (layout.r, around.command_rated, "command_outage", _command_ranges(printed, f"c->{layout.r.name}")),
     ):
-        if there and tests:
+        if part.name in always:
+            found += tests
+        elif there and tests:
             found.append(f"(c->{count} >= {MOST_COUNTED}L || ({(chr(10) + 12 * ' ' + '&& ').join(tests)}))")
+    return found
+
+
+def in_own_range(printed: Printed) -> set[str]:
+    """The names of those of the last good measurement and command of which every entry is always within its channel's range,
+    also before the first good one."""
+    around, contents = printed.contents.around, printed.contents
+    if around is None:
+        return set()
+    rest, of_x = contents.at_start
+    found = set()
+    for part, rated, low, high in (
+        (contents.layout.measured, around.rated, around.low, around.high),
+        (contents.layout.r, around.command_rated, around.command_low, around.command_high),
+    ):
+        rows = list(part.rows)
+        initial = [contents.initial[rows], *([] if of_x[rows].any() else [rest[rows]])]  # a start copies a measurement in range
+        within = all((low <= values).all() and (values <= high).all() for values in initial)
+        if rated and within and (np.abs([low, high]) <= contents.range).all():
+            found.add(part.name)
     return found
 
 
@@ -194,10 +213,9 @@ def _without_state(printed: Printed) -> dict[str, str]:
 
 
 def _seen(printed: Printed) -> list[str]:
-    """Updates, at each sample, the age of the last good measurement (at a right or wrong time) and the counters of channels
-    that may be stuck."""
+    """Updates, at each sample, the counters of channels that may be stuck, with a good measurement at a right or wrong time."""
     around, layout = printed.contents.around, printed.contents.layout
-    if around is None or not (around.rated or around.repeats):
+    if around is None or not around.repeats:
         return []
     begun = f"before.{layout.started.name}[0] > 0"
     x, last = f"in->{printed.measured}", f"before.{layout.measured.name}"
@@ -205,10 +223,13 @@ def _seen(printed: Printed) -> list[str]:
         f"c->repeats[{k}] = ({begun} && {x}[{i}] == {last}[{i}]) ? c->repeats[{k}] + 1L : 0L;"
         for k, (i, _) in enumerate(around.repeats)
     ]
-    good = [*(["c->age = 0L;"] if around.rated else []), *good]
-    lost = _one_more("age") if around.rated else []
-    otherwise = ["} else {", *(f"    {line}" for line in lost), "}"] if lost else ["}"]
-    return ["if (measured != 0) {", *(f"    {line}" for line in good), *otherwise]
+    return ["if (measured != 0) {", *(f"    {line}" for line in good), "}"]
+
+
+def _aged(*, timed: bool) -> list[str]:
+    """Without a good measurement at the right time: the age of the last good one."""
+    older = _one_more("age")
+    return ["if (measured != 0) {", "    c->age = 0L;", "} else {", *(f"    {line}" for line in older), "}"] if timed else older
 
 
 def _returns(printed: Printed) -> list[str]:
@@ -356,6 +377,12 @@ def in_ranges(printed: Printed, values: str) -> list[str]:
     return [] if around is None else _ranges(printed, values, around.ranged, around.low, around.high)
 
 
+def _command_ranges(printed: Printed, values: str) -> list[str]:
+    """The same of a command."""
+    around = printed.contents.around
+    return [] if around is None else _ranges(printed, values, around.command_ranged, around.command_low, around.command_high)
+
+
 def _ranges(printed: Printed, values: str, places: tuple[int, ...], low: Array, high: Array) -> list[str]:
     sides = ((i, test, end[i]) for i in places for test, end in ((">=", low), ("<=", high)))
     return [f"{values}[{i}] {test} {printed.number(end)}" for i, test, end in sides]
@@ -379,8 +406,9 @@ def _refuse(printed: Printed, *, timed: bool) -> str:
     rated = around is not None and bool(around.rated)
     measured = [] if state else _STORES.format(**_names(printed)).splitlines()
     measured += ["c->age = measured != 0 ? 0L : c->age;"] if rated else []
-    falls_back = [f"fall_back({'before, ' * bool(_before(around))}c);" if _falls(around) else "hold(c);"]
+    falls_back = [f"fall_back({_before(around)}c);" if _falls(around) else "hold(c);"]
     counts = {"outage": ends, "age": rated}
+    kept = [name for name in ("outage", "refused", "paused") if name == "refused" or name in members(around)]
     return _REFUSE.format(
         limited=indented(limited, 8),
         **_names(printed),
@@ -389,9 +417,8 @@ def _refuse(printed: Printed, *, timed: bool) -> str:
         measured=indented(measured, 8),
         good=good,
         when=f"c->outage > {macro}_LONGEST_OUTAGE" if ends else f"{good} && c->refused > 1",
-        outage="const long outage = c->outage;\n        " if ends else "",
-        before=f"const {printed.name}_controller *before, " if _goes_back(printed) else "",
-        undone=_UNDONE.format(restored="            c->outage = outage;\n" if ends else "") if _goes_back(printed) else "",
+        before=f"    {printed.name}_controller before;\n    before = *c;\n" if _goes_back(printed) else "",
+        undone=_UNDONE.format(kept=indented([f"before.{name} = c->{name};" for name in kept], 12)) if _goes_back(printed) else "",
         given=f"in->{printed.measured}, " if state else "",
         falls_back=indented(falls_back if ends else [*falls_back, "c->fade_left = 0L;", "c->matching = 0;"], 8),
     )
@@ -417,7 +444,8 @@ def _plausible(printed: Printed) -> str:
     looked_at = {*around.ranged, *around.rated, *(i for i, _ in around.repeats)}
     about = ", ".join(name for i, name in enumerate(names) if i in looked_at)
     told = f"Whether this measurement is plausible: {comment(about)}: in range, not too fast, not stuck."
-    return _check(printed, "is_plausible", told, [*in_ranges(printed, x), *stuck], slow, "age")
+    least = min(around.rate[list(around.rated)], default=0.0)
+    return _check(printed, "is_plausible", told, [*in_ranges(printed, x), *stuck], slow, "age", least)
 
 
 def _plausible_command(printed: Printed) -> str:
@@ -425,17 +453,23 @@ def _plausible_command(printed: Printed) -> str:
     around = printed.contents.around
     if around is None or not around.checks_commands:
         return ""
-    tests = _ranges(printed, "in->r", around.command_ranged, around.command_low, around.command_high)
+    tests = _command_ranges(printed, "in->r")
     slow = _slow(printed, "in->r", f"c->{printed.contents.layout.r.name}", around.command_rated, around.command_rate)
     told = "Whether this command is plausible: in range, not too fast."
-    return _check(printed, "command_is_plausible", told, tests, slow, "command_outage")
+    least = min(around.command_rate[list(around.command_rated)], default=0.0)
+    return _check(printed, "command_is_plausible", told, tests, slow, "command_outage", least)
 
 
-def _check(printed: Printed, function: str, told: str, tests: list[str], slow: list[str], count: str) -> str:
-    """A C function that returns whether an input passes the ``tests`` and, if there is a last good one, those of its rate."""
+def _check(printed: Printed, function: str, told: str, tests: list[str], slow: list[str], count: str, least: float) -> str:
+    """A C function that returns whether an input passes the ``tests`` and, if there is a last good one, those of its rate.
+
+    Without a last good one the ``count`` of samples is so large that every change passes, unless the ``least`` rate is tiny.
+    """
     used, first = [*tests], [] if any("c->" in test for test in tests) else ["(void)c;"]
     if slow:
-        used.append(f"(c->{count} >= {MOST_COUNTED}L || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
+        none = f"c->{count} >= {MOST_COUNTED}L"
+        needed = least * MOST_COUNTED < 3 * printed.contents.range
+        used += [f"({none} || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))"] if needed else slow
         first = [f"const long count = c->{count} + 1L;", f"const {printed.real} samples = ({printed.real})count;"]
     join = "\n        && "
     body = indented([*first, f"return {join.join(used)};"])
@@ -492,29 +526,38 @@ def shell_readme(printed: Printed) -> str:
     return "".join(f"\n{fill(one, 128, initial_indent='- ', subsequent_indent='  ')}" for one in told)
 
 
-def _sample(printed: Printed, *, timed: bool) -> str:
-    """C text that accepts a sample; with a timer, missing calls are counted too."""
-    lines = _SAMPLE.format(macro=printed.macro).splitlines()
-    if not timed:
-        return indented(["taken = *in;", *lines])
+def _timed(printed: Printed) -> dict[str, str]:
+    """With a timer, whose time decides which samples a call takes: the parts of one sample, and the function of a call."""
     longest, around = f"{printed.macro}_LONGEST_OUTAGE", printed.contents.around
     wrong = [
-        f"if (missed < 0L && c->outage < {longest}) {{",
-        f"    c->advanced += {longest} - c->outage;",
-        f"    c->outage = {longest}; /* the fallback acts at once */",
-        "}",
-        "if (missed < -2L) {",
-        "    c->advanced = c->advanced > -missed - 2L ? c->advanced + missed + 2L : 0L;",
+        "if (missed < 0L) {",
+        f"    if (c->outage < {longest}) {{",
+        f"        c->advanced += {longest} - c->outage;",
+        f"        c->outage = {longest}; /* the fallback acts at once */",
+        "    }",
+        "    if (missed < -2L) {",
+        "        c->advanced = c->advanced > -missed - 2L ? c->advanced + missed + 2L : 0L;",
+        "    }",
         "}",
     ]
     if around is not None and around.rated:
-        wrong += [
-            "if (missed < 0L) {",
-            f"    c->age = c->age - missed < {MOST_COUNTED}L ? c->age - missed - 1L : {MOST_COUNTED}L;",
-            "}",
-        ]
-    freeze = f"{printed.contents.lost:g}"
-    return _CALLS.format(sample=indented(lines, 8), wrong=indented(wrong), freeze=freeze)
+        wrong.insert(-1, f"    c->age = c->age - missed < {MOST_COUNTED}L ? c->age - missed - 1L : {MOST_COUNTED}L;")
+    return {
+        "step": _ONE_SAMPLE.format(name=printed.name),
+        "clock_test": "",
+        "wrong_call": indented(wrong),
+        "missed_call": indented(_TIMED.format(freeze=f"{printed.contents.lost:g}").splitlines()),
+        "timed_step": _STEP.format(**_names(printed)),
+    }
+
+
+def _untimed(printed: Printed) -> dict[str, str]:
+    """Without a timer, when a call is a sample, and a wrong time is reported."""
+    return {
+        "step": _ONE_CALL.format(name=printed.name),
+        "clock_test": _CLOCK.format(**_names(printed)),
+        **dict.fromkeys(("wrong_call", "missed_call", "timed_step"), ""),
+    }
 
 
 def _timer(printed: Printed) -> str:
@@ -561,20 +604,6 @@ _CLOCK = """\
         status |= {macro}_WRONG_SAMPLE_TIME;
     }}
 """
-_BAND = """\
-    const {real} off = in->sample_time - {macro}_SAMPLE_TIME;
-    long missed = 0L;
-    if (!(off <= {clock} && -off <= {clock})) {{
-        missed = missed_calls(in);
-        if (missed < 0L) {{
-            status |= {macro}_WRONG_SAMPLE_TIME;
-        }} else if (missed > 0L) {{
-            status |= {macro}_MISSED_CALLS;
-        }} else {{
-            status |= {macro}_JITTER;
-        }}
-    }}
-"""
 _TIMER = """\
 /* Minus the number of samples that have begun in this time, at least one. */
 static long begun({real} time)
@@ -611,25 +640,53 @@ static long missed_calls(const {name}_input *in)
 }}
 
 """
-_SAMPLE = """\
-take(c, &taken, &measured, &status);
-if (go_on(c, &taken, measured) == 0) {{
-    status |= {macro}_RESULT_REFUSED;
+_ONE_CALL = "unsigned {name}_step({name}_controller *c, const {name}_input *in, {name}_output *out)"
+_ONE_SAMPLE = """\
+/* One sample. missed: 0 for a measured one, above 0 for a missed call, below 0 at a wrong time, see missed_calls. */
+static unsigned sample({name}_controller *c, const {name}_input *in, {name}_output *out, long missed)"""
+_TIMED = """\
+if (missed != 0L) {{
+    measured = 0;
+    taken.freeze = {freeze};
+    if (missed < 0L) {{
+        measured = -1; /* a measurement is held, but the law needs the right time */
+    }}
 }}
 """
-_CALLS = """\
-{wrong}    do {{
-        taken = *in;
-        measured = 1;
-        if (missed > 0L) {{
-            measured = 0; /* a missed call is processed */
-        }}
-        if (missed < 0L) {{
-            measured = -1; /* a measurement is held, but the law needs the right time */
-            taken.freeze = {freeze};
-        }}
-{sample}        --missed;
-    }} while (missed >= 0L);
+_STEP = """\
+/* A call at another time than the nominal one: first the missed calls, if there are any, then this one. */
+static unsigned at_another_time({name}_controller *c, const {name}_input *in, {name}_output *out)
+{{
+    long missed = missed_calls(in);
+    unsigned told = {macro}_JITTER;
+    unsigned status;
+    if (missed > 0L) {{
+        told = {macro}_MISSED_CALLS;
+    }}
+    if (missed < 0L) {{
+        told = {macro}_WRONG_SAMPLE_TIME;
+    }}
+    do {{
+        status = sample(c, in, out, missed);
+        told |= status & {macro}_RESULT_REFUSED;
+        --missed;
+    }} while (missed >= 0L && (status & {macro}_STATE_REFUSED) == 0u);
+    out->status = status | told;
+    return out->status;
+}}
+
+unsigned {name}_step({name}_controller *c, const {name}_input *in, {name}_output *out)
+{{
+    const {real} off = in->sample_time - {macro}_SAMPLE_TIME;
+    if (!(off <= {clock})) {{
+        return at_another_time(c, in, out);
+    }}
+    if (!(-off <= {clock})) {{
+        return at_another_time(c, in, out);
+    }}
+    return sample(c, in, out, 0L);
+}}
+
 """
 _RETURNS = """\
 if (c->outage > {macro}_LONGEST_OUTAGE) {{
@@ -686,20 +743,19 @@ _REFUSED_ENDS = """\
  * a row with a good measurement it begins again without what was learnt, and with u at zero before the fallback. */
 """
 _REFUSE = """\
-{about}static void refuse({before}{name}_controller *c, const {name}_input *in, int measured)
+{about}static void refuse({name}_controller *c, const {name}_input *in, int measured)
 {{
-{counted}    if ({good} && c->refused < {macro}_REFUSALS) {{
+{before}{counted}    if ({good} && c->refused < {macro}_REFUSALS) {{
         ++c->refused;
     }}
     if ({when}) {{
-        {outage}const int refused = c->refused;
         int i;
-        begin(c, {given}refused < {macro}_REFUSALS);
+        begin(c, {given}c->refused < {macro}_REFUSALS);
 {measured}        for (i = 0; i < {macro}_COMMANDS; ++i) {{
             c->{last_r}[i] = in->r[i];
         }}
         c->{started}[0] = {one}; /* as after a first sample */
-        for (i = 0; i < {macro}_INPUTS && refused >= {macro}_REFUSALS; ++i) {{
+        for (i = 0; i < {macro}_INPUTS && c->refused >= {macro}_REFUSALS; ++i) {{
             c->last_u[i] = {zero};
         }}
 {falls_back}{limited}{undone}        for (i = 0; i < {macro}_INPUTS; ++i) {{
@@ -716,8 +772,7 @@ for (i = 0; i < {macro}_MEASURED; ++i) {{
 """
 _UNDONE = """\
         if (!result_is_usable(c)) {{
-            copy(c, before);
-{restored}            c->refused = refused;
+{kept}            *c = before;
             return;
         }}
 """

@@ -9,9 +9,10 @@ import numpy as np
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
 from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
 from barbalat.export.contents import Contents
+from barbalat.export.layout import StatePart
 from barbalat.export.log import log_body, log_header
 from barbalat.export.settable import settable
-from barbalat.export.shell import REFUSALS, in_ranges, shell, undone
+from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, shell, undone
 from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, comment, comments, filled, indented, readable
 from barbalat.loop.around import LOST
@@ -126,8 +127,8 @@ def _copied(printed: Printed) -> list[str]:
 
 
 def _usable_result(printed: Printed) -> str:
-    """The condition that every number is in range and the estimates are in their set up to rounding; a set with all its bounds
-    implies the range."""
+    """The condition that every number that a sample computes is in range, and the estimates in their set up to rounding; a set
+    with all its bounds implies the range."""
     contents, theta_hat, bounds = printed.contents, printed.contents.layout.theta_hat, list[str]()
     ends = _estimate_ends(contents)
     for i, (low, high) in enumerate(ends.tolist()):
@@ -135,8 +136,15 @@ def _usable_result(printed: Printed) -> str:
         bounds += [f"{text} >= {c99.constant(low, contents.real)}"] if np.isfinite(low) else []
         bounds += [f"{text} <= {c99.constant(high, contents.real)}"] if np.isfinite(high) else []
     bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite one does not imply the range
-    tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts if not (bounded and part is theta_hat)]
+    known = {part.name for part in (*stored(contents), *([theta_hat] if bounded else []))}
+    tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts if part.name not in known]
     return _all([*tests, f"in_range(c->bump, {printed.macro}_INPUTS)", *bounds])
+
+
+def stored(contents: Contents) -> list[StatePart]:
+    """The arrays into which a sample stores what it was given: accepted before, they need no test as its result."""
+    layout = contents.layout
+    return [layout.measured, layout.r, layout.started]
 
 
 def _estimate_ends(contents: Contents) -> Array:
@@ -148,8 +156,10 @@ def _estimate_ends(contents: Contents) -> Array:
 
 
 def _usable(printed: Printed) -> str:
-    """Checks of the held control, of the fade and of the counters."""
-    tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", "c->fade_left >= 0L && c->fade_left <= c->fade"]
+    """Checks of the held control, of the stored inputs, of the fade and of the counters."""
+    held = {part.name: part.size for part in stored(printed.contents) if part.name not in in_own_range(printed)}
+    tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", *(f"in_range(c->{name}, {size})" for name, size in held.items())]
+    tests += ["c->fade_left >= 0L && c->fade_left <= c->fade"]
     if printed.contents.parameters:
         tests += ["parameters_are_usable(c->parameter)"]
         tests += ["(c->change == 0L || (c->change > 0L && parameters_are_usable(c->previous)))"]

@@ -94,7 +94,7 @@ ${counted}        hold(c);
 ${falls_back}    }
     if (!result_is_usable(c)) {
 ${unchanged}        copy(c, &before);
-        refuse(${refuse_before}c, in, measured);
+        refuse(c, in, measured);
         return 0;
     }
 ${accepted}    for (i = 0; i < ${macro}_INPUTS; ++i) {
@@ -171,10 +171,10 @@ ${start_control}    c->fade = samples > 0L ? samples : 0L;
 ${no_change}${no_outage_at_start}    return ${macro}_OK;
 }
 
-${wait}unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
+${wait}${step}
 {
     unsigned status = ${macro}_OK;
-    int measured${one};
+    int measured = 1;
     ${name}_input taken;
 ${clock_test}    if (!state_is_usable(c)) {
 ${outage_before}        keep_control(c);
@@ -182,11 +182,16 @@ ${outage_before}        keep_control(c);
 ${told_fallback}        give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
-${sample}${fallback_status}    give(c, out, status);
+${wrong_call}    taken = *in;
+${missed_call}    take(c, &taken, &measured, &status);
+    if (go_on(c, &taken, measured) == 0) {
+        status |= ${macro}_RESULT_REFUSED;
+    }
+${fallback_status}    give(c, out, status);
     return out->status;
 }
 
-void ${name}_read_log(const ${name}_controller *c, ${name}_log *log)
+${timed_step}void ${name}_read_log(const ${name}_controller *c, ${name}_log *log)
 {
     ${name}_output out;
     give(c, &out, ${macro}_OK);
