@@ -6,6 +6,7 @@ computers.
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 
@@ -15,15 +16,28 @@ from benchmarks.flight_cases import CASES, T
 
 PAGE = Path(__file__).parents[1] / "docs" / "guides" / "campaign.txt"
 SIMULATION = Simulation(t_end=30.0, dt=T / 10)
-HEADINGS = ("controller", "largest error", "1 % lost", "10 % lost", "50 % lost", "bursts of 10", "longest outage")
+HEADINGS = (
+    "controller",
+    "largest error",
+    "1 % lost",
+    "10 % lost",
+    "50 % lost",
+    "bursts of 10",
+    "longest outage",
+    "outages in a row",
+)
 
 
 def row(name: str, found: Campaign) -> str:
-    """A row of the page's table: the factors of the worst component and the longest tolerated outage."""
-    factors = ["diverges" if one.worst is None else f"{found.factor(one):.2f}" for one in found.rows]
-    outage = f"{found.longest * found.sample_time:.2g} s"
-    cells = [name, f"{max(found.nominal):.2g}", *factors, f"{outage} or more" if found.longest == found.most else outage]
+    """A row of the page's table: the factors of the worst component, and the longest tolerated outage, alone and in a row."""
+    *factors, regular = [_factor(found.factor(one)) for one in found.rows]
+    outage = f"{found.longest * found.sample_time:.2g} s{' or more' if found.longest == found.most else ''}"
+    cells = [name, f"{max(found.nominal):.2g}", *factors, outage, regular]
     return f"| {' | '.join(cells)} |"
+
+
+def _factor(value: float) -> str:
+    return "diverges" if math.isinf(value) else f"{value:.2f}" if value < 100 else f"{value:.2g}"
 
 
 def main() -> int:

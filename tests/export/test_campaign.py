@@ -14,7 +14,7 @@ from barbalat.export.campaign import LOST_SHARES, TOLERATED, Campaign, Degradati
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.plants import Dropout, Jitter, Shell, Spike
 from barbalat.run.engine.engine import Batch, run
-from barbalat.run.engine.simulate import simulate
+from barbalat.run.engine.simulate import simulate, with_missed_samples
 from barbalat.solvers.simulation import Simulation
 from export.examples import T
 from export.targets import needs_gcc
@@ -71,6 +71,21 @@ def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
         return bool((np.array(errors) <= TOLERATED * np.array(found.nominal)).all())
 
     assert tolerated(found.longest) and not tolerated(found.longest + 1)
+
+
+@needs_gcc
+def test_regular_outages_are_just_within_the_longest_one() -> None:
+    """Of every six samples five are lost, in each phase: no fallback acts, and the figures are the simulation's with these times
+    written out."""
+    problem, controller = surrounded("Mrac-state-midpoint", Shell(longest_outage=5 * T, fallback="zero"), ())
+    regular = export_campaign(problem, controller, RUN, draws=DRAWS).rows[-1]
+    assert (regular.faults, regular.draws) == ("5 of every 6 samples lost", DRAWS)
+    samples = range(round(RUN.t_end / T))
+    lost = [tuple(((k - 0.5) * T if k else 0.0, (k + 0.5) * T) for k in samples if k % 6 != first) for first in (0, 3)]
+    drawn = [replace(problem, faults=(Dropout(times=times),)) for times in lost]
+    assert regular.worst == tuple(np.max([largest(each, controller) for each in drawn], axis=0))
+    runs = [with_missed_samples(simulate(each, [controller], RUN))[controller.name].missed for each in drawn]
+    assert [(run.in_a_row, run.fallback) for run in runs] == [(5, 0), (5, 0)] and regular.missed == pytest.approx(5 / 6, abs=0.01)
 
 
 @needs_gcc

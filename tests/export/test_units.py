@@ -9,16 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import KnownParameters, Sampled, Simulation, simulate
+from barbalat import KnownParameters, LinearFeedback, Sampled, Simulation, TransferFunction, simulate
 from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
 from barbalat.export.fmu.base_units import base_unit
+from barbalat.export.own_run import own_run_warning
 from barbalat.export.source import header
 from barbalat.export.texts import Printed, comment, comments
 from barbalat.exports import export_controller
 from barbalat.judge.settings import Judge
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.plants import Dropout, LuenbergerObserver, Shell
+from barbalat.plants import Dropout, LuenbergerObserver, PlantInput, Shell
 from barbalat.problem.labels import Labels
 from barbalat.signals import Step
 from export.examples import SIMULATION, STATE, T
@@ -75,6 +76,32 @@ def test_the_export_of_a_controller_that_is_lost_says_so(tmp_path) -> None:
     told.clear()
     out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "kept", note=told.append)
     assert not told and "Do not fly" not in (out / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("gain", "delay", "limit", "losses", "verdict"),
+    [
+        (200.0, 0.05, 10.0, 0, r"limit cycle, u swings by ±10 at 2\d\.\d rad/s, at its limits 6\d % of the time"),
+        (60.0, 0.05, 10.0, 0, ""),
+        (2.0, 0.0, 0.5, 12, "off by 52 % in x_1, at its limits 100 % of the time"),
+    ],
+    ids=["limit cycle", "less gain", "at its limits"],
+)
+def test_the_export_of_a_controller_that_oscillates_or_saturates_says_so(gain, delay, limit, losses, verdict) -> None:
+    """A PI controller with a delay has its limit cycle without any fault; the last loop has 12 of 13 samples lost, and a limit
+    of half the control that the command needs."""
+    lost = tuple((13 * k * T + T, 13 * (k + 1) * T) for k in range(100 if losses else 0))
+    case = replace(
+        STATE,
+        plant=replace(STATE.plant, input=PlantInput(delay=delay, saturation=[-limit, limit])),
+        reference=Step(amplitude=1.0),
+        shell=Shell(longest_outage=12 * T, fallback="hold") if lost else None,
+        faults=(Dropout(times=lost),) if lost else (),
+    )
+    law = Sampled(controller=LinearFeedback(controller=TransferFunction([gain, gain], [1.0, 0.0])), sample_time=T)
+    told = own_run_warning(case, law, Simulation(t_end=12.0, dt=T / 2), None)
+    wanted = f"In the case's own run the judge's verdict on Linear is: {verdict}\\." if verdict else ""
+    assert re.fullmatch(wanted, told), told
 
 
 def test_the_export_says_if_the_shell_refuses_the_own_run_after_the_test_vectors(tmp_path) -> None:

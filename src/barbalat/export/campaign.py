@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
 
 DRAWS = 8
-"""Number of draws of each kind of faults."""
+"""Number of draws of each kind of random faults, and at most of phases of regular outages."""
 STARTS = 4
 """Number of instants, drawn in the second quarter of the run, at which outages are tried."""
 TOLERATED = 2.0
@@ -126,15 +126,20 @@ def export_campaign(
         nonlocal done
         done += flown
         if progress is not None:
-            progress(min(1.0, done / (draws * len(kinds) + EXPECTED_FLIGHTS)))
+            progress(min(1.0, done / (draws * (len(kinds) + 1) + EXPECTED_FLIGHTS)))
 
     rows = []
     for words, faults in kinds.items():
-        rows.append(flights.through(words, faults, draws))
+        rows.append(flights.through(words, [_drawn(faults, k) for k in range(draws)]))
         told(draws)
     starts = tuple((simulation.t_end / 4 * (1 + uniform(0, 0, np.arange(STARTS)))).tolist())
     most = int(simulation.t_end / 4 / T)
     longest = flights.longest(starts, most, told)
+    if lost := longest if loop.around is None or loop.around.longest is None else int(loop.around.longest):
+        phases = sorted({k * (lost + 1) // draws for k in range(draws)})
+        regular = [(Regular(T=T, lost=lost, first=first),) for first in phases]
+        rows.append(flights.through(f"{lost} of every {lost + 1} samples lost", regular))
+        told(draws)
     labels = problem.labels
     return Campaign(
         controller=controller.name,
@@ -163,6 +168,24 @@ def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
     found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
     words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
     return found | {words: (Dropout(share=BURST_SHARE, burst=BURST_SAMPLES * T),)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Regular(Dropout):
+    """Outages in a regular sequence: of every ``lost`` + 1 samples one is measured, the one of number ``first`` and so on."""
+
+    T: float
+    lost: int
+    first: int
+    always: ClassVar[bool] = True
+
+    def there(self, t: Array, place: int) -> Array:
+        """Whether the measurements at times t [s] are lost."""
+        return np.asarray((np.round(np.asarray(t) / self.T) - self.first) % (self.lost + 1) != 0)
+
+
+def _drawn(faults: tuple[Fault, ...], k: int) -> tuple[Fault, ...]:
+    return tuple(replace(fault, seed=(fault.seed + k) % (LARGEST_SEED + 1)) for fault in faults)
 
 
 class _Flights:
@@ -195,15 +218,14 @@ class _Flights:
         found = batch.metrics(self.simulation).max_abs_e[0]
         return None if np.isnan(found).any() else found
 
-    def through(self, words: str, faults: tuple[Fault, ...], draws: int) -> Degradation:
-        """The effect of faults over this number of draws."""
+    def through(self, words: str, drawn: Sequence[tuple[Fault, ...]]) -> Degradation:
+        """The effect of faults over their draws."""
         worst, lost, missed, beyond = np.zeros(len(self.nominal)), 0, 0.0, 0.0
         samples = np.ceil(self.simulation.t_end / self.T * (1 - 1e-9))
-        kinds = []
-        for k in range(draws):
-            drawn = tuple(replace(fault, seed=(fault.seed + k) % (LARGEST_SEED + 1)) for fault in faults)
-            batch, refused = self._fly(drawn)
-            kinds.append(self._judged(batch, replace(self.problem, faults=drawn)).kind)  # type: ignore[type-var]
+        kinds, draws = [], len(drawn)
+        for faults in drawn:
+            batch, refused = self._fly(faults)
+            kinds.append(self._judged(batch, replace(self.problem, faults=faults)).kind)  # type: ignore[type-var]
             missed += float(refused / samples / draws)
             beyond = max(beyond, self._beyond(batch))
             errors = self._errors(batch)

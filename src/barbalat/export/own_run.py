@@ -1,27 +1,38 @@
-"""Whether an exported controller is lost, or its samples are refused, in its own case."""
+"""Whether an exported controller is lost, oscillates or saturates, or its samples are refused, in its own case."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from barbalat.judge.settings import Judge
-from barbalat.judge.verdict import Class
+from barbalat.judge.verdict import Class, Verdict
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate, with_missed_samples
 from barbalat.solvers.simulation import Simulation
 
+MOST_OF_THE_TIME = 0.5
+"""Share of the time at the actuator's limits from which a run that is off is reported: the limits, and not the law, decide u."""
+
 
 def own_run_warning(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None) -> str:
-    """A warning, if the case's own run with this controller is lost or diverges, or if its shell refuses samples of that run
-    without faults; otherwise empty."""
+    """A warning, if the case's own run with this controller is lost or diverges, ends in a limit cycle, or is off and mostly at
+    its limits, or if its shell refuses samples of that run without faults; otherwise empty."""
     (run,) = simulate(problem, [controller], simulation, judge=judge).values()
     if run.verdict is not None and run.verdict.kind is Class.LOST:
         return f"Do not fly this export as it is: in the case's own run {controller.name} is {run.verdict}."
-    if problem.shell is None:
-        return ""
-    if problem.faults:
-        run = simulate(replace(problem, faults=()), [controller], simulation)[controller.name]  # type: ignore[type-var]
-    missed = with_missed_samples({controller.name: run})[controller.name].missed
-    told = None if missed is None else missed.sentence
-    return f"In the case's own run without faults, {told}: widen the shell's limits." if told else ""
+    said = []
+    if run.verdict is not None and _is_poor(run.verdict):
+        said.append(f"In the case's own run the judge's verdict on {controller.name} is: {run.verdict}.")
+    if problem.shell is not None:
+        if problem.faults:
+            run = simulate(replace(problem, faults=()), [controller], simulation)[controller.name]  # type: ignore[type-var]
+        missed = with_missed_samples({controller.name: run})[controller.name].missed
+        told = None if missed is None else missed.sentence
+        said += [f"In the case's own run without faults, {told}: widen the shell's limits."] if told else []
+    return " ".join(said)
+
+
+def _is_poor(verdict: Verdict) -> bool:
+    mostly = max(verdict.at_limit, default=0.0) >= MOST_OF_THE_TIME
+    return verdict.kind is Class.CYCLE or (verdict.kind is Class.OFF and mostly)
