@@ -239,7 +239,7 @@ def test_what_validation_plants_do_not_meet_is_missed_and_named():
     found = Candidate(tuned=SimpleNamespace(meets=True), worst=worst, factor=factor, held_out=held_out)
     assert not found.meets and found.misses.keys() == {"u_max", "delay"}
     assert "demands |u| up to 6, 1.5 times the limit and missed on 2 of 8 validation plants" in found.sentence
-    assert "0.02 s of added delay on the tuning's plants, but less than required on 1 of 8 validation plants" in found.sentence
+    assert "0.02 s of added delay on the tuning plants, but less than required on 1 of 8 validation plants" in found.sentence
     assert found.distance == pytest.approx(np.hypot(np.log(1.5), np.log(1.125)))
 
 

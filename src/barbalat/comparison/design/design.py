@@ -43,7 +43,7 @@ ROUNDS = 2
 """The validation plants on which an entrant fails join the tuning, once, unless one with a smaller error on the tuning's plants
 meets everything."""
 ASKED_IN_WORDS = {
-    "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} of the step", "u_max": "demands |u| up to {:.4g}",
+    "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} % of the step", "u_max": "demands |u| up to {:.4g}",
     "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
@@ -121,8 +121,9 @@ class Candidate:
         value, step = self.worst[name], self.step.get(name)
         if not np.isfinite(value):
             return {"settling": "does not settle"}.get(name, "diverges")
-        where = " on the tuning's plants" if name in ("delay", "gain") and name in self.held_out else ""
-        return f"{ASKED_IN_WORDS[name].format(value)}{where}{f' (the step {step})' if step else ''}"
+        where = " on the tuning plants" if name in ("delay", "gain") and name in self.held_out else ""
+        said = ASKED_IN_WORDS[name].format(100 * value if name == "overshoot" else value)
+        return f"{said}{where}{f' (the step {step})' if step else ''}"
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -186,7 +187,7 @@ class Design:
                 said.append("a larger --plants tunes on more plants, which may prevent failures on validation plants")
         if self.tried[1]:
             said.append(
-                f"all of this is measured on {sum(self.tried)} plants, {self.tried[0]} of the tuning and {self.tried[1]} of the "
+                f"all of this is measured on {sum(self.tried)} plants, {self.tried[0]} for tuning and {self.tried[1]} for "
                 "validation: the case's own, extremes of its ranges, and random ones; on validation plants delay and gain are "
                 "tested only up to the required values; for plants in between nothing is guaranteed"
             )
