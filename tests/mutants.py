@@ -1,13 +1,14 @@
 """Mutation of exported source: ``./dev mutants`` compiles mutants of each export and lets its own self-test find them.
 
-The exports are one for every combination of scheme, problem (known set, one input or two, regressor), form, law and modification
-among the tests' examples; ``--quick`` draws a few of them for a minute, ``--all`` takes every example. The mutants of an export
-are compiled once, with a number that selects one. Mutants that its README calls killed must be killed; those proven equivalent
-must not. Exit code 1 if this is violated or a score falls below 97 %, or 96 % with parameters; kinds below 97 % are named.
+There is an export for every combination of scheme, problem (known set, one input or two, regressor), form, law and modification
+among the tests' examples; ``--quick`` draws a few of them for a minute, and ``--all`` uses every example. The mutants of an
+export are compiled once, and a number selects one. Mutants that the export's README calls killed must be killed, and those proven
+equivalent must not. The exit code is 1 if this is violated or a score is below 97 %, or 96 % with parameters. Kinds below 97 %
+are named.
 
-Then the C around the arithmetic, with several shells: starts, checks of inputs and of the state, the fallback, the timer. Its
-mutants that survive run through random walks; those that differ there are faults, and the self-test must find 97 % of all known
-ones. The rest differ in no walk, and nothing is proven of them.
+Then the C around the arithmetic is mutated with several shells: starts, checks of inputs and of the state, the fallback and the
+timer. Surviving mutants run through random walks. Those that differ there are faults, and the self-test must find 97 % of all
+known faults. The rest differ in no walk, and nothing is proven about them.
 """
 
 # ruff: noqa: T201  # a command that prints; the tests' own folder comes before the imports from it
@@ -36,9 +37,9 @@ from turns import drawn
 
 FLOOR = 0.97
 BESIDE_PARAMETERS = 0.96
-"""Of exports with parameters: the weakest kind is MRAC with switching sigma by midpoint steps, 96.04 %."""
+"""Required score of exports with parameters. The weakest kind is MRAC with switching sigma by midpoint steps, with 96.04 %."""
 QUICK = 9
-"""Exports of the quick form, and one with a shell: about a minute of one core."""
+"""Number of exports with ``--quick``, one of them with a shell, which takes about a minute on one core."""
 
 
 def main() -> int:

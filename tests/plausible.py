@@ -1,8 +1,8 @@
-"""Plausible cases, drawn from the JSON Schema of case files: what a user might write, rather than what a file can get wrong.
+"""Plausible cases, drawn from the JSON Schema of case files, which a user might write.
 
 Every key of the schema can occur. The schema says which keys a table has, which are required and what shape a value has (a
-description begins with it, such as "(n,)"); it does not say what size a value plausibly has, or how keys depend on each other.
-This file adds both by the names of keys; a new key is included automatically with a number of order one.
+description begins with it, such as "(n,)"). It does not say what size a value plausibly has or how keys depend on each other.
+This file adds both by the names of keys. A new key is included automatically with a number of order one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Table = dict[str, Any]
 SCHEMA = json_schema()
 LARGEST_ORDER = 4
 STEPS = (200, 1500)
-"""Solver steps of a case: enough for a motion, few enough for thousands of cases."""
+"""Number of solver steps of a case, which is enough for a motion and small enough for thousands of cases."""
 
 RANGES: dict[str, tuple[float, float]] = {
     "gamma": (0.3, 3e3), "gamma_v": (0.1, 30), "gamma_r": (0.1, 30), "gamma_c": (0.1, 30), "kappa": (0.005, 0.5),
@@ -38,7 +38,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "normalization": (0.1, 2), "k_r0": (0.5, 2), "duration": (0.5, 5), "history": (0.01, 1), "threshold": (0.1, 3),
     "jitter": (0.002, 0.4),
 }  # fmt: skip
-"""By key, between which sizes a number is drawn, evenly in its logarithm."""
+"""The range of each key's number, which is drawn evenly in its logarithm."""
 WHOLE: dict[str, tuple[int, int]] = {
     "degree": (1, 2), "order": (1, 3), "neurons": (2, 6), "seed": (0, 99), "record_points": (2, 3000)
 }  # fmt: skip
@@ -46,9 +46,9 @@ SIGNED = frozenset({"constant", "phase", "history", "initial"})
 SHAPE = re.compile(r"\(([^()]*)\)")
 FILES = {"csv": "recorded.csv", "mat": "recorded.mat"}
 LEFT_OUT = frozenset({"A", "V_hat0", "c_0", "design_plant", "file", "filter_poles", "input_gain", "lower", "poles", "upper"})
-"""Optional keys that only go with others, which give them where they are drawn."""
+"""Optional keys that need others and are added together with them."""
 DRAWS = 8
-"""Of a controller, until one goes with its problem: which settings go together is the package's to say."""
+"""Attempts at a controller that fits its problem. The package decides which settings fit together."""
 
 
 def write_files(folder: Path) -> None:
@@ -63,7 +63,7 @@ def write_files(folder: Path) -> None:
 
 
 class Draw:
-    """Draws one case: its sizes first, then tables and values by the schema."""
+    """Draws a case: first its dimensions, then tables and values by the schema."""
 
     def __init__(self, rng: random.Random, folder: Path) -> None:
         self.rng, self.folder = rng, folder
@@ -77,7 +77,7 @@ class Draw:
         self.output = rng.random() < 0.15
         self.known: Table = {}
         self.share = 0.0
-        """Of optional keys that are given; most cases of a user's have few of them."""
+        """Share of optional keys that are present. Most users' cases have few of them."""
         self.special: dict[str, Callable[[], Any]] = {
             "A_m": self.hurwitz, "b": self.input_matrix, "theta": self.parameters, "x0": lambda: self.vector(self.n),
             "k_0": self.feedforward, "uncertainty": self.known_set, "theta_hat0": self.inside, "nominal": self.inside,
@@ -108,7 +108,7 @@ class Draw:
         return [[sign * self.rng.uniform(0.5, 2) if i == j else 0.0 for j in range(size)] for i in range(size)]
 
     def hurwitz(self) -> list[list[float]]:
-        """In companion form, from real poles and pairs."""
+        """A Hurwitz matrix in companion form with real poles and pairs."""
         coefficients, left = [1.0], self.n
         while left:
             if left > 1 and self.rng.random() < 0.5:
@@ -208,13 +208,13 @@ class Draw:
 
     def simulation(self) -> Table:
         table = {"t_end": self.steps * self.dt, "dt": self.dt}
-        more = self.table(self.definition("Simulation"), without={**table, "tolerance": 0})  # which stands instead of dt
-        if more.get("solver") == "auto":  # which goes with a tolerance
+        more = self.table(self.definition("Simulation"), without={**table, "tolerance": 0})  # which replaces dt
+        if more.get("solver") == "auto":  # which needs a tolerance
             del more["solver"]
         return table | more
 
     def specification(self) -> Table:
-        """At least one requirement; a gain is a factor above 1."""
+        """At least one requirement. A gain is a factor above 1."""
         demands = {
             "settling": self.steps * self.dt * self.rng.uniform(0.1, 0.5), "overshoot": self.rng.uniform(0.02, 0.3),
             "u_max": self.number("amplitude"), "delay": self.dt * self.rng.randint(1, 10), "gain": self.rng.uniform(1.1, 2),
@@ -281,7 +281,7 @@ class Draw:
         return self.table(variants[chosen]) | {key["propertyName"]: chosen}
 
     def modification(self, spec: Table) -> Table | None:
-        """One of the modifications of its keys: fixed leakage, switching, a dead zone."""
+        """A modification: fixed leakage, switching leakage or a dead zone."""
         keys = set(self.properties(spec))
         groups = [group for group in ({"sigma"}, {"sigma", "M_0"}, {"nu"}, {"g_0"}) if group <= keys]
         return {key: self.number(key) for key in self.rng.choice(groups)} if groups else None
@@ -289,7 +289,7 @@ class Draw:
     def plain(self, key: str, spec: Table) -> Any:
         given = [one.get("type") for one in spec.get("oneOf", (spec,))]
         kinds = [kind for one in given for kind in (one if isinstance(one, list) else [one])]
-        if "number" in kinds:  # a text would be a formula of physical parameters
+        if "number" in kinds:  # text would be a formula of physical parameters
             kinds = [kind for kind in kinds if kind != "string"]
         if "boolean" in kinds:
             return self.rng.random() < 0.5
@@ -302,7 +302,7 @@ class Draw:
         return self.array(spec)
 
     def array(self, spec: Table) -> Any:
-        """A value of the shape with which its description begins; None if it begins otherwise."""
+        """A value of the shape with which its description begins. None if it has no shape."""
         shape = SHAPE.search(spec.get("description", ""))
         if not shape:
             return None
@@ -342,13 +342,13 @@ class Draw:
             case["uncertainty"] = self.known_set()
         case["reference"] = self.signal() if self.m == 1 else [self.signal() for _ in range(self.m)]
         case["simulation"] = self.simulation()
-        # these go with a plant that is given by A and b, an observer with what is measured of it
+        # these need a plant given by A and b, and an observer needs its measurements
         apart = dict.fromkeys(("controller", "parameters", "truth", "baseline", "observer"), 0)
         case |= self.table(self.definition("Problem"), without={**case, **apart})
         return case | {"controller": self.controllers(case)}
 
     def output_case(self) -> Table:
-        """A first-order plant behind its model, or one of second order, with a share of the keys."""
+        """A plant of first or second order with its model and a share of the keys."""
         self.n, self.m, self.p = 1, 1, 2
         pole, gain = self.rng.uniform(-1, 3), self.rng.uniform(0.5, 4)
         model = self.rng.uniform(1, 5)
@@ -370,7 +370,7 @@ class Draw:
         return case | {"controller": self.controllers(case, adjust)}
 
     def controllers(self, case: Table, adjust: Callable[[Table], None] = lambda one: None) -> list[Table]:
-        """One to three that go with the case's problem, if DRAWS draws find them; ``adjust`` fits one to its plant."""
+        """One to three controllers that fit the case's problem, if DRAWS attempts find them. ``adjust`` fits one to its plant."""
         spec = self.properties(self.definition("OutputProblem" if self.output else "Problem"))["controller"]["items"]
         return [self.controller(case, spec, i, adjust) for i in range(self.rng.choices((1, 2, 3), (6, 3, 1))[0])]
 
@@ -396,7 +396,7 @@ class Draw:
         return one
 
     def linear(self, one: Table) -> Table:
-        """A design, or a controller in its own numbers."""
+        """A linear controller by a design or by its own numbers."""
         kept = {key: value for key, value in one.items() if key in ("scheme", "nominal", "sample_time", "anti_windup")}
         if self.rng.random() < 0.7:
             return {**kept, "design": "pi", "unmodelled_delay": self.number("unmodelled_delay")}
@@ -404,7 +404,7 @@ class Draw:
 
 
 def accepted(case: Table, folder: Path) -> bool:
-    """Whether the package accepts these tables; tables that crash it are kept, so that the commands show the crash."""
+    """Whether the package accepts these tables. Tables that crash it are kept, so that the commands show the crash."""
     try:
         CaseText("", folder).case(copy.deepcopy(case))
     except InputError:
@@ -433,11 +433,11 @@ def at(table: Any, path: tuple[Any, ...]) -> Any:
 
 
 FIXED = frozenset({"simulation", "name", "order", "relative_degree", "sign"})
-"""Keys whose numbers a plausible change leaves: the step is chosen for the plant."""
+"""Keys whose numbers do not change, because the step is chosen for the plant."""
 
 
 def changed(rng: random.Random, case: Table, folder: Path) -> Table:
-    """A case with other plausible numbers, one key more or less and perhaps another controller."""
+    """A case with different plausible numbers, one key more or less and perhaps another controller."""
     case = copy.deepcopy(case)
     for path in places(case):
         value = at(case, path)

@@ -1,7 +1,7 @@
 """Real faults against a store: its writer killed at random instants, a full disk, flipped bytes, two writers, Ctrl-C.
 
-``./dev store-faults`` runs all of it, ``--quick`` a short form. After each fault the store holds nothing but whole rows with the
-right bits, and the same command completes it. Exit code 1 and a sentence if this is violated.
+``./dev store-faults`` runs all of it, ``--quick`` a short form. After each fault the store contains only whole rows with the
+right bits, and the same command completes it. If this is violated, the exit code is 1 and a sentence says so.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
 
 MEMBERS, CHUNK = 6000, 100
-"""Sixty files, each some hundredths of a second apart: a kill hits every stage of writing one."""
+"""Members for sixty files, one every few hundredths of a second, so that kills hit every stage of writing a file."""
 LONGEST = 1.5
-"""Seconds until a writer is killed, counted from its first word; it takes about that long in all."""
+"""Seconds from a writer's first output until it is killed. A whole run takes about as long."""
 TMPFS = "300k"
-"""Room for a part of the store, which takes some 1.5 MB."""
+"""Space for a part of the store, which needs some 1.5 MB."""
 
 INTERRUPTED = 2.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
-"""Seconds in which Ctrl-C is to be over: two, where nobody else is at work here."""
+"""Seconds in which the process must end after Ctrl-C. On an idle machine it takes two."""
 
 
 class Failed(Exception):
-    """A violated expectation."""
+    """Raised if an expectation is violated."""
 
 
 def study() -> Study:
@@ -54,7 +54,7 @@ def study() -> Study:
 
 
 def write(folder: Path) -> int:
-    """What a writer's process does; its exit code as of the command line."""
+    """The work of a writer's process. It returns the exit code of the command line."""
     prepared = study()
     print("begun", flush=True)  # noqa: T201
     try:
@@ -69,7 +69,8 @@ def write(folder: Path) -> int:
 
 
 def writer(folder: Path, **options: object) -> subprocess.Popen[str]:
-    """Started, and past its imports; under a limit on files Python would leave half of a module's code for the next process."""
+    """A started writer that has finished its imports. With a limit on file sizes Python would leave half of a module's code for
+    the next process."""
     process = subprocess.Popen(
         [sys.executable, __file__, "--write", str(folder)],
         stdout=subprocess.PIPE,
@@ -84,7 +85,7 @@ def writer(folder: Path, **options: object) -> subprocess.Popen[str]:
 
 
 def check(folder: Path, expected: dict[str, np.ndarray], *, complete: bool) -> int:
-    """The members in the store; Failed where a row is not what it should be."""
+    """The members in the store. Failed is raised if a row is wrong."""
     index = read_index(folder) if folder.exists() else None
     if index is None:
         if complete:
@@ -109,7 +110,7 @@ def finished(folder: Path, expected: dict[str, np.ndarray]) -> None:
 
 
 def kills(folder: Path, expected: dict[str, np.ndarray], count: int, rng: random.Random) -> str:
-    """kill -9, again and again, on one store after the other."""
+    """Kill the writers of several stores again and again with kill -9."""
     stores, lost, before = 0, 0, 0
     for _ in range(count):
         process = writer(folder)
@@ -129,7 +130,7 @@ def kills(folder: Path, expected: dict[str, np.ndarray], count: int, rng: random
 
 
 def flips(folder: Path, expected: dict[str, np.ndarray], count: int, rng: random.Random) -> str:
-    """A byte of a stored file is another; then one of the index."""
+    """Change a byte of a stored file, then one of the index."""
     finished(folder, expected)
     for _ in range(count):
         file = rng.choice(sorted(folder.glob("members-*.parquet")))
@@ -153,7 +154,7 @@ def flips(folder: Path, expected: dict[str, np.ndarray], count: int, rng: random
 
 
 def full_disk(folder: Path, expected: dict[str, np.ndarray]) -> str:
-    """A small tmpfs where mounting is permitted, else a limit on the size of files."""
+    """Fill a small tmpfs if mounting is permitted, otherwise use a limit on the size of files."""
     folder.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={TMPFS}", "tmpfs", folder], capture_output=True, check=False)
     if mounted.returncode:
@@ -178,7 +179,7 @@ def full_disk(folder: Path, expected: dict[str, np.ndarray]) -> str:
 
 
 def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
-    """The second writer is refused; a reader is not."""
+    """Check that a second writer is refused and a reader is not."""
     first = writer(folder)
     while not (folder / INDEX_FILE).exists():
         time.sleep(0.01)
@@ -195,7 +196,7 @@ def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
 
 
 def interrupt(folder: Path, *options: str) -> str:
-    """Ctrl-C during the command itself, in threads or with a cluster's processes, each in the middle of a chunk."""
+    """Interrupt the command itself with Ctrl-C in the middle of a chunk, with threads and with a cluster's processes."""
     arguments = [
         "sweep",
         "paper",

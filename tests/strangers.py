@@ -1,7 +1,8 @@
-"""Three laws from outside that declare their state by roles: sixteen weights, two adaptive layers, no estimate at all.
+"""Three laws from outside that declare their state by roles: one with sixteen weights, one with two adaptive layers, and one
+without an estimate.
 
-None has a field ``theta_hat``. All are for two states and one input. The file is not imported under the package's name:
-``--controllers`` takes it directly.
+None has a field ``theta_hat``. All are for two states and one input. The file is not imported under the package's name, because
+``--controllers`` loads it directly.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WeighingEquations:
-    """Sixteen Gaussians on a grid; the error passes a filter before the law learns from it."""
+    """Sixteen Gaussians on a grid. The error is filtered before the law learns from it."""
 
     gamma: float
     centres: np.ndarray
@@ -76,7 +77,7 @@ class Layers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LayeredEquations:
-    """The gains in the control follow a second layer, whose own gain is a matrix P(t); a predictor drives that."""
+    """The gains in the control follow a second layer, whose gain is a matrix P(t). A predictor drives the second layer."""
 
     beta: float
     A_m: np.ndarray
@@ -130,7 +131,7 @@ class Lead(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LeadEquations:
-    """Nothing is estimated: a lead on the error."""
+    """A lead on the error, without estimates."""
 
     k: float
     k_0: float

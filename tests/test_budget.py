@@ -1,5 +1,4 @@
-"""The budget before work: what it refuses, its message, that the suggested number is accepted, and that no work begins before the
-check."""
+"""The budget before work: refusals and their messages, suggested numbers that are accepted, and no work before the check."""
 
 import re
 import subprocess
@@ -236,7 +235,7 @@ GAIN = {"controller[0].gamma": "1:10"}
 
 @pytest.mark.parametrize("name", SIZES)
 def test_a_huge_number_is_refused_before_anything_is_built(name, monkeypatch):
-    """What is traced, compiled, searched or drawn would fail here; what is merely allocated is seen by the test below."""
+    """Tracing, compiling, searching and drawing would fail here. The test below detects mere allocation."""
     for kind, work in ((Reader, "_trace"), (Batch, "__post_init__")):
         monkeypatch.setattr(kind, work, lambda *_: pytest.fail("work was begun"))
     with pytest.raises(InputError, match=re.escape(SIZES[name].said)) as refused:
@@ -247,7 +246,8 @@ def test_a_huge_number_is_refused_before_anything_is_built(name, monkeypatch):
 
 @pytest.mark.parametrize("name", [name for name, size in SIZES.items() if size.budget is not None])
 def test_the_number_that_would_do_does(name):
-    """In the numbers' own terms: entries, states, steps, members, or the step and the horizon that have as many."""
+    """The suggestion is in the terms of the number: entries, states, steps, members, or the step and the horizon with as many
+    steps."""
     size = SIZES[name]
     with size.budget:
         with pytest.raises(InputError) as refused:
@@ -296,7 +296,7 @@ def test_a_smaller_budget_reaches_processes():
 
 
 def test_the_finer_run_of_a_check_keeps_to_the_budget():
-    """An additional check never refuses a computed run: it goes as far as the budget allows."""
+    """An additional check never refuses a computed run but continues as far as the budget allows."""
     stiff = Simulation(t_end=2.0, dt=1e-3)
     results = simulate(problem(), Mrac(gamma=1e9), stiff)
     assert results["MRAC"].label is not None
@@ -331,7 +331,7 @@ def test_many_frequencies_are_solved_in_parts_with_the_same_bits(monkeypatch):
 
 
 def test_too_many_controllers_are_told_how_many_would_do():
-    """That many are run within the same budget, and one more is not."""
+    """The same budget allows this many, and one more is refused."""
 
     def ran(count, budget):
         with budget:

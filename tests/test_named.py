@@ -47,7 +47,7 @@ def test_certificates(problems):
 
 
 def test_what_does_not_apply_says_why(problems):
-    """Of a controller without estimates there is no adaptation; of a stranger no bound is known."""
+    """A controller without estimates has no adaptation, and no bound is known for a class from outside."""
     from foreign import Plain
 
     values = certify(problems[2], [Plain(5.0)], SIMULATION)["plain"].values
@@ -56,7 +56,7 @@ def test_what_does_not_apply_says_why(problems):
 
 
 def test_a_named_dictionary_is_one():
-    """It is copied, pickled and compared as others are, and keeps its words."""
+    """It is copied, pickled and compared like a plain dictionary and keeps its messages."""
     named = Named.of("figure", {"max |e|": 1.0}, {"RMS e": "is not computed"})
     for same in (copy.copy(named), copy.deepcopy(named), pickle.loads(pickle.dumps(named))):
         assert same == {"max |e|": 1.0} == named
@@ -65,7 +65,7 @@ def test_a_named_dictionary_is_one():
 
 
 def test_a_known_set_takes_matrices_as_theta_does():
-    """Row by row, as in files; a box's two must have one shape."""
+    """They are given by rows, as in files. The two ends of a box must have the same shape."""
     box = ParameterBox(lower=[[-1, -2], [-3, -4], [-5, -6]], upper=[[1, 2], [3, 4], [5, 6]])
     assert box.lower.tolist() == [-1, -2, -3, -4, -5, -6] and box.upper.tolist() == [1, 2, 3, 4, 5, 6]
     assert ParameterBall(center=[[1, 2], [3, 4]], radius=1.0).center.tolist() == [1, 2, 3, 4]

@@ -1,4 +1,4 @@
-"""The package's door: every public name has one home, is imported on first use, and is suggested for a misspelt one."""
+"""The package's public names: each has one module, is imported on first use, and is suggested for a misspelt name."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def stub_of(home: str) -> Path:
 
 @pytest.mark.parametrize("home", HOMES)
 def test_a_public_module_says_what_is_in_it(home):
-    """And has its names in ``dir`` and ``__all__``, each of which is there; the reference documents it."""
+    """Its names are in ``dir`` and ``__all__`` and exist, and the reference documents them."""
     module = importlib.import_module(home)
     assert inspect.getdoc(module)
     assert set(module.__all__) <= set(dir(module))
@@ -42,7 +42,7 @@ def test_a_public_module_says_what_is_in_it(home):
 
 @pytest.mark.parametrize("home", STUBBED)
 def test_the_stub_is_the_one_list(home):
-    """As type checkers read it: each line imports one name under that name."""
+    """As for type checkers, each line imports one name under that name."""
     module = importlib.import_module(home)
     text = stub_of(home).read_text(encoding="utf-8")
     found = re.findall(r"^from (\S+) import (\w+) as (\w+)$", text, re.MULTILINE)
@@ -105,7 +105,8 @@ def test_a_public_module_imports_nothing_before_it_is_used(home):
 
 
 def test_help_shows_what_a_class_takes():
-    """Not what its check of misspelt keywords takes; an object that can be called has its call's signature."""
+    """The help does not show the arguments of the check for misspelt keywords. A callable object has the signature of its
+    call."""
     shown = inspect.signature(barbalat.Mrac)
     assert list(shown.parameters)[:2] == ["gamma", "theta_hat0"] and shown.parameters["name"].default == "MRAC"
     assert str(inspect.signature(barbalat.Simulation)).startswith("(t_end: 'float', dt: 'float | None' = None, *, solver: ")

@@ -1,4 +1,4 @@
-"""What the README shows in Python runs, and the certificates' names are the same objects in whatever order they are imported."""
+"""The README's Python code runs, and the certificates' names are the same objects in any order of import."""
 
 import os
 import re
@@ -58,7 +58,7 @@ def test_an_extra_that_lacks_names_itself(monkeypatch):
 
 
 def test_a_plant_in_every_form():
-    """A = A_m + b theta' whichever two are given; python-control's and SciPy's systems say the same."""
+    """A = A_m + b theta', whichever two are given. Systems of python-control and SciPy give the same plant."""
     A, b, A_m = np.array([[0.0, 1.0], [3.7, -4.0]]), np.array([0.0, 1.0]), np.array([[0.0, 1.0], [-0.3, -1.0]])
     C, D = np.eye(2), np.zeros((2, 1))
     poles = list(np.linalg.eigvals(A_m))
@@ -89,7 +89,7 @@ def test_an_output_plant_of_other_packages():
 
 
 def test_a_system_is_taken_as_files_and_scipy_write_it():
-    """(num, den), or the matrices (A, B, C, D), wherever a linear system is asked for."""
+    """(num, den) or the matrices (A, B, C, D) are accepted wherever a linear system is needed."""
     num, den = [1.0], [0.02, 1.0]
     matrices = scipy.signal.tf2ss(num, den)
     for given in ((num, den), matrices, [part.tolist() for part in matrices]):
@@ -216,7 +216,8 @@ def test_certify_gives_a_certificate_for_each_controller():
 
 
 def test_the_norm_of_a_system_in_every_form():
-    """The standard second order's closed form: the step response's total variation (1 + q)/(1 - q), q its overshoot."""
+    """The closed form of the standard second-order system is the total variation of its step response, (1 + q)/(1 - q) with the
+    overshoot q."""
     zeta = 0.3
     q = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
     exact = (1 + q) / (1 - q)

@@ -82,7 +82,7 @@ def test_a_pipe_is_read_up_to_what_the_budget_allows(tmp_path, endless):
         else:
             assert contents(pipe, "the file", BYTE) == b"name = 1\n" * 1000
     writer.join()
-    assert sum(written) < 400_000  # the pipe's own buffer and Python's come on top of what was read
+    assert sum(written) < 400_000  # the buffers of the pipe and of Python are in addition to what was read
 
 
 @needs_devices
@@ -187,7 +187,7 @@ def test_an_unpacked_matlab_file_is_measured_as_it_is(tmp_path):
 
 
 def test_a_matlab_file_that_only_says_that_it_is_large_is_refused(tmp_path):
-    """A text of 2^40 characters, all blanks, of which the file has none."""
+    """The file announces a text of 2^40 blanks and contains none."""
 
     def tagged(kind: int, data: bytes) -> bytes:
         return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)

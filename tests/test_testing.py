@@ -1,4 +1,4 @@
-"""The checker for controllers and laws of one's own: correct ones pass, and each kind of fault is found."""
+"""The checker for users' own controllers and laws: correct ones pass, and each kind of fault is found."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def one(problems):
 
 
 def test_a_law_that_is_right(one):
-    """One sentence for each check, including those against SciPy and the compiled C."""
+    """There is one sentence for each check, including the comparisons with SciPy and the compiled C."""
     text = str(check(Plain(5.0), one))
     assert text.startswith("plain: nothing is wrong\n")
     for words in ("on numbers and on symbols", "agrees with SciPy's integration", "equal single runs", "keeps theta_hat"):
@@ -49,7 +49,7 @@ def test_an_adaptive_law_is_checked_within_a_scheme(law):
 OUTPUT = {f"{name} on y": made for name, made in example_output_controllers(2).items() if name != "l1-output"}
 OWN = example_controllers(2) | OUTPUT
 TURN = drawn(list(OWN), 5)
-"""Those that CI checks this time."""
+"""The names that CI checks this time."""
 
 
 @pytest.mark.full
@@ -59,13 +59,13 @@ def test_the_package_s_own_schemes_pass(name):
 
 
 def test_a_controller_sampled_by_nature_is_compared_sample_by_sample(one):
-    """Its time need not be one of the checker's steps."""
+    """Its sample time need not be a multiple of the checker's steps."""
     controller = L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.05))
     assert "SciPy's integration" in str(check(controller, one))
 
 
 def test_the_kinds_of_problems_do_what_they_are_there_for():
-    """In the tight set the projection acts, and the actuator's limits are met."""
+    """In the tight set the projection acts, and the actuator's limits are reached."""
     kinds = problem_kinds()
     mrac = Mrac(gamma=10.0)
     tight = simulate(kinds["a tight known set"], [mrac], Simulation(2.0, 2e-3))["MRAC"]
@@ -88,7 +88,7 @@ def test_without_a_compiler_the_export_is_said_to_be_left_out(one, monkeypatch):
 
 @dataclass(frozen=True, eq=False)
 class Unfreezing(LayeredEquations):
-    """Acts at samples, and takes no notice of a freeze."""
+    """A sampled controller that ignores a freeze."""
 
     sample_time: float = 0.02
 
@@ -110,7 +110,7 @@ def test_a_freeze_that_does_not_keep_what_is_learnt(one):
 
 
 def test_all_that_is_wrong_is_listed(one):
-    """One error for all problems: a state that limit moves at every stage is no differential equation's."""
+    """One error lists all problems. A state that limit moves at every stage does not follow a differential equation."""
     drifting = wrong(limit=lambda self, s: PlainState(s.theta_hat + 1e-3))
     with pytest.raises(CheckFailed) as caught:
         check(drifting, one | {"two": one["one"]})
@@ -126,7 +126,8 @@ def test_what_can_t_be_traced_is_not_run(one):
 
 
 def test_a_memory_outside_the_state(one):
-    """Equations of one structure are checked once: what they remember differs between members of an ensemble."""
+    """Equations of one structure are checked once, so that a memory outside the state would differ between members of an
+    ensemble."""
 
     @dataclass(frozen=True)
     class Counting(Plain):

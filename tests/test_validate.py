@@ -1,4 +1,4 @@
-"""Bad input: always an InputError, one sentence, with the field and the value."""
+"""Bad input is always an InputError of one sentence with the field and the value."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def bind(controller, section_v):
     return controller.bind(section_v.known)
 
 
-# what is given, and the fragments that the one sentence must hold: the field, the value
+# the input, and the fragments that the sentence must contain: the field, the value
 REFUSED = {
     "A_m not square": (lambda p: plant(A_m=[[0, 1, 2], [3, 4, 5]]), "plant.A_m", "2 x 3"),
     "A_m a vector": (lambda p: plant(A_m=[-1.0, -2.0]), "plant.A_m", "[-1.0, -2.0]"),
@@ -181,7 +181,7 @@ def test_refused_with_the_field_and_the_value(section_v, case):
 
 
 def test_a_singular_A_m_is_not_hurwitz_in_any_coordinates():
-    """Its zero eigenvalue is computed as a rounding of either sign; both must be refused, for P would be a division by it."""
+    """Its zero eigenvalue is computed as a rounding of either sign. Both must be refused, because P would be a division by it."""
     for angle in np.linspace(0.1, 3.0, 30):
         T = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         refusal(lambda T=T: plant(A_m=T @ np.diag([0.0, -1.0]) @ T.T, b=T @ [1.0, 1.0]))
@@ -190,7 +190,8 @@ def test_a_singular_A_m_is_not_hurwitz_in_any_coordinates():
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
 @pytest.mark.parametrize("rate", [0.01, 1.0, 100.0, 1e4])
 def test_a_companion_pair_is_controllable_at_any_time_scale(n, rate):
-    """(companion matrix, e_n) is controllable whatever the polynomial: its controllability matrix is triangular, of ones."""
+    """(companion matrix, e_n) is controllable for any polynomial, because its controllability matrix is triangular with ones on
+    the diagonal."""
     polynomial = np.poly(-rate * np.linspace(0.8, 1.2, n))
     A_m = np.diag(np.ones(n - 1), 1)
     A_m[-1] = -polynomial[:0:-1]
@@ -199,7 +200,8 @@ def test_a_companion_pair_is_controllable_at_any_time_scale(n, rate):
 
 @pytest.mark.parametrize("n", [2, 3, 4])
 def test_an_uncontrollable_pair_is_refused_in_random_coordinates(n):
-    """A diagonal pair with one entry of b zero, turned by an orthogonal matrix: roundings must not make it controllable."""
+    """A diagonal pair with one entry of b zero is transformed by an orthogonal matrix. Roundings must not make it
+    controllable."""
     random = np.random.default_rng(n)
     for _ in range(20):
         T = np.linalg.qr(random.normal(size=(n, n)))[0]
@@ -210,7 +212,7 @@ def test_an_uncontrollable_pair_is_refused_in_random_coordinates(n):
 
 
 def test_the_step_that_the_message_proposes_is_accepted():
-    """Typed back as it is printed, for 500 pairs as a user would give them."""
+    """The printed step is accepted as input for 500 pairs that a user might give."""
     random = np.random.default_rng(0)
     for _ in range(500):
         t_end, dt = float(f"{random.uniform(0.1, 100):.3g}"), float(f"{10 ** random.uniform(-5, 0):.2g}")
@@ -223,7 +225,7 @@ def test_the_step_that_the_message_proposes_is_accepted():
 
 @pytest.mark.parametrize("tau", [1e-300, 4.4e-212, 1e-160, 1e30, 4.2e37, 1e200])
 def test_an_absurd_tau_is_carried_or_refused(section_v, tau):
-    """Q = W_m^-1/(tau s + 1)^n* leaves the range of doubles: no warning, no infinite matrix."""
+    """Q = W_m^-1/(tau s + 1)^n* exceeds the range of doubles, without a warning or an infinite matrix."""
     for c_0 in ([1.0, 1.0], [1.0, 0.0]):
         equations = accepted_or_refused_well(RobustMrac(tau=tau, law=LAW, c_0=c_0).bind, {}, "known", section_v.known)
         if equations is not None:
@@ -231,7 +233,7 @@ def test_an_absurd_tau_is_carried_or_refused(section_v, tau):
 
 
 def test_numbers_of_numpy_are_numbers():
-    """Also where their own arithmetic would wrap around."""
+    """They are accepted even if their own arithmetic would overflow."""
     assert Step(np.int8(100), 0.0, np.int8(100))(np.array([1.0])) == 200
     assert Simulation(t_end=np.float32(1), dt=np.float64(0.5), record_points=np.int64(5)).steps == 2
     chirp = Chirp(1.0, np.uint8(5), np.uint8(1), 4.0)
@@ -239,7 +241,7 @@ def test_numbers_of_numpy_are_numbers():
     assert Mrac(gamma=np.int16(3)).gamma == 3.0
 
 
-# --- whatever is given: an InputError in one sentence, or an object ---
+# --- any input gives an InputError of one sentence or an object ---
 
 ODD_OBJECTS = {
     "a huge integer": lambda: 10**400, "int8": lambda: np.int8(3), "float32": lambda: np.float32(0.5),
@@ -333,7 +335,7 @@ FUZZ = settings(
 
 
 def accepted_or_refused_well(make, valid, field, value):
-    """Warnings are errors here as everywhere in the suite."""
+    """Check an input. Warnings are errors, as everywhere in the suite."""
     try:
         made = make(**(valid | {field: value}))
     except InputError as error:
@@ -366,7 +368,7 @@ def test_whatever_a_scheme_is_given(section_v, make):
 
 
 def test_no_warning_comes_before_the_message():
-    """A stray warning on standard error beside the one sentence is a second sentence."""
+    """A warning on standard error in addition to the sentence would be a second sentence."""
     for make in (lambda: plant(b=[0, 2j]), lambda: input_filter(1e-320)):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

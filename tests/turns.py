@@ -1,5 +1,5 @@
-"""What tests share: which of many items a commit runs, so that all get their turn, and results that one of pytest's processes
-makes for all."""
+"""Helpers of the tests: the selection of items for a commit, so that in time all are run, and results that one of pytest's
+processes computes for all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 def drawn(items: Sequence[T], count: int) -> list[T]:
-    """This many of them in their order, selected by the sources' commit; always the same ones without a clone."""
+    """This many of the items in their order, selected by the commit of the sources. Without a clone they are always the same."""
     command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
     commit = subprocess.run(command, capture_output=True, text=True, check=False).stdout if shutil.which("git") else ""
     places = random.Random(commit).sample(range(len(items)), min(count, len(items)))
@@ -24,7 +24,7 @@ def drawn(items: Sequence[T], count: int) -> list[T]:
 
 
 def once(folder: Path, name: str, make: Callable[[], T]) -> T:
-    """A result that the first process makes and the others with the same ``folder`` read."""
+    """A result that the first process computes and that the others with the same ``folder`` read."""
     ready, begun = folder / f"{name}.pickle", folder / f"{name}.begun"
     try:
         begun.touch(exist_ok=False)

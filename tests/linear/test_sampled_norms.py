@@ -25,7 +25,7 @@ def exact_sums(M, s, count):
 @pytest.mark.parametrize("far", [0, 20], ids=["alike", "of far sizes"])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_bounds_are_above_the_sums_and_near(seed, far):
-    """With a spectral radius of 0.9 the sum beyond 400 samples is 1e-18; the added remainder is at most 1e-3 of the largest
+    """With a spectral radius of 0.9 the sum beyond 400 samples is 1e-18. The added remainder is at most 1e-3 of the largest
     entry."""
     random, n = np.random.default_rng(seed), 3
     M = random.normal(size=(n, n))
@@ -40,7 +40,7 @@ def test_the_bounds_are_above_the_sums_and_near(seed, far):
 
 
 def test_the_root_of_the_sum_of_squares_is_the_stationary_deviation():
-    """Independently: by the discrete Lyapunov equation of the covariance."""
+    """The deviation is computed independently from the discrete Lyapunov equation of the covariance."""
     random = np.random.default_rng(5)
     M, N = random.normal(size=(4, 4)), random.normal(size=(4, 2))
     M *= 0.95 / np.abs(np.linalg.eigvals(M)).max()
@@ -50,6 +50,6 @@ def test_the_root_of_the_sum_of_squares_is_the_stationary_deviation():
 
 
 def test_a_loop_that_hardly_forgets_has_no_bound_rather_than_a_wrong_one():
-    """Its Lyapunov equation is solved without a correct digit: SciPy warns, and the useless P is refused in one sentence."""
+    """The solution of its Lyapunov equation has no correct digit. SciPy warns, and the useless P is refused in one sentence."""
     M = np.array([[1 - 1e-15, 1e3], [0.0, 1 - 1e-14]])
     assert "too close to losing stability" in refusal(lambda: SampledNorms(M, np.eye(2)).summed(np.ones(2)))

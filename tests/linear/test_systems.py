@@ -14,20 +14,20 @@ FREQUENCIES = np.logspace(-3, 4, 60)  # rad/s
 
 
 def response(system: StateSpace, w=FREQUENCIES) -> np.ndarray:
-    """C (jw I - A)^-1 B + D by solving, frequency by frequency."""
+    """C (jw I - A)^-1 B + D, solved for each frequency."""
     n = system.order
     return np.array([system.C @ np.linalg.solve(1j * f * np.eye(n) - system.A, system.B) + system.D for f in w])
 
 
 def companion(polynomial: np.ndarray) -> np.ndarray:
-    """Phase-variable matrix of a monic polynomial, highest power first; with b = e_n, c'(sI - A)^-1 b = c(s)/polynomial."""
+    """The phase-variable matrix of a monic polynomial, highest power first. With b = e_n, c'(sI - A)^-1 b = c(s)/polynomial."""
     A = np.diag(np.ones(len(polynomial) - 2), 1)
     A[-1] = -polynomial[:0:-1]
     return A
 
 
 def random_pair(random, n, relative_degree, rate=1.0):
-    """(c, A, b, num, den): a system whose polynomials are known, in random coordinates of modest condition."""
+    """(c, A, b, num, den) of a system with known polynomials, in random coordinates with a moderate condition number."""
     den = np.poly(-rate * random.uniform(0.3, 3.0, n))
     num = random.uniform(0.5, 2.0) * np.atleast_1d(np.poly(-rate * random.uniform(0.3, 3.0, n - relative_degree)))
     T = np.linalg.qr(random.normal(size=(n, n)))[0] @ np.diag(random.uniform(0.5, 2, n))
@@ -39,7 +39,7 @@ def random_pair(random, n, relative_degree, rate=1.0):
 @pytest.mark.parametrize("relative_degree", [0, 1, 2, 3])
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
 def test_realisation_has_the_frequency_response(order, relative_degree):
-    """Against SciPy's evaluation of the polynomials and python-control's state space."""
+    """It agrees with SciPy's evaluation of the polynomials and with python-control's state space."""
     relative_degree = min(relative_degree, order)
     random = np.random.default_rng(10 * order + relative_degree)
     den = np.poly(-random.uniform(0.1, 50, order))
@@ -54,12 +54,13 @@ def test_realisation_has_the_frequency_response(order, relative_degree):
 
 
 def test_realisation_scales_by_powers_of_two_only():
-    """The unscaled controllable form has Markov parameters C A^k B; scaling by powers of two repeats them bit by bit."""
+    """The unscaled controllable form has the Markov parameters C A^k B. With scaling by powers of two they are the same bit by
+    bit."""
     system = TransferFunction([3.0, 7.0], [1.0, 1e4, 1e7]).realise()
     A, B, C = np.array([[-1e4, -1e7], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([3.0, 7.0])
     for k in range(4):
         assert system.C @ np.linalg.matrix_power(system.A, k) @ system.B == C @ np.linalg.matrix_power(A, k) @ B
-    assert np.abs(system.A).max() < 1e5  # 1e7 unscaled: the balance did something
+    assert np.abs(system.A).max() < 1e5  # 1e7 unscaled, so that the balancing has an effect
 
 
 def test_a_constant_has_no_state():
@@ -80,7 +81,7 @@ def test_an_improper_system_has_no_realisation():
 
 
 def test_input_filter_is_a_unit_gain_lag():
-    """Eq. (6): half power at w = 1/kappa."""
+    """By Eq. (6) it has half of the power at w = 1/kappa."""
     C = input_filter(0.02)
     assert C.dc_gain == 1.0
     assert C.poles == pytest.approx([-50.0], rel=1e-15)
@@ -97,13 +98,13 @@ def test_accepts_python_control(make):
 
 @pytest.mark.parametrize(("relative_degree", "n"), [(1, 1), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (1, 4), (4, 4), (3, 5)])
 def test_transfer_function_of_a_state_space(n, relative_degree):
-    """The polynomials from which the matrices were built, and the response by solving."""
+    """The result equals the polynomials from which the matrices were built, and the response computed by solving."""
     random = np.random.default_rng(100 * n + relative_degree)
     for _ in range(10):
         c, A, b, num, den = random_pair(random, n, relative_degree)
         found = transfer_function(c, A, b)
         assert found.relative_degree == relative_degree
-        # a change of coordinates of condition < 10 and n products: about 1e-13
+        # a change of coordinates with a condition number < 10 and n products: about 1e-13
         np.testing.assert_allclose(found.num, num, rtol=1e-10)
         np.testing.assert_allclose(found.den, den, rtol=1e-10)
         np.testing.assert_allclose(response(found.realise()), response(StateSpace(A, b, c, 0.0)), rtol=1e-8, atol=1e-16)
@@ -112,7 +113,7 @@ def test_transfer_function_of_a_state_space(n, relative_degree):
 @pytest.mark.parametrize("rate", [1e-3, 1.0, 20.0, 300.0, 1e4])
 @pytest.mark.parametrize(("relative_degree", "n"), [(2, 2), (3, 3), (2, 3), (4, 4), (2, 4)])
 def test_relative_degree_at_any_time_scale(n, relative_degree, rate):
-    """In phase variables the leading coefficients of the numerator are exact zeros and exact entries of c."""
+    """In phase variables the leading coefficients of the numerator are exact zeros or exact entries of c."""
     random = np.random.default_rng(n)
     den = np.poly(-rate * random.uniform(0.5, 2.0, n))
     num = np.atleast_1d(np.poly(-rate * random.uniform(0.5, 2.0, n - relative_degree)))
@@ -124,7 +125,7 @@ def test_relative_degree_at_any_time_scale(n, relative_degree, rate):
 
 
 def test_a_zero_beside_a_pole_is_kept():
-    """(s + 1)/((s + 1 + 1e-7)(s + 2)): near-cancelling, but of order 2; the response shows the difference of 1e-7 at w = 0."""
+    """(s + 1)/((s + 1 + 1e-7)(s + 2)) nearly cancels but is of order 2. The response shows the difference of 1e-7 at w = 0."""
     gap = 1e-7
     den = np.poly([-1 - gap, -2])
     found = transfer_function(np.array([1.0, 1.0]), companion(den), np.array([0.0, 1.0]))
@@ -141,7 +142,7 @@ def known(A_m, b) -> Known:
 
 @pytest.mark.parametrize(("relative_degree", "n"), [(1, 1), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (2, 4), (4, 4)])
 def test_Q_inverts_W_m_up_to_the_lag(n, relative_degree):
-    """Q(jw) W_m(jw) (tau jw + 1)^n* = 1, each factor from its own matrices."""
+    """Q(jw) W_m(jw) (tau jw + 1)^n* = 1, with each factor computed from its own matrices."""
     random = np.random.default_rng(n + 10 * relative_degree)
     for tau in (1e-3, 0.5, 10.0):
         c, A, b, _, _ = random_pair(random, n, relative_degree)
@@ -158,7 +159,7 @@ def test_Q_inverts_W_m_up_to_the_lag(n, relative_degree):
 
 
 def test_Q_of_section_v(section_v):
-    """By hand: W_m = (s + 1)/(s^2 + s + 0.3), so Q = (s^2 + s + 0.3)/((s + 1)(0.5 s + 1))."""
+    """By hand, W_m = (s + 1)/(s^2 + s + 0.3), so that Q = (s^2 + s + 0.3)/((s + 1)(0.5 s + 1))."""
     W_m = minimum_phase_model(np.array([1.0, 1.0]), section_v.known)
     np.testing.assert_allclose(W_m.num, [1, 1], rtol=1e-15)
     np.testing.assert_allclose(W_m.den, [1, 1, 0.3], rtol=1e-15)
@@ -168,14 +169,14 @@ def test_Q_of_section_v(section_v):
 
 @pytest.mark.parametrize("rate", [1.0, 20.0, 1e3])
 def test_a_minimum_phase_chain_is_accepted_at_any_time_scale(rate):
-    """c_0 = e_1 on four equal lags: relative degree 4, no zeros."""
+    """c_0 = e_1 on four equal lags has relative degree 4 and no zeros."""
     A = companion(np.poly([-rate] * 4))
     W_m = minimum_phase_model(np.eye(4)[0], known(A, np.eye(4)[-1]))
     assert W_m.relative_degree == 4
 
 
 def test_a_zero_at_the_origin_is_found_in_any_coordinates():
-    """c_0'A_m^-1 b = 0 up to rounding means a zero at s = 0, on the border: Q would have a pole there."""
+    """c_0'A_m^-1 b = 0 up to rounding means a zero at s = 0, on the imaginary axis, where Q would have a pole."""
     random = np.random.default_rng(3)
     for _ in range(20):
         T = np.linalg.qr(random.normal(size=(2, 2)))[0]

@@ -1,4 +1,4 @@
-"""Controllers from outside are tried before they run: a fault is reported in a sentence, and correct ones pass."""
+"""Controllers from outside are checked before they run: a fault is reported in one sentence, and correct controllers pass."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SIMULATION = Simulation(t_end=0.5, dt=1e-2)
 
 
 def test_of_several_the_one_that_does_not_fit_is_named():
-    """No run of it is possible, so that there is nothing to certify: an error, not a finding."""
+    """It can't run, so that there is nothing to certify. This is an error and not a finding."""
     squared = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.5], regressor=Terms(terms=("x1**2",)))
     given, linear = Problem(plant=squared), LinearFeedback(controller=TransferFunction([1.0], [1.0, 0.0]), name="old PI")
     for use in (simulate, certify, delay_margins):
@@ -43,7 +43,7 @@ def test_of_several_the_one_that_does_not_fit_is_named():
 
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_named(problems, name):
-    """The same sentence wherever the controller is used: its class and name, the equation, a remedy."""
+    """The sentence is the same wherever the controller is used, with its class and name, the equation and a remedy."""
     controller, equation, remedy = WRONG[name]
     for use in (
         lambda: check_controller(controller, problems[2]),
@@ -58,7 +58,7 @@ def test_what_is_wrong_is_named(problems, name):
 
 
 def test_the_line_is_named(problems):
-    """As the interpreter would in a traceback, which remains available as the error's cause."""
+    """The line is named as in the interpreter's traceback, which remains available as the error's cause."""
     with pytest.raises(InputError, match=r"line \d+ of foreign.py \(if x\[0\] > 0:\)") as caught:
         check_controller(WRONG["if"][0], problems[2])
     assert isinstance(caught.value.__cause__, RuntimeError)
@@ -75,7 +75,7 @@ def test_what_is_right_passes_and_keeps_its_bits(problems, monkeypatch, make):
 
 
 def test_a_plain_number_is_a_control(problems):
-    """No more than it says: u = 0."""
+    """u = 0 is a plain number."""
     nothing = wrong(control=lambda self, s, x, x_m, r: 0.0)
     check_controller(nothing, problems[2])
     assert not simulate(problems[2], [nothing], SIMULATION)["wrong"].u.any()
@@ -83,7 +83,7 @@ def test_a_plain_number_is_a_control(problems):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_every_scheme_of_the_package_passes(problems, n):
-    """Continuous and sampled: runs skip the check for these controllers, so it is made here."""
+    """Runs skip the check for these controllers, so that it is made here, continuous and sampled."""
     for examples in example_controllers(n).values():
         for controller in examples:
             wrapped = [Sampled(controller=controller, sample_time=0.1, discretization=d) for d in ("euler", "midpoint")]
@@ -99,7 +99,7 @@ def test_every_scheme_of_the_package_passes(problems, n):
 
 
 def test_every_controller_of_a_bundled_case_passes():
-    """Output feedback, several inputs, learning and modifications among them."""
+    """Some have output feedback, several inputs, learning or modifications."""
     for name in bundled():
         case = load_case(name)
         for controller in case.controllers:
@@ -107,7 +107,7 @@ def test_every_controller_of_a_bundled_case_passes():
 
 
 def test_once_for_a_structure(problems, monkeypatch):
-    """The check is not repeated for each member of an ensemble, only for other shapes and options."""
+    """The check is repeated only for other shapes and options, not for each member of an ensemble."""
     made = []
     monkeypatch.setattr(binding, "_checked", set())
     monkeypatch.setattr(binding, "check_equations", lambda equations, *_: made.append(equations))
@@ -144,7 +144,7 @@ class RootedLaw(Plain):
 
 
 def test_settings_that_vary_are_symbols_in_an_ensemble(problems):
-    """A number of the settings may go through math where it is one number; where it varies, it would be NaN."""
+    """A function of math may be applied to a setting that is one number. If the setting varies, the result would be NaN."""
     simulate(problems[2], [RootedLaw(4.0)], SIMULATION)
     message = refusal(lambda: simulate_ensemble([(problems[2], RootedLaw(g)) for g in (1.0, 4.0)], SIMULATION))
     assert "Rooted.derivative" in message and "NumPy" in message
@@ -152,7 +152,7 @@ def test_settings_that_vary_are_symbols_in_an_ensemble(problems):
 
 @dataclass(frozen=True)
 class StrangeLaw:
-    """A faulty law inside a scheme of the package."""
+    """A faulty law in a scheme of the package."""
 
     def initial(self, n):
         return ()
@@ -174,7 +174,7 @@ class UnstoredChunks(NamedTuple):
 
 @dataclass(frozen=True)
 class OwnSampling:
-    """Acts at samples by itself."""
+    """A controller that is sampled by its own equations."""
 
     wrong: bool = False
     sample_time: float = 0.1

@@ -1,4 +1,4 @@
-"""The u that a law's rate is given: its own command, whatever stands between that and the plant."""
+"""The u that a law's rate receives is its own command, whatever is between it and the plant."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COMMAND = 3.0
 
 class State(NamedTuple):
     theta_hat: np.ndarray
-    memory: np.ndarray  # the integral of the u that the law is given
+    memory: np.ndarray  # the integral of the u that the law receives
 
 
 class Recorder:
@@ -74,7 +74,8 @@ def test_it_is_the_held_command_of_a_sampled_one(path):
 
 @pytest.mark.parametrize("cut", [True, False])
 def test_a_remedy_against_windup_cuts_it_by_itself(cut):
-    """A predictor that is fed with sat(u) moves identically for every u beyond the limit; one without anti-windup does not."""
+    """A predictor with the input sat(u) moves identically for every u beyond the limit. A predictor without anti-windup does
+    not."""
     l1 = L1Adaptive(gamma=1.0, filter=TransferFunction([20.0], [1.0, 20.0]), saturated_predictor=cut)
     equations, x = l1.bind(problem(PATHS["limits"]).known), np.array([1.0, 0.0])
     rates = [equations.derivative(equations.initial(), x, x, 1.0, np.array(u)) for u in (1.0, COMMAND)]

@@ -1,4 +1,4 @@
-"""The C99 printer against the LLVM kernel: two compilers, one list of operations, the same bits."""
+"""The C99 printer compared with the LLVM kernel: two compilers have the same bits for one list of operations."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ CONTROLLERS = (
 
 
 def compile_c(source: str, folder: Path, *flags: str) -> Callable[..., None]:
-    """The loop of a C source as a function of (blocks, steps, arrays); any warning is an error."""
+    """The loop of a C source as a function of (blocks, steps, arrays). Any warning is an error."""
     text, library = folder / "loop.c", folder / "loop.so"
     text.write_text(source)
-    # -ffp-contract=off: where an FMA stands is the list's decision, not the compiler's
+    # -ffp-contract=off: the list and not the compiler decides on FMAs
     strict = "-std=c99 -pedantic -Wall -Wextra -Wno-unused-parameter -Werror -O2 -march=native -ffp-contract=off -shared -fPIC"
     subprocess.run(["gcc", *strict.split(), *flags, str(text), "-o", str(library), "-lm"], check=True)
     function = ctypes.CDLL(str(library))[ENTRY]
@@ -63,7 +63,8 @@ def run_both(program: Program, shape: LoopShape, resets: tuple[float, ...], lane
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
-    """Equal down to the sign of zero; a NaN equals a NaN, whose sign and payload IEEE 754 leaves open."""
+    """Whether numbers are equal including the sign of zero. All NaNs are equal, because IEEE 754 does not specify their sign and
+    payload."""
     return bool(np.array_equal(np.where(np.isnan(a), 0.0, a).view(np.int64), np.where(np.isnan(b), 0.0, b).view(np.int64))) and (
         np.array_equal(np.isnan(a), np.isnan(b))
     )
@@ -90,7 +91,7 @@ def test_c_and_the_kernel_agree_in_every_bit(controller, figures, lanes, tmp_pat
 
 
 def every_operation() -> tuple[Program, LoopShape]:
-    """A step with one state for each operation that CasADi can ask for; parameters and signals enter too."""
+    """A step with one state for each operation that CasADi can use. It also has parameters and signals."""
     x, p, s = ca.SX.sym("x", 24), ca.SX.sym("p", 2), ca.SX.sym("s", 2)
     c = x[0] < x[1]
     following = ca.vertcat(

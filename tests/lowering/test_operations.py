@@ -1,4 +1,4 @@
-"""Reading, rewriting and compiling expressions: values must not change, compared with NumPy on the same numbers."""
+"""Reading, rewriting and compiling expressions: the values must be those of NumPy for the same numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WIDTHS = (1, 2, 4, 8, 16, 32)
 def traced(expressions, inputs: int, parameters: int = 0) -> ca.Function:
     """A step function (state, no accumulators, parameters, no signals) -> (state, none) from a function on arrays.
 
-    ``expressions(x, p)`` gives at most ``inputs`` values; the rest of the state stays as it is.
+    ``expressions(x, p)`` returns at most ``inputs`` values. The rest of the state does not change.
     """
     x, p = ca.SX.sym("x", inputs), ca.SX.sym("p", parameters)
     values = expressions(ca.array(x).reshape(-1), ca.array(p).reshape(-1) if parameters else None)
@@ -46,7 +46,7 @@ def run_kernel(
 
 
 def interpret(program: Program, x: list[float]) -> list[float]:
-    """The operation list read by Python, in exact arithmetic where the numbers are whole."""
+    """Evaluate the operation list in Python, in exact arithmetic if the numbers are integers."""
     meaning = {
         "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "neg": lambda a: -a,
         "fma": lambda a, b, c: a * b + c, "fnma": lambda a, b, c: c - a * b, "fabs": abs, "floor": math.floor,
@@ -66,7 +66,7 @@ def interpret(program: Program, x: list[float]) -> list[float]:
     return [float(values[i]) for i in program.outputs[0]]
 
 
-# --- random graphs over whole numbers: every association of a sum or product is exact, so equality is exact ---
+# --- random graphs over integers: every association of a sum or product is exact, so that equality is exact ---
 
 GRAPH_OPERATIONS = {
     "add": (2, lambda a, b: a + b), "sub": (2, lambda a, b: a - b), "mul": (2, lambda a, b: a * b), "neg": (1, lambda a: -a),
@@ -80,7 +80,7 @@ GRAPH_OPERATIONS = {
 
 @st.composite
 def graphs(draw):
-    """Steps (operation, operands, constant) over six inputs, and whole numbers for the inputs."""
+    """Steps (operation, operands, constant) over six inputs, and integers for the inputs."""
     numbers = [float(v) for v in draw(st.lists(st.integers(-4, 4), min_size=6, max_size=6))]
     steps, size = [], 6
     for name in draw(st.lists(st.sampled_from(sorted(GRAPH_OPERATIONS)), min_size=3, max_size=40)):
@@ -92,7 +92,8 @@ def graphs(draw):
 
 
 def apply(steps, values, checked_against=None):
-    """The graph's values, on numbers or symbols; with numbers, operations that would leave 2^40 are skipped in both."""
+    """The graph's values for numbers or symbols. Operations whose results would exceed 2^40 for the numbers are skipped in
+    both."""
     values = list(values)
     skipped = [] if checked_against is None else checked_against
     for i, (name, operands, constant) in enumerate(steps):
@@ -115,7 +116,7 @@ def apply(steps, values, checked_against=None):
 @REPRODUCIBLE
 @given(graphs())
 def test_random_graphs(graph):
-    """NumPy, the list as read, the list as optimised, and machine code of one and of eight lanes: equal, exactly."""
+    """NumPy, the list as read, the optimised list, and machine code with one and with eight lanes are exactly equal."""
     steps, numbers = graph
     expected, skipped = apply(steps, numbers)
     expected = expected[-6:]
@@ -130,7 +131,7 @@ def test_random_graphs(graph):
 
 
 def grown(random, depth):
-    """A tree of sums, differences, products and signs; every part is used once, so all of it may be reassociated."""
+    """A tree of sums, differences, products and signs. Every part is used once, so that all of it may be reassociated."""
     if depth == 0 or random.random() < 0.1:
         return ("constant", float(random.integers(-3, 4))) if random.random() < 0.4 else ("input", int(random.integers(6)))
     name = str(random.choice(["add", "sub", "mul", "mul", "neg"]))
@@ -146,7 +147,8 @@ def value_of(tree, x):
 @REPRODUCIBLE
 @given(st.integers(0, 2**32 - 1))
 def test_random_trees(seed):
-    """Signs, fused products and collected constants: whole numbers below 2^53 (3^16 at depth 4), so equality is exact."""
+    """The trees contain signs, fused products and collected constants. Numbers are integers below 2^53 (3^16 at depth 4), so that
+    equality is exact."""
     random = np.random.default_rng(seed)
     trees, numbers = [grown(random, 4) for _ in range(6)], [float(v) for v in random.integers(-3, 4, 6)]
     program = optimize(read(traced(lambda x, _: [value_of(tree, x) for tree in trees], 6)))
@@ -158,7 +160,7 @@ def test_random_trees(seed):
 @REPRODUCIBLE
 @given(st.integers(0, 2**32 - 1), st.integers(2, 30))
 def test_sums_of_products_of_reals(seed, terms):
-    """Reassociation and fusing move a result by roundings only: (terms + factors) eps times the sum of magnitudes."""
+    """Reassociation and fusing change a result only by roundings, which are (terms + factors) eps times the sum of magnitudes."""
     random = np.random.default_rng(seed)
     factors = [random.integers(0, 6, random.integers(1, 4)) for _ in range(terms)]
     signs = random.choice([-1.0, 1.0], terms)
@@ -192,7 +194,7 @@ UNARY = {
 @pytest.mark.parametrize("name", UNARY)
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_functions_of_one_number(name, lanes):
-    """2 ulp: both are within one of the exact value."""
+    """The tolerance is 2 ulp, because both are within one ulp of the exact value."""
     x = X if UNARY[name] is None else UNARY[name](X)
     program = optimize(read(traced(lambda s, _: [getattr(np, name)(s[0])], 1)))
     np.testing.assert_allclose(run_kernel(program, x[None], lanes=lanes)[0], getattr(np, name)(x), rtol=5e-16)
@@ -244,7 +246,8 @@ CLAMPS = {
 @pytest.mark.parametrize("name", CLAMPS)
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_bad_numbers_pass_as_in_numpy(name, lanes):
-    """NaN and infinity: a clamp must not turn NaN into its bound, as C's fmin and fmax do; bounds are numbers or parameters."""
+    """For NaN and infinity, a clamp must not turn NaN into its bound, as C's fmin and fmax do. Bounds are numbers or
+    parameters."""
     points = np.array([[np.nan, np.inf, -np.inf, 0.0, -0.5, 0.5, 7.0, -7.0]])
     parameters = np.array([[-1.0], [1.0]]).repeat(8, axis=1)
     program = optimize(read(traced(lambda x, p: [CLAMPS[name](x[0], p)], 1, parameters=2)))
@@ -253,14 +256,15 @@ def test_bad_numbers_pass_as_in_numpy(name, lanes):
     np.testing.assert_array_equal(run_kernel(program, points, parameters, lanes)[0], expected)
 
 
-LONG = 1500  # more than the 1000 calls that Python nests
+LONG = 1500  # more than Python's limit of 1000 nested calls
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_long_sum(direction):
-    """As the sum over the states of a plant of order 23 with least squares: no limit of Python's recursion in the way."""
+    """The sum is as long as that over the states of a plant of order 23 with least squares. Python's limit of recursion does not
+    apply."""
     program = optimize(read(traced(lambda x, _: [sum(x[i] for i in range(LONG)[::direction])], LONG)))
-    assert interpret(program, [float(i) for i in range(LONG)])[0] == LONG * (LONG - 1) / 2  # whole numbers: exact
+    assert interpret(program, [float(i) for i in range(LONG)])[0] == LONG * (LONG - 1) / 2  # integers, so that the sum is exact
 
 
 def test_a_long_product():
@@ -283,7 +287,8 @@ def test_an_unsupported_operation_is_named(function, named):
 
 
 def test_bit_identity_over_all_widths():
-    """The same list on 1 to 32 lanes, with library functions and divisions in it; 37 members, no multiple of any width."""
+    """The same list with library functions and divisions on 1 to 32 lanes, with 37 members, which is not a multiple of any
+    width."""
 
     def expressions(x, _):
         a = np.sin(x[0]) * x[1] + np.exp(-x[2] * x[2]) / (1.3 + x[0] * x[0]) - x[1] * x[2]

@@ -1,4 +1,4 @@
-"""The order of operations: the same values from the same operands, with fewer of them alive at once."""
+"""The order of operations: the values and their operands are the same, and fewer values are live at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CHAINS = 8
 
 
 def side_by_side() -> Program:
-    """The sum of (c_i x)^2 with eight numbers c_i: all products stand before all squares."""
+    """The sum of (c_i x)^2 with eight numbers c_i, with all products before all squares."""
     x = [Operation("input", (), 0.0, (0, 0))]
     numbers = [Operation("constant", (), 1.5 + i) for i in range(CHAINS)]
     products = [Operation("mul", (0, 1 + i)) for i in range(CHAINS)]
@@ -27,7 +27,7 @@ def side_by_side() -> Program:
 
 
 def alive(program: Program) -> int:
-    """The largest number of values that wait for a use: inputs from the start, constants never."""
+    """The largest number of live values. Inputs are live from the start, constants never."""
     operations, last = program.operations, {}
     for i, op in enumerate(operations):
         last |= dict.fromkeys(op.operands, i)
@@ -37,7 +37,7 @@ def alive(program: Program) -> int:
 
 
 def numbered(program: Program, known: dict[object, int]) -> list[list[int]]:
-    """The outputs, each by the number that ``known`` gives to its tree of operations: equal numbers are equal bits."""
+    """The outputs, each as the number that ``known`` assigns to its tree of operations. Equal numbers mean equal bits."""
     numbers: list[int] = []
     for op in program.operations:
         key = (op.name, tuple(numbers[j] for j in op.operands), repr(op.value), op.source)
@@ -49,7 +49,7 @@ def numbered(program: Program, known: dict[object, int]) -> list[list[int]]:
 def test_a_chain_is_finished_before_the_next_begins(urgent_first: bool) -> None:
     given = side_by_side()
     assert alive(given) == CHAINS
-    assert alive(few_waiting(given, urgent_first=urgent_first)) <= 3  # x, the sum so far, and the chain at hand
+    assert alive(few_waiting(given, urgent_first=urgent_first)) <= 3  # x, the sum so far, and the current chain
 
 
 @pytest.mark.parametrize("urgent_first", [False, True])

@@ -1,4 +1,4 @@
-"""Steps without fused multiply-adds: the same bits from LLVM and from a C compiler for a processor that has none."""
+"""Steps without fused multiply-adds: the bits of LLVM and of a C compiler for a processor that has no FMA are the same."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from independent import refusal
 from lowering.test_c99 import compile_c, needs_gcc, same_bits
 
 ISO_C = ("-march=x86-64", "-O2")
-"""No fused multiply-add in the instruction set, so that none can hide."""
+"""An instruction set without fused multiply-adds, so that none can be used."""
 
 
 CASES = ("paper", "first-order", "f16-short-period")
 
 
 def plain_runs() -> list[tuple[str, str]]:
-    """(case, controller) of the bundled cases whose steps have a C translation: neither delayed, noisy, sampled nor in pieces."""
+    """(case, controller) of the bundled cases whose steps have a C translation, which are those without delay, noise, samples or
+    pieces."""
     return [(case, c.name) for case in CASES for c in load_case(case).controllers if not isinstance(c, Sampled)]
 
 

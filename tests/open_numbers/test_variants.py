@@ -1,4 +1,4 @@
-"""A case with changed numbers equals the case of a changed file, whatever was reused from the first one."""
+"""A case with changed numbers equals the case of a changed file, whatever it reuses from the first one."""
 
 import numpy as np
 import pytest

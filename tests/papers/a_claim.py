@@ -1,4 +1,4 @@
-"""A row with the part that a test examines; its other parts are placeholders."""
+"""A row with the part that a test examines. Its other parts are placeholders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ SOMEBODY = Source("somebody_2000", "Somebody (2000)", "others")
 
 
 def a_claim(name: str, *holds: bool, statement: str = "it is so", quote: str = "It is so.", **given: Any) -> Claim:
-    """Named ``name``, with a literal reading for each of ``holds``; ``weaker`` readings, and any field of a claim."""
+    """A claim named ``name`` with a literal reading for each entry of ``holds``, ``weaker`` readings, and any other field of a
+    claim."""
     literal = tuple(f"part {i}" for i in range(len(holds)))
     sentence = Sentence(row=name, source=SOMEBODY, where="Section V", quote=quote, statement=statement, literal=literal)
     weaker: tuple[Reading, ...] = given.pop("weaker", ())

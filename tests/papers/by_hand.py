@@ -1,6 +1,6 @@
-"""Section V's robust MRAC from the paper's equations in plain NumPy, (14)'s sign corrected, for SciPy to integrate.
+"""Section V's robust MRAC from the paper's equations in plain NumPy, with the corrected sign of (14), for integration by SciPy.
 
-No projection, the modelling error -mu s/(T s + 1), a matched disturbance. Nothing of the package is used.
+There is no projection, but the modelling error -mu s/(T s + 1) and a matched disturbance. Nothing from the package is used.
 """
 
 from __future__ import annotations

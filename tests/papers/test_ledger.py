@@ -1,4 +1,4 @@
-"""Every claim is measured, and the findings are those that independent reasoning gives."""
+"""Every claim is measured, and the findings are those expected by independent reasoning."""
 
 import io
 import json
@@ -36,7 +36,7 @@ from turns import once
 
 @pytest.fixture(scope="module")
 def quick(section_v_runs, shared) -> tuple[dict[str, Claim], list[float]]:
-    """What ``reproduce --quick`` measures, and its progress."""
+    """The measurements of ``reproduce --quick`` and their progress."""
 
     def measured() -> tuple[dict[str, Claim], list[float]]:
         seen: list[float] = []
@@ -46,7 +46,7 @@ def quick(section_v_runs, shared) -> tuple[dict[str, Claim], list[float]]:
 
 
 class Measured(Mapping):
-    """The rows of the ledger, each measured where a test first asks for it, once for all of pytest's processes."""
+    """The rows of the ledger. Each is measured when a test first needs it, once for all of pytest's processes."""
 
     def __init__(self, folder, runs):
         self.folder, self.runs, self.found = folder, runs, {}
@@ -68,65 +68,65 @@ class Measured(Mapping):
 
 @pytest.fixture(scope="module")
 def claims(section_v_runs, shared) -> Mapping[str, Claim]:
-    """All of them take a minute of processor time and more."""
+    """The measured rows of the ledger. All of them together take more than a minute of processor time."""
     return Measured(shared, section_v_runs)
 
 
 EXPECTED = {
     # theory decides: Theorem 1, the swapping lemma, 1 - C = kappa s/(kappa s + 1), certified norms
     "bound-9": "holds", "bound-10": "holds", "best-kappa-zero": "holds", "erratum-14": "erratum", "tau-error": "holds",
-    # to first order in kappa, and C(0) = 1: nothing is left beside a constant, with any DC gain
+    # to first order in kappa, and C(0) = 1: nothing remains under a constant, with any DC gain
     "bias-kappa": "mixed", "constant-command": "holds",
     "kappa-0.05": "erratum",  # 0.0497 s, rounded up
-    # part (i) has every command; (10) does not know of time
+    # part (i) covers every command; (10) does not depend on time
     "part-iii": "mixed",
-    # without a predictor the law is driven by what the filter leaves as error; V bounds x~, the small-gain theorem x
+    # without a predictor the filter's error drives the law; V bounds x~, and the small-gain theorem bounds x
     "filtered-mrac": "fails", "same-lyapunov": "holds",
-    # rank-one coupling of x~ and theta~: imaginary eigenvalues grow as the root of the gain, real parts stay
+    # rank-one coupling of x~ and theta~: imaginary parts of eigenvalues grow as the root of the gain, real parts do not change
     "stiffness": "holds if",
     # the stability region of RK4 decides
     "numerical-oscillation": "holds", "boundary": "holds", "small-tau-numerics": "holds", "oscillation-without-filter": "holds",
     "no-numerical-problems": "holds",
     "smaller-gain": "holds", "figures-2-5": "holds", "no-projection": "holds", "filter-limits-theta": "holds",
-    # a lightly damped oscillator rings by itself; RK4 damps it by (h omega)^6/144 a step
+    # a lightly damped oscillator oscillates by itself; RK4 damps it by (h omega)^6/144 in each step
     "own-oscillation": "holds if",
     # implicit steps amplify nothing
     "stiff-solvers": "fails",
-    # V = theta_tilde'P^-1 theta_tilde; pure least squares collects evidence without bound (test_scalar_lemma.py)
+    # V = theta_tilde'P^-1 theta_tilde; pure least squares accumulates information without bound (test_scalar_lemma.py)
     "lemma-1-bounded": "holds", "lemma-1-no-error": "holds", "lemma-1-small": "fails",
     # pure least squares has covariance ~ 1/t under excitation (Ioannou and Fidan, section 3.7); a gradient law is exponential
     "exponential-convergence": "fails",
-    # delay: C/(1 - C) (1 + theta'G) crosses over near 1/kappa whatever the gain, the unfiltered loop near sqrt(Gamma)
+    # delay: C/(1 - C) (1 + theta'G) crosses over near 1/kappa for any gain, the unfiltered loop near sqrt(Gamma)
     "filter-reduces-margins": "fails", "gain-reduces-margins": "holds", "l1-margins": "mixed", "no-advantage": "fails",
-    # |1 - C| falls with one slope, or two where C'(0) = 0, a PI's |S| with two; a robust MRAC learns theta and cancels it
+    # |1 - C| has one slope, or two if C'(0) = 0, and a PI's |S| has two; a robust MRAC learns theta and cancels it
     "l1-against-pi": "fails", "adaptive-against-linear": "holds",
-    # H-infinity designs for the set: mu says up to which size
+    # H-infinity designs for the set: mu gives the tolerated size
     "non-adaptive-cannot": "fails",
     "l1-output-is-lti": "holds",
     # m s d(s) + w (s + m) is Hurwitz for no d(s) with a negative coefficient; a lead crosses over where all are 1/s^2
     "c-of-20": "holds",
-    # sigma_hat(infinity) = e^(aT) sigma: an integral action for a = 0 alone (docs/piecewise.md)
+    # sigma_hat(infinity) = e^(aT) sigma, which is integral action only for a = 0 (docs/piecewise.md)
     "l1-piecewise-is-lti": "mixed",
-    # what is stored says so: tests/papers/jafari_2013/flight/test_flown.py, tests/vehicles/test_dispersed.py
+    # by the stored flights: tests/papers/jafari_2013/flight/test_flown.py, tests/vehicles/test_dispersed.py
     "adaptive-in-flight": "fails", "l1-mrac-in-flight": "mixed",
     "rohrs": "holds",
-    # V falls at every sample, whatever the gain (docs/sampled.md); z^2 - a z + a = 0 for a delay of a samples
+    # V decreases at every sample for any gain (docs/sampled.md); z^2 - a z + a = 0 for a delay of a samples
     "sampled-midpoint": "holds", "sampled-delay": "holds",
-    # known parameters have no error but that of the hold, which grows with the number of held samples
+    # known parameters have only the error of the hold, which grows with the number of held samples
     "missed-samples": "mixed",
     # the frozen loop is unstable below a tau that grows with the delay, or with mu (test_frozen.py)
     "tau-limit-delay": "holds", "tau-limit-mu": "holds", "minus-mu-s": "holds", "tau-range": "holds",
     "siso-any-relative-degree": "holds", "delta-2-term": "holds", "any-command": "holds",
     # V' <= 0 in x_tilde and theta_tilde, for the solution of the equations
     "l1-reference-system": "holds",
-    # relays with |x| as their height, beside a delay
+    # relays with the height |x| and a delay
     "unmodelled-unbounded": "holds",
-    # a linear filter changes no frequency; what the solver makes of a discontinuous law it may
+    # a linear filter does not change a frequency, but the solver's error for a discontinuous law may
     "filter-control-frequency": "holds if",
-    # one slope with 20 ms leaves an error like kappa; what is tuned is another row, no-advantage: two slopes against a covariance
-    # that takes a disturbance for the plant's
+    # one slope with 20 ms has an error proportional to kappa; tuned schemes are in the row no-advantage: two slopes, a covariance
+    # which takes a disturbance for the plant's dynamics
     "robust-mrac-better": "fails",
-    # a fine step learns no faster
+    # learning is no faster with a fine step
     "loss-of-learning": "mixed",
 }  # fmt: skip
 
@@ -157,14 +157,14 @@ PLACE = re.compile(r"(Abstract|Sections? [IV]+|Theorem \d|Lemma \d|Table \d|Figu
 
 
 def lines_on_the_last_screen(claim: Claim) -> int:
-    """Of ``reproduce``'s, at 80 columns: the row's name and its headline."""
+    """The lines of ``reproduce`` at 80 columns with the row's name and its headline."""
     said = io.StringIO()
     overview(Screen(Console(file=said, width=80)), [], [claim])
     return len(said.getvalue().splitlines()) - 3  # the finding's heading, its side's count, the figures
 
 
 def by_the_rules(claim: Claim) -> str:
-    """docs/claims.md's table, written once more."""
+    """The table in docs/claims.md, written a second time."""
     literal = [one.holds for one in claim.readings if one.literal]
     if all(literal):
         return "holds"
@@ -175,7 +175,7 @@ def by_the_rules(claim: Claim) -> str:
 
 
 def check_row(claim: Claim) -> None:
-    """Requirements of a referee for every row."""
+    """Check a referee's requirements for every row."""
     if claim.sentence.source.side == "the critique":
         assert claim.sentence.quote and all(PLACE.match(part) for part in claim.where.split("; ")), (claim.id, claim.where)
     assert claim.ours != bool(claim.sentence.quote) or claim.sentence.source.side == "others", claim.id
@@ -206,11 +206,11 @@ def test_every_row_is_what_a_referee_asks_for(claims):
 
 
 BRACKETED_LIST = re.compile(r"\[[^\[\]]*(?:,[^\[\]]*){2,}\]")
-"""Of three entries or more: a table's."""
+"""A list of three or more entries, which must be a table."""
 
 
 def check_lists(claim: Claim) -> None:
-    """Every list is a table, whose rows are its settings: two lists in one sentence are hard to compare."""
+    """Check that every list is a table with its settings as rows, because two lists in one sentence are hard to compare."""
     tables = [(one.caption, *one.columns, *(entry for row in one.rows for entry in row)) for one in claim.listings]
     texts = [claim.statement, claim.headline, claim.measured, claim.how, claim.would_change, claim.sharpened]
     for text in (*texts, *(text for one in claim.readings for text in (one.says, one.measured)), *sum(tables, ())):
@@ -271,7 +271,8 @@ def row(*readings: Reading) -> Claim:
     ],
 )
 def test_the_rule(literal, others, finding):
-    """docs/claims.md: the literal readings decide; a weaker one counts only if all of them fail, and supplementary ones never."""
+    """docs/claims.md: the literal readings decide. A weaker one counts only if all of them fail, and supplementary ones never
+    count."""
     weaker = [Reading(f"reading {i}", holds, "3", role) for i, (role, holds) in enumerate(others)]
     claim = row(*(SAID.reads(holds, "1", part) for part, holds in enumerate(literal)), *weaker)
     assert claim.finding == finding == by_the_rules(claim)
@@ -310,7 +311,7 @@ def test_every_row_that_runs_14_says_that_its_sign_is_mended(claims, name):
 
 
 def test_a_row_says_what_was_changed_after_a_measurement():
-    """The last finding of each mark is that of the row; the JSON has both, and the equations."""
+    """The last finding of each mark is that of the row. The JSON has both, and the equations."""
     for name, changes in CHANGED.items():
         assert SENTENCES[name].changed == changes and changes[-1].after == EXPECTED[name], name
         assert [one.date for one in changes] == sorted(one.date for one in changes), name
@@ -329,7 +330,7 @@ def test_the_page_of_rules_has_every_finding():
 
 
 def test_the_coverage_goes_through_the_paper():
-    """Every sentence links to an existing row or says what it is, and every row on the critique is linked."""
+    """Every sentence is linked to an existing row or says what it is, and every row on the critique has a link."""
     rows = [one.row for one in COVERAGE if isinstance(one, Sentence)]
     assert len(set(rows)) == len(rows) and set(rows) == {
         name for name, one in SENTENCES.items() if one.source.key == "jafari_2013"
@@ -341,7 +342,7 @@ def test_the_coverage_goes_through_the_paper():
 
 
 def test_the_plain_command_measures_no_row_for_long():
-    """Measurements of more than 12 s on one core belong to the full command; the rows that they sharpen have a verdict without
+    """Measurements of more than 12 s on one core belong to the full command. The rows that they refine have a verdict without
     them."""
     assert all(measurement.seconds <= 12 for measurement in PAPER.ledger)
 
@@ -366,7 +367,7 @@ SHARPER = [part for part in PAPER.ledger if part.sharper]
     [pytest.param(part, id=min(part.names), marks=[pytest.mark.bulk] * (part.sharper_seconds > 60)) for part in SHARPER],
 )
 def test_what_sharpens_a_row_keeps_its_verdict(claims, section_v_runs, part):
-    """Each measures more than the plain command and states beforehand what it adds."""
+    """Each refinement measures more than the plain command and states beforehand what it adds."""
     for row in part.rows(*[section_v_runs] * part.judges_runs, full=True):
         plain = claims[row.id]
         assert row.finding == plain.finding
@@ -383,7 +384,7 @@ def test_what_is_said_to_be_sharpened_is(claims):
 
 @pytest.mark.full
 def test_the_full_command_measures_what_sharpens(monkeypatch, section_v_runs, tmp_path, capsys):
-    """A ledger with one row that has another form in full; it uses the runs that other tests share."""
+    """The ledger has one row with a different form in the full command. It uses the runs that other tests share."""
     plain, sharper = paper_figures.as_described, paper_figures.without_projection
     only = Measurement(
         plain, 0.1, {"figures-2-5": "the figures"}, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3
@@ -403,7 +404,7 @@ def test_numbers_that_theory_predicts(claims):
     power = float(re.search(r"t\^(-\d\.\d+)", claims["exponential-convergence"].measured)[1])
     assert power == pytest.approx(-1, abs=0.1)
     low, high = map(float, re.search(r"(\d\.\d+) to (\d\.\d+) times the delay", claims["tau-limit-delay"].measured).groups())
-    # for short delays the auxiliary input is all of the loop, 1/(tau s) with the delay: lost below tau = 2/pi delay
+    # for short delays the loop consists of the auxiliary input, 1/(tau s) with the delay: lost below tau = 2/pi delay
     assert 0.6 < high < 2 / np.pi < 2 * low + 0.1
     for claim in ("tau-limit-delay", "tau-limit-mu"):
         pattern = r"loses stability at (\d\.\d+) to (\d\.\d+) times"
@@ -413,7 +414,8 @@ def test_numbers_that_theory_predicts(claims):
 
 @pytest.mark.full
 def test_linear_loops_are_lost_where_mu_says(claims):
-    """Without the delay, at the corner that mu names: the last tolerated size and the first that is not, around 1/mu."""
+    """Without the delay, at the corner given by mu, the last tolerated size and the first size that is not tolerated enclose
+    1/mu."""
     claim = claims["adaptive-against-linear"]
     (shown,) = claim.listings
     limits = {row[0]: row[shown.columns.index("set may grow by 1/mu")] for row in shown.rows}
@@ -424,7 +426,7 @@ def test_linear_loops_are_lost_where_mu_says(claims):
         last, limit = curve.x[-1], float(limits[curve.label])
         following = plain.x.values[plain.x.values > last][0]
         assert last < limit * 1.01  # the limit is printed with three digits
-        assert following > limit  # unstable: in 60 s it has left every bound
+        assert following > limit  # unstable: it exceeds every bound within 60 s
 
 
 @pytest.mark.full
@@ -433,7 +435,9 @@ def test_the_map_of_gain_and_step_agrees_with_the_stability_region(claims):
     h_omega = shown.y.values[:, None] * np.sqrt(shown.x.values)  # up to a factor that all cells share
     oscillates = shown.values > 20
     lowest, highest = h_omega[oscillates].min(), h_omega[~oscillates].max()
-    assert lowest > highest * (1 - 1e-4)  # one number separates the cells; the steps divide the run, so not to rounding
+    assert lowest > highest * (
+        1 - 1e-4
+    )  # one number separates the cells, but not up to rounding because the steps divide the run
     assert oscillates.any(axis=1).all() and (~oscillates).any(axis=1).all()  # every step has both
 
 
@@ -448,7 +452,7 @@ def test_the_certified_condition_lies_inside_the_exact_boundary(claims):
 
 
 def test_one_number_has_one_verdict(section_v_runs, quick):
-    """Figure 3's "proportional to kappa": the figure and the row apply the rule's 10 % to the same number."""
+    """For Figure 3's "proportional to kappa", the figure and the row apply the rule's 10 % to the same number."""
     checks = paper_figures.paper_figures(section_v_runs)[1].checks
     (check,) = [one for one in checks if "proportional to kappa" in one.statement]
     factor = float(re.search(r"multiplies it by ([\d.]+)", check.measured)[1])

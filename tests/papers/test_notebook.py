@@ -1,4 +1,4 @@
-"""A row's notebook: it runs as it stands, and gives the row's finding."""
+"""A row's notebook runs without changes and gives the row's finding."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILTER = "kappa-0.05"
 
 
 def executed(text: str) -> str:
-    """What the cells print, run by a kernel as a reader runs them."""
+    """The output of the cells in a kernel, as for a reader."""
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
     cells = nbformat.reads(text, as_version=4)
@@ -25,7 +25,7 @@ def executed(text: str) -> str:
 
 
 def test_every_row_has_one():
-    """Valid for a reader of notebooks, each with the code that lists the row."""
+    """Each is a valid notebook with the code that lists the row."""
     for paper in papers().values():
         for part in paper.ledger:
             for name in part.names:
@@ -38,7 +38,7 @@ def test_every_row_has_one():
 JUDGES_RUNS = next(name for paper in papers().values() for part in paper.ledger if part.judges_runs for name in part.names)
 OF_OTHERS = [next(name for part in paper.ledger for name in part.names) for paper in list(papers().values())[1:]]
 OF_EACH_KIND = [FILTER, "adaptive-in-flight", JUDGES_RUNS, *OF_OTHERS]
-"""Plain, stored, one that judges the paper's runs, and one of each other paper."""
+"""A plain row, a stored one, one that judges the paper's runs, and one of each other paper."""
 
 
 @pytest.mark.full

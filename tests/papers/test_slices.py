@@ -1,4 +1,4 @@
-"""A claim is one file in a subject's folder, a paper one folder that an entry point names: nothing else is edited."""
+"""A claim is one file in a subject's folder, and a paper is one folder that an entry point names. Nothing else is edited."""
 
 import json
 

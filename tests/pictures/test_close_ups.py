@@ -1,4 +1,4 @@
-"""Where a command is too fast for the whole run's panel, its first and last periods are shown; elsewhere nothing is added."""
+"""If a command is too fast for the whole run's panel, its first and last periods are shown. Otherwise nothing is added."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_envelopes_over_one_another_are_told_apart_by_their_edges():
     edges = {round(abs(float(np.median(line.get_ydata()))), 1) for line in axes.lines if np.isfinite(line.get_ydata()).all()}
     assert edges == {1.0, 2.0}
     inside = [line.get_ydata() for line in axes.lines if not np.isfinite(line.get_ydata()).all()]
-    assert len(inside) == 2  # no middles, which would lie over one another
+    assert len(inside) == 2  # no middle parts, which would overlap
 
 
 def test_a_short_logarithmic_axis_has_plain_numbers():

@@ -15,7 +15,7 @@ def test_a_tick_below_the_smallest_number_has_no_name():
 
 
 def number_in(text):
-    """What a person reads: 0.2, 10⁻², 3·10⁻², each with its sign."""
+    """The number as a person reads it: 0.2, 10⁻², 3·10⁻², each with its sign."""
     sign, text = (-1, text[1:]) if text.startswith("-") else (1, text)
     mantissa, _, power = text.rpartition("·")
     exponent = power.removeprefix("10").translate(PLAIN)
@@ -26,7 +26,7 @@ def number_in(text):
     ("scale", "limits"), [("log", (0.12, 0.7)), ("log", (1e-9, 1e4)), ("log", (3e-5, 7e-5)), ("symlog", (-3e6, 3e6))]
 )
 def test_every_tick_reads_as_the_number_at_which_it_is(scale, limits):
-    """Exactly the ticks that Matplotlib would have labelled have labels."""
+    """The ticks with labels are exactly those that Matplotlib would label."""
     figure = Figure()
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

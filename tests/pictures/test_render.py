@@ -38,7 +38,7 @@ def contrast(one, other):
 
 
 def test_every_colour_can_be_seen_on_its_ground():
-    """Three to one, what WCAG 2.2 asks of lines (1.4.11)."""
+    """The contrast is at least three to one, which WCAG 2.2 requires for lines (1.4.11)."""
     assert min(contrast(colour, GROUND) for colour in (*COLOURS, INK, QUIET_INK)) >= 3
     assert min(contrast(colour, DARK_GROUND) for colour in ON_DARK) >= 3
     assert contrast(on_dark(INK), DARK_GROUND) > 10 and contrast(on_dark(QUIET_INK), DARK_GROUND) > 3
@@ -84,7 +84,7 @@ def test_names_are_shown_as_they_are():
 
 
 def test_names_in_pictures_have_symbols_and_powers_of_ten():
-    """Only if a value follows; a scheme named after a letter keeps its name."""
+    """This happens only if a value follows. A scheme named after a letter keeps its name."""
     assert in_symbols("L1, gamma 1e6, no projection") == "L1, γ 10⁶, no projection"
     assert in_symbols("Gamma = 4.3e-05, kappa 0.02") == "Γ = 4.3·10⁻⁵, κ 0.02"
     assert in_symbols("Sigma-modification, fixed gamma, 0x1e5, v1e5") == "Sigma-modification, fixed gamma, 0x1e5, v1e5"
@@ -92,7 +92,7 @@ def test_names_in_pictures_have_symbols_and_powers_of_ten():
 
 @pytest.mark.parametrize("narrow", [False, True])
 def test_the_rows_of_a_png_are_not_sheared(narrow):
-    """The axis of values is one column of dark pixels from end to end."""
+    """The axis of values is a single column of dark pixels from end to end."""
     t = np.linspace(0, 1, 50)
     figure = draw([Panel(title="x", series=[Series(t=t, value=t, label="x")])], 1.0, narrow=narrow)
     pixels = np.asarray(Image.open(io.BytesIO(render(figure, "png"))).convert("L"))

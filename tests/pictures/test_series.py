@@ -24,7 +24,7 @@ def test_a_slow_sine_is_a_line_that_stays_on_it(periods):
 
 
 def test_a_fast_sine_on_a_slope_is_an_envelope_that_follows_the_slope():
-    """x = 3 t + sin: upper and lower envelopes are 3 t + 1 and 3 t - 1; the line runs in their middle, without a gap."""
+    """For x = 3 t + sin the upper and lower envelopes are 3 t + 1 and 3 t - 1. The line is in their middle, without a gap."""
     t = np.linspace(0, 1, 20001)
     found = of(t, 3 * t + np.sin(2 * np.pi * 300 * t))
     (band,) = found.envelopes
@@ -68,7 +68,7 @@ def test_few_instants_and_a_constant():
 
 
 def test_how_fast_is_too_fast():
-    """A swing of FASTEST_SWING_COLUMNS columns is the limit."""
+    """The limit is an oscillation of FASTEST_SWING_COLUMNS columns."""
     t = np.linspace(0, 1, 40001)
     for factor, enveloped in ((1.3, False), (0.8, True)):
         half_period = factor * FASTEST_SWING_COLUMNS / COLUMNS
@@ -81,7 +81,7 @@ def test_turning_points_of_a_known_path():
 
 @pytest.mark.parametrize(("lasts", "enveloped"), [(0.1, False), (0.5, True)])
 def test_a_burst_too_short_to_have_a_shape_is_a_line(lasts, enveloped):
-    """A slow wave with a fast oscillation for a while: a box would hide the wave under it."""
+    """A slow wave has a fast oscillation for a while. A box would hide the wave under it."""
     t = np.linspace(0, 1, 20001)
     value = np.sin(2 * np.pi * 3 * t) + np.where(t < lasts, 0.3 * np.sin(2 * np.pi * 400 * t), 0)
     found = of(t, value)

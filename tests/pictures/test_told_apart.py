@@ -1,4 +1,4 @@
-"""More lines than hues: every pair of lines is distinguishable, by readers of any sight and in a legend."""
+"""More lines than hues: every pair of lines is distinguishable, for readers with any colour vision and in a legend."""
 
 import io
 from colorsys import rgb_to_hsv
@@ -24,11 +24,13 @@ SIGHTS = {
     "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
 }
-"""What is left of linear RGB: Machado, Oliveira, Fernandes (2009), table of severity 1. Tritanopia is a hundred times rarer."""
+"""Linear RGB as seen with colour blindness, from the table of severity 1 in Machado, Oliveira, Fernandes (2009). Tritanopia is a
+hundred times rarer."""
 TO_XYZ = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]])
 """sRGB's primaries and white D65 (IEC 61966-2-1)."""
 TELLING_DISTANCE = 13
-"""In CIELAB, where 2.3 is just noticeable side by side: thin lines need several times that. Blue and sky blue are 12.2 apart."""
+"""Smallest distance in CIELAB. Side by side 2.3 is just noticeable, but thin lines need several times as much. Blue and sky blue
+have a distance of 12.2."""
 NINE = 9
 """Schemes that fly on the F-16."""
 
@@ -74,7 +76,7 @@ def test_every_line_of_a_panel_is_another_one_and_stands_so_in_the_legend(count)
 
 
 def test_components_of_one_run_keep_their_dash_and_have_marks():
-    """Their levels, true values and bounds, are dashed."""
+    """Their levels, which are true values and bounds, are dashed."""
     several = [Series(t=one.t, value=one.value, label=one.label, colour=one.colour, dash=0) for one in series(NINE)]
     (axes,) = draw([Panel(title="Estimates", series=several)], 10.0).axes
     told = styles(axes.get_legend().legend_handles)
@@ -98,7 +100,7 @@ def test_distributions_of_many_schemes_are_drawn():
 
 
 def test_a_png_has_every_hue_that_its_lines_have():
-    """Also for covered lines with few visible pixels: a palette chosen only by pixels turns purple into grey."""
+    """This also holds for covered lines with few visible pixels. A palette chosen only by pixels would turn purple into grey."""
     panels = [Panel(title="All", series=series(6), whole_row=True) for _ in range(4)]
     picture = np.asarray(Image.open(io.BytesIO(render(draw(panels, 10.0), "png"))).convert("RGB")).reshape(-1, 3).astype(int)
     assert (picture[0] == 255).all()

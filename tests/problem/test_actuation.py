@@ -1,4 +1,4 @@
-"""The path of u to the plant: limits and dynamics against a plain integration, in order."""
+"""The path of u to the plant: limits and dynamics in their order, compared with a plain integration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_each_stage_of_the_path():
 
 
 def test_rate_limit_slope_and_following(problems):
-    """The limited output never moves faster than the limit; where u is slower it follows within about a step."""
+    """The limited output never moves faster than the limit. If u is slower, the output follows within about a step."""
     dt, rate = 1e-3, 2.0
     free, limited = (with_input(problems[2], path) for path in (None, PlantInput(rate_limit=rate)))
     simulation = Simulation(t_end=8.0, dt=dt, record_points=10_000)
@@ -47,7 +47,8 @@ def test_rate_limit_slope_and_following(problems):
 
 
 def test_saturation_and_actuator_against_dop853(problems):
-    """Fixed parameters: gamma of 1e-9 adapts nothing. 1e-6: RK4 at the corners of the saturation, h = 1e-3."""
+    """The parameters are fixed, because nothing is adapted with gamma = 1e-9. The tolerance 1e-6 is for RK4 with h = 1e-3 at the
+    corners of the saturation."""
     problem = problems[2]
     wn = 10.0
     actuator = TransferFunction([wn**2], [1.0, 1.4 * wn, wn**2])
@@ -80,7 +81,7 @@ def test_unmatched_disturbance_against_dop853(problems):
 
 
 def test_members_differ_in_every_number_of_the_path(problems):
-    """An ensemble over limits, rates, gains and quanta equals the single runs, figure by figure."""
+    """An ensemble over limits, rates, gains and quanta equals the single runs in every figure."""
     simulation = Simulation(t_end=3.0, dt=1e-2)
     paths = [
         PlantInput(quantization=0.01 * i, saturation=(-1.0 / i, 2.0 / i), rate_limit=1.0 + i, gain=0.5 + 0.1 * i)

@@ -1,4 +1,4 @@
-"""The draws of faults against a second implementation of SplitMix64, their shares and times, and refused settings."""
+"""The random faults compared with a second implementation of SplitMix64, their shares and times, and refused settings."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ MASK = 2**64 - 1
 
 
 def mixed(z: int) -> int:
-    """SplitMix64's output function on Python's whole numbers, after the published C."""
+    """SplitMix64's output function on Python's integers, after the published C."""
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
     return z ^ (z >> 31)
 
 
 def test_what_is_drawn_is_splitmix() -> None:
-    """Its first output from a seed of zero is the published 0xE220A8397B1DCDAF; the numbers are two rounds of it."""
+    """Its first output from a seed of zero is the published 0xE220A8397B1DCDAF. The numbers are two rounds of it."""
     gamma = 0x9E3779B97F4A7C15
     assert mixed(gamma) == 0xE220A8397B1DCDAF
     for seed, place, slot in ((0, 0, 0), (7, 3, 12345), (2**64 - 1, 2**32 + 5, 10**13)):
@@ -31,7 +31,7 @@ def test_what_is_drawn_is_splitmix() -> None:
 
 
 def test_a_share_is_a_share_and_draws_are_independent() -> None:
-    """Within four standard deviations of binomial numbers; neighbours, seeds and places are uncorrelated."""
+    """Shares are within four standard deviations of binomial numbers. Neighbours, seeds and places are uncorrelated."""
     t, n, p = np.arange(40_000) * 1e-3, 40_000, 0.1
     drawn = [Dropout(share=p, seed=seed).there(t, place) for seed, place in ((0, 0), (0, 1), (1, 0))]
     for one in drawn:

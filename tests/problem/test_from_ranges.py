@@ -1,4 +1,4 @@
-"""The sets derived from ranges of parameters, against sampling, least squares by hand and python-control."""
+"""The sets derived from ranges of parameters, compared with sampling, least squares by hand and python-control."""
 
 import control
 import numpy as np
@@ -34,7 +34,7 @@ def derived(plant):
 
 
 def by_least_squares(plant, A, b):
-    """theta and omega that leave the smallest weighted rests, and the rests, by NumPy's own least squares."""
+    """theta and omega with the smallest weighted remainders, and the remainders, by NumPy's least squares."""
     W = 1 / np.asarray(plant.scale if plant.scale is not None else np.ones(plant.n))
     column = (W * plant.b)[:, None]
     theta = np.linalg.lstsq(column, W[:, None] * (A - plant.A_m), rcond=None)[0][0]
@@ -43,7 +43,7 @@ def by_least_squares(plant, A, b):
 
 
 def sampled(plant, count=4000):
-    """Extremes of all four over parameters that are drawn evenly, with the corners of the ranges."""
+    """Extremes of all four over evenly drawn parameters and the corners of the ranges."""
     physical, random = plant.physical, np.random.default_rng(5)
     names, ends = list(physical.ranges), np.array(list(physical.ranges.values()))
     corners = np.array(np.meshgrid(*ends)).reshape(len(names), -1).T
@@ -61,7 +61,7 @@ def pendulum():
 
 
 def cart():
-    """A cart with a pendulum as in data sheets: every entry has the same uncancelled sum as denominator."""
+    """A cart with a pendulum as in data sheets, where every entry has the same uncancelled sum as denominator."""
     M, m, length, d, J = (
         Parameter(*one[:2], tolerance=one[2])
         for one in (("M", 0.5, 0.1), ("m", 0.2, 0.3), ("l", 0.3, 0.2), ("d", 0.1, 0.5), ("J", 0.006, 0.2))
@@ -77,7 +77,7 @@ def cart():
 
 
 def slider():
-    """A common factor: m l divides the numerator and the denominator."""
+    """A plant with a common factor, in which m l divides the numerator and the denominator."""
     m, length, r, d = (Parameter(*one, tolerance=0.3) for one in (("m", 0.2), ("l", 0.3), ("r", 0.1), ("d", 0.1)))
     inertia = m * length**2 + m * length * r
     return Plant(A=[[0, 1], [-9.81 * m * length / inertia, -d / inertia]], b=[0, m * length / inertia], poles=[-3, -4])
@@ -129,7 +129,7 @@ def test_bounds_that_remain_too_wide_say_so(monkeypatch):
 
 
 def test_the_nominal_plant_lies_in_its_own_set():
-    """Also where an entry is known exactly, and where a range ends at the nominal value, whatever the roundings."""
+    """This also holds if an entry is known exactly or a range ends at the nominal value, for any roundings."""
     for make in (lambda: joint(tolerance=0.3), pendulum, lambda: joint(between=(1.3, 1.7))):
         for seed in range(10):
             plant = make()
@@ -151,7 +151,8 @@ def test_formulas_are_written_as_numbers_are():
 
 
 def test_parameters_without_ranges_give_a_known_plant():
-    """Names for numbers alone: theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the gain."""
+    """The parameters are only names for numbers, so that theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the
+    gain."""
     plant = PhysicalPlant(A=[[0, 1], ["-k/J", "-0.1"]], b=[0, "1/J"], parameters=[Parameter("k", 1.3), Parameter("J", 0.5)])
     found = derived(Plant(physical=plant, poles=[-3, -4]))
     assert found.theta.lower == pytest.approx([(12 - 2.6) / 2, (7 - 0.1) / 2]) and (found.theta.lower == found.theta.upper).all()
@@ -159,7 +160,7 @@ def test_parameters_without_ranges_give_a_known_plant():
 
 
 def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
-    """The change acts along (1/J_eq, -1/J_eq - 1/J), b along (1, -1): the sine of the angle between them."""
+    """The change acts along (1/J_eq, -1/J_eq - 1/J) and b along (1, -1). The share is the sine of the angle between them."""
     plant = joint(tolerance=0.3)
     found = derived(Plant(physical=plant.physical, A_m=plant.A_m)).shares["K_s"]["A"]
     along, b = np.array([1 / J_eq, -1 / J_eq - 1 / 0.0038]), np.array([1.0, -1.0])
@@ -168,7 +169,8 @@ def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
 
 
 def test_the_pendulum_is_matched_and_its_gain_uncertain():
-    """Its torque enters where gravity acts; omega = (J + m l^2) nominal over itself, by hand at the corners."""
+    """Its torque acts at the same place as gravity. omega is the nominal J + m l^2 over the actual one, by hand at the
+    corners."""
     found = derived(pendulum())
     assert found.is_matched and found.input_gain is not None
     ends = [0.1 * j + 1.0 * m * (0.5 * x) ** 2 for j in (0.7, 1.3) for m in (0.5, 1.5) for x in (0.8, 1.2)]
@@ -176,7 +178,7 @@ def test_the_pendulum_is_matched_and_its_gain_uncertain():
 
 
 def test_the_nominal_plant_is_python_control_s():
-    """The formulas' state space, with its output, against a transfer function that is multiplied out by hand."""
+    """The formulas' state space with its output equals a transfer function that is expanded by hand."""
     J, d, k = 0.02, 0.05, 1.3
     plant = PhysicalPlant(
         A=[[0, 1], ["-k/J", "-d/J"]], b=[0, "1/J"], parameters=[Parameter("k", k), Parameter("J", J), Parameter("d", d)]
@@ -188,7 +190,8 @@ def test_the_nominal_plant_is_python_control_s():
 
 
 def test_what_cancels_between_formulas_cancels_before_ranges_are_put_in():
-    """k/J and -k/J along b = (1, -1): theta takes all of it, although each entry alone is uncertain by more than its half."""
+    """With k/J and -k/J along b = (1, -1), theta contains all of the uncertainty, although each entry alone is uncertain by more
+    than half of its value."""
     k, J = Parameter("k", 1.0, tolerance=0.5), Parameter("J", 2.0, tolerance=0.5)
     plant = Plant(A=[[k / J, 1], [-k / J, -3]], b=[1, -1], poles=[-1, -2])
     assert derived(plant).is_matched
@@ -217,7 +220,8 @@ def test_bad_input_is_one_clear_sentence(make, words):
 
 @pytest.mark.parametrize("unit", [1e-10, 1.0, 1e10])
 def test_an_unmatched_remainder_counts_in_every_unit_of_input_and_state(unit):
-    """What no theta and no omega matches is no rounding only because b is small, or another entry of A large."""
+    """A remainder that no theta and omega match must not be taken for rounding only because b is small or another entry of A is
+    large."""
     g = Parameter("g", 0.0, between=(0.0, 1.0))
     small_b = Plant(A=[[-1, 0.2], [0, -2]], b=[unit * g, unit], A_m=[[-1, 0.2], [0, -2]])
     assert derived(small_b).rest_b[0, 0] == pytest.approx(unit) and not derived(small_b).is_matched
@@ -230,7 +234,7 @@ def test_an_unmatched_remainder_counts_in_every_unit_of_input_and_state(unit):
 
 
 def test_the_bound_of_a_small_theta_is_as_tight():
-    """theta in units of a large b: an absolute room had made its interval six times too wide."""
+    """With theta in units of a large b, an absolute tolerance made its interval six times too wide."""
     k, m = (Parameter(name, 2.0, between=(1.0, 10.0)) for name in "km")
     found = [derived(Plant(A=[[0, 1], [-100 * k / (k + m), -3]], b=[0, b], A_m=[[0, 1], [-20, -3]])) for b in (1.0, 1e11)]
     widths = [one.theta.upper[0] - one.theta.lower[0] for one in found]
@@ -277,7 +281,8 @@ def test_an_own_gain_alone_keeps_the_derived_box():
 
 
 def test_no_share_of_a_change_exceeds_100_percent():
-    """With two inputs that point nearly the same way, the projection is oblique: the remainder of b is larger than its change."""
+    """With two inputs in nearly the same direction, the projection is oblique, so that the remainder of b is larger than its
+    change."""
     e = Parameter("e", 0.0, between=(-0.05, 0.05))
     physical = PhysicalPlant(A=[[0, 1], [-2, -3]], b=[[1, 1], ["0.2 + e", 0.1]], parameters=[e])
     plant = Plant(physical=physical, A_m=[[0, 1], [-2, -3]])

@@ -1,4 +1,4 @@
-"""The unknown input gain's projection: a set of its own beside a box, a ball, or no known set of theta."""
+"""The projection of the unknown input gain: a separate set in addition to a box, a ball or no known set of theta."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BALL = ParameterBall(center=[0.5, -0.3], radius=0.6)  # the origin and theta are
 def test_the_gain_has_a_projection_of_its_own(problems, known_set, projection, gamma):
     """With a ball of theta and without a set, omega_hat stays in its interval, theta_hat in the ball, and V never grows.
 
-    1e-9 of V(0): corners of a projection, stages of a step.
+    The tolerance 1e-9 of V(0) is for corners of a projection and stages of a step.
     """
     problem = replace(problems[2], plant=replace(problems[2].plant, input=PlantInput(gain=0.35)), uncertainty=known_set)
     problem = replace(problem, plant=replace(problem.plant, theta=[0.9, -0.5]), input_gain=(0.3, 2.0))
@@ -46,7 +46,7 @@ def test_the_gain_has_a_projection_of_its_own(problems, known_set, projection, g
 
 @pytest.mark.parametrize("gain", [0.5, 1.5])
 def test_projections_side_by_side_are_the_projections(gain):
-    """With a scalar or diagonal gain the product's projection is that of its factors, evaluated alone."""
+    """With a scalar or diagonal gain the product's projection is that of its factors, evaluated separately."""
     random = np.random.default_rng(3)
     intervals = ParameterBox(lower=[0.5, 1.0], upper=[2.0, 1.5])
     product = with_gains(BALL, intervals)
@@ -67,7 +67,7 @@ def test_projections_side_by_side_are_the_projections(gain):
 
 
 def test_an_interval_for_each_input():
-    """Each estimate starts in its own interval and stays there; one pair for both is the pair twice."""
+    """Each estimate starts in its own interval and stays there. A single pair applies to both."""
     problem = two_inputs(input=[PlantInput(gain=0.6), PlantInput(gain=2.5)])
     apart = replace(problem, input_gain=((0.3, 0.8), (2.0, 4.0)))
     assert apart.known.gains.lower.tolist() == [0.3, 2.0] and apart.known.gains.upper.tolist() == [0.8, 4.0]

@@ -30,7 +30,7 @@ def test_they_stand_on_the_axes():
 
 
 def test_tables_of_runs_have_units(capsys):
-    """Units appear in the headings on pages and in notebooks, and beside each component on a terminal; without units nothing is
+    """Units appear in the headings on pages and in notebooks, and next to each component on a terminal. Without units nothing is
     added."""
     named, bare = run(GIVEN), run(None)
     columns = figure_columns([named])

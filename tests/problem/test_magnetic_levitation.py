@@ -1,4 +1,4 @@
-"""The bundled levitation against the equation of motion m y'' = m g - C i^2/y^2, integrated by SciPy."""
+"""The bundled levitation, compared with the equation of motion m y'' = m g - C i^2/y^2 integrated by SciPy."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_truth_is_the_force_law_itself() -> None:
         return [rate, g - C / m * ((bias + u) / y) ** 2, 0.001 * np.sin(9.0 * t) - (y - y0)]
 
     found = solve_ivp(motion, (0.0, 1.0), [y0, 0.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-14, t_eval=run.t)
-    # RK4 with steps of 0.25 ms beside eigenvalues of 110 rad/s: (h lambda)^4 = 6e-7 of a motion of 1 mm
+    # RK4 with steps of 0.25 ms and eigenvalues of 110 rad/s: (h lambda)^4 = 6e-7 of a motion of 1 mm
     assert np.abs(run.x[:, 0] - (found.y[0] - y0)).max() < 1e-9
     assert np.abs(run.x[:, 0]).max() > 5e-4
 

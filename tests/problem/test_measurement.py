@@ -46,7 +46,7 @@ def test_a_row_does_not_depend_on_how_it_is_asked_for(channels):
 
 
 def test_members_have_streams_of_their_own_whatever_lanes_and_threads(problems):
-    """13 members over more than one kernel call each; std differs from member to member."""
+    """13 members run over more than one kernel call each. std differs from member to member."""
     simulation = Simulation(t_end=40_000 * 2.0**-9, dt=2.0**-9)
     members = [(noisy(problems[1], std=0.01 * (i + 1), sample_time=2.0**-8, seed=1), Mrac(gamma=5.0)) for i in range(13)]
     runs = [
@@ -82,7 +82,8 @@ def test_numbers_that_are_none(problems, numbers, words):
 
 
 def test_refining_the_step_keeps_the_noise(problems):
-    """The noise is a function of time: the runs converge. RK4 at steps of 2^-7 and 2^-8, jumps every 2^-6: errors below 1e-5."""
+    """The noise is a function of time, so that the runs converge. RK4 at steps of 2^-7 and 2^-8 with jumps every 2^-6 has errors
+    below 1e-5."""
     problem = noisy(problems[2], std=[0.1, 0.2], sample_time=2.0**-6, seed=4)
     ends = [simulate(problem, [Mrac(gamma=5.0)], Simulation(t_end=4.0, dt=dt))["MRAC"].x[-1] for dt in (2.0**-7, 2.0**-8)]
     quiet = simulate(problems[2], [Mrac(gamma=5.0)], Simulation(t_end=4.0, dt=2.0**-8))["MRAC"].x[-1]
@@ -91,7 +92,7 @@ def test_refining_the_step_keeps_the_noise(problems):
 
 
 def test_recorded_control_saw_the_noise_of_its_instant(problems):
-    """u = -theta_hat'(x + noise) + k_0 r with the recorded values: to rounding."""
+    """u = -theta_hat'(x + noise) + k_0 r with the recorded values, up to rounding."""
     problem = noisy(problems[2], std=[0.1, 0.2], sample_time=2.0**-5, seed=4)
     run = simulate(problem, [Mrac(gamma=5.0)], Simulation(t_end=4.0, dt=2.0**-7))["MRAC"]
     steps = np.rint(run.t * 2**7).astype(int)
@@ -101,7 +102,7 @@ def test_recorded_control_saw_the_noise_of_its_instant(problems):
 
 
 def test_lag_against_dop853(problems):
-    """MRAC fed with x/(lag s + 1), settled at t = 0."""
+    """MRAC with the measurement x/(lag s + 1), in equilibrium at t = 0."""
     problem, gamma, lag = replace(problems[2], sensor=Sensor(lag=0.05)), 3.0, 0.05
     known, plant, r = problem.known, problem.plant, problem.reference
     Pb = known.P @ known.b
@@ -147,7 +148,7 @@ def quantised(problem, resolution):
 
 @pytest.mark.parametrize("resolution", [0.05, [0.05, 0.05], [0.0, 0.2], [0.3, 0.0]])
 def test_a_quantised_state_feedback_against_exact_samples(problems, resolution):
-    """u = k_0 r - theta'q(x): between samples the plant is linear and u constant, so matrix exponentials are exact."""
+    """With u = k_0 r - theta'q(x) the plant is linear and u constant between samples, so that matrix exponentials are exact."""
     problem, T, count = problems[2], 0.0625, 80
     plant, theta = problem.plant, np.array([0.7, -0.4])
     controller = Sampled(controller=KnownParameters(theta=theta), sample_time=T, discretization="euler")

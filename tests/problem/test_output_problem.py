@@ -1,4 +1,5 @@
-"""The output-feedback problem: f(t, y), disturbances at input and output, against SciPy; Rohrs' plant and experiments."""
+"""The output-feedback problem with f(t, y) and disturbances at input and output, compared with SciPy; Rohrs' plant and
+experiments."""
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def problem(**settings):
 
 @pytest.mark.parametrize("lag", [0.0, 0.2])
 def test_time_dependent_uncertainty_and_output_disturbance_against_scipy(lag):
-    """1e-9: RK4 at h = 1e-3 on modes below 10 rad/s."""
+    """The tolerance 1e-9 is for RK4 at h = 1e-3 with modes below 10 rad/s."""
     sensor = Sensor(lag=lag) if lag else None
     controller = LinearOutput(loop=TF([1.0], [1.0, 1.0]))
     found = simulate(problem(output_disturbance=Sine(0.5, 3.0), sensor=sensor), [controller], Simulation(t_end=8.0, dt=1e-3))
@@ -51,7 +52,7 @@ def test_time_dependent_uncertainty_and_output_disturbance_against_scipy(lag):
 
 
 def test_a_sampled_controller_measures_the_disturbed_output():
-    """u = y held for a long sample: right after the sample at t = 1 it is y(1), disturbance included."""
+    """u = y is held for a long sample. Right after the sample at t = 1 it is y(1) including the disturbance."""
     controller = Sampled(controller=LinearOutput(loop=TF([-1.0], [1.0]), feedforward=TF([1e-9], [1.0])), sample_time=1.0)
     run = simulate(problem(output_disturbance=Constant(0.3)), [controller], Simulation(t_end=1.5, dt=1e-2))[controller.name]
     assert run.u[-1] == pytest.approx(run.y[np.searchsorted(run.t, 1.0)], abs=1e-8)
@@ -102,7 +103,7 @@ def test_rohrs_plant_has_the_published_limit():
 
 @pytest.mark.parametrize(("frequency", "bursts"), [(16.1, True), (8.0, False)])
 def test_rohrs_second_experiment(frequency, bursts):
-    """Constant command, sinusoidal output disturbance: at 16.1 rad/s k_y drifts until the loop bursts."""
+    """With a constant command and a sinusoidal output disturbance at 16.1 rad/s, k_y drifts until the loop bursts."""
     classical = MracOutput(order=1, relative_degree=1, sign=1, law=LyapunovLaw(gamma=1.0), theta_hat0=[-0.65, 1.14], name="c")
     given = OutputProblem(
         plant=OutputPlant(transfer_function=ROHRS),

@@ -22,7 +22,7 @@ from independent import refusal
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_P_solves_the_lyapunov_equation(problems, n):
-    """P = integral of exp(A_m't) exp(A_m t): a second way to the same matrix, by quadrature over the matrix exponential."""
+    """P = integral of exp(A_m't) exp(A_m t) gives the same matrix by quadrature over the matrix exponential."""
     A_m = problems[n].plant.A_m
     nodes, weights = np.polynomial.legendre.leggauss(200)
     length = 60.0  # exp(2 * -1 * 60) is below rounding: the slowest pole of the three problems is -1
@@ -36,7 +36,8 @@ def test_P_solves_the_lyapunov_equation(problems, n):
 
 
 def test_P_of_section_v(section_v):
-    """By hand: the (2, 2) equation is 2 p_12 - 2 p_22 = -1, the (1, 1) one -0.6 p_12 = -1, the (1, 2) one gives p_11."""
+    """By hand, the (2, 2) equation is 2 p_12 - 2 p_22 = -1, the (1, 1) equation is -0.6 p_12 = -1, and the (1, 2) equation gives
+    p_11."""
     p_12 = 1 / 0.6
     p_22 = p_12 + 1 / 2
     p_11 = p_12 + 0.3 * p_22
@@ -66,7 +67,7 @@ def test_defaults_are_rest_and_a_zero_command():
 
 
 OF_A_BASELINE = {"enters", "theta_0", "nominal"}
-"""Its own gains, by what the command enters its own states, and theta at the declared values of parameters."""
+"""The baseline's own gains, the command's effect on its own states, and theta at the declared values of the parameters."""
 
 
 def test_a_designer_sees_neither_theta_nor_the_disturbance(section_v):
@@ -142,7 +143,7 @@ def test_a_mask_is_not_ignored():
 
 
 def test_one_command_of_several_inputs_is_a_list_of_one():
-    """k_0 has a column for it: the model moves by B k_0 r, as SciPy integrates it."""
+    """k_0 has a column for it, and the model moves by B k_0 r, as in SciPy's integration."""
     B, k_0 = np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([[2.0], [-3.0]])
     plant = Plant(A_m=[[-2.0, 0.0], [0.0, -3.0]], b=B, theta=[[1.0, 0.5], [0.2, 1.0]], x0=[0.0, 0.0])
     problem = Problem(plant, ReferenceModel(k_0), Sine(1.0, 2.0))
@@ -192,7 +193,7 @@ def test_what_cannot_be_followed_is_refused():
 
 
 def test_the_state_that_is_declared_to_follow_is_the_commanded_one():
-    """Two masses with a spring come to rest at the same place, and the second one is to follow."""
+    """Two masses with a spring have the same position in equilibrium, and the second one has to follow."""
     A = [[0.0, 1.0, 0.0, 0.0], [-4.0, -1.0, 4.0, 0.0], [0.0, 0.0, 0.0, 1.0], [4.0, 0.0, -4.0, -1.0]]
     plant = Plant(A=A, b=[0.0, 1.0, 0.0, 0.0], poles=[-1.0, -2.0, -3.0, -4.0])
     followed = Problem(plant=plant, reference_model=ReferenceModel(follow="x_3"))

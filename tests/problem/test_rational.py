@@ -1,4 +1,4 @@
-"""Fractions of polynomials: exact values at points lie within the bounds, and what is extreme at corners is attained."""
+"""Fractions of polynomials: exact values at points are within the bounds, and extremes at corners are attained."""
 
 from fractions import Fraction
 from itertools import product
@@ -21,14 +21,14 @@ FORMULAS = (
 
 
 def exactly(text, point):
-    """A formula's value in exact arithmetic; a float in the text counts as what it is in double precision."""
+    """A formula's value in exact arithmetic. A float in the text has its value in double precision."""
     return eval(text.replace("0.3", "Fraction(0.3)"), {"Fraction": Fraction}, point)
 
 
 @pytest.mark.parametrize("text", FORMULAS)
 @pytest.mark.parametrize("spread", [0.0, 1e-12, 0.01, 0.5])
 def test_exact_values_lie_within_the_bounds(text, spread):
-    """Not one of them lies outside, not even by rounding: at corners, where bounds are attained, and inside."""
+    """None of them is outside, not even by rounding, either at corners, where bounds are attained, or inside."""
     rng = np.random.default_rng(7)
     names = sorted({"m", "l", "r", "J", "M", "g", "K"} & set("".join(c if c.isalnum() else " " for c in text).split()))
     for _ in range(5):
@@ -46,7 +46,7 @@ def test_exact_values_lie_within_the_bounds(text, spread):
 
 
 def test_a_quantity_that_is_monotone_in_each_parameter_has_its_extremes_at_corners():
-    """m l/(m l^2 + m l r) = 1/(l + r), by hand, although m and l occur several times; also with m from 0."""
+    """By hand, m l/(m l^2 + m l r) = 1/(l + r), although m and l occur several times. It also holds with m from 0."""
     rational = Rational.of(products_of("m*l/(m*l**2 + m*l*r)"))
     lower, upper, points = rational.bounds({"m": 0.0, "l": 0.2, "r": 0.1}, {"m": 2.0, "l": 0.4, "r": 0.3})
     assert (lower, upper) == pytest.approx((1 / 0.7, 1 / 0.3), rel=1e-12)
@@ -71,7 +71,7 @@ def test_what_cannot_be_bounded_is_unbounded():
 
 
 def test_a_sum_that_underflows_on_the_way_is_unbounded():
-    """A product of 1e-200, 1e-150 and 1e240: the first two are 0 in floats, and the whole is of order one."""
+    """In the product of 1e-200, 1e-150 and 1e240, the product of the first two is 0 in floats, but that of all three is not."""
     rational = Rational.of(products_of("a*b*1e-200*c/(c*c + c*c)"))
     low, high = {"a": 1e-150, "b": 1e240, "c": 1e-110}, {"a": 4e-150, "b": 4e240, "c": 4e-110}
     assert rational is None or rational.bounds(low, high)[:2] == (-np.inf, np.inf)

@@ -1,4 +1,4 @@
-"""Regressors, several inputs, an unknown input gain: against SciPy on the matrix equations."""
+"""Regressors, several inputs and an unknown input gain, compared with SciPy on the matrix equations."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_nothing_but_formulas(term):
      "sqrt(0-1)*x1", "exp(1000)", "x1 + exp(1000) - exp(1000)", "0**-1", "abs(0/0)"],
 )  # fmt: skip
 def test_constants_are_finite_real_numbers(term):
-    """Whatever x: one sentence that shows the part."""
+    """Otherwise one sentence shows the part, for any x."""
     for make in (lambda: Terms(terms=(term,)), lambda: Nonlinearity(term.replace("x1", "y"))):
         assert len(refusal(make)) < 500
 
@@ -84,7 +84,7 @@ def test_a_formula_too_deep_for_a_computer(term):
 
 
 def test_a_long_sum_is_a_formula():
-    """300 levels deep, 300 x1; the folded constants are those of Python."""
+    """The sum is 300 levels deep and equals 300 x1. The folded constants are those of Python."""
     phi = Terms(terms=("+".join(["x1"] * 300), "x1*(2**0.5/3-sin(1))"))
     np.testing.assert_allclose(phi(np.array([2.0])), [600.0, 2 * (2**0.5 / 3 - np.sin(1.0))], rtol=1e-15)
 
@@ -113,7 +113,8 @@ def two_inputs(**settings):
 
 @pytest.mark.parametrize("filtered", [False, True])
 def test_two_inputs_against_the_matrix_equations(filtered):
-    """Theta is (3, 2); x' = A_m x + B (Theta'x + u), Theta_hat' = Gamma x e'P B; DOP853. 1e-8: RK4 at h = 1e-3, gamma = 20."""
+    """With Theta (3, 2), DOP853 integrates x' = A_m x + B (Theta'x + u) and Theta_hat' = Gamma x e'P B. The tolerance 1e-8 is for
+    RK4 at h = 1e-3 with gamma = 20."""
     problem = two_inputs()
     gamma, kappa, P = 20.0, 0.1, problem.known.P
 
@@ -145,7 +146,7 @@ def test_two_inputs_against_the_matrix_equations(filtered):
 
 
 def test_unknown_gain_lyapunov_function_and_interval(problems):
-    """V = e'Pe + (theta_tilde'theta_tilde + omega_tilde^2)/gamma never grows; bound (9) with omega in nu_0 holds."""
+    """V = e'Pe + (theta_tilde'theta_tilde + omega_tilde^2)/gamma never grows, and the bound (9) with omega in nu_0 holds."""
     problem = replace(problems[2], plant=replace(problems[2].plant, input=PlantInput(gain=0.6)), input_gain=(0.3, 2.0))
     run = simulate(problem, [Mrac(gamma=10.0)], Simulation(t_end=20.0, dt=1e-3))["MRAC"]
     P, true = problem.known.P, problem.parameters
@@ -161,7 +162,7 @@ def test_unknown_gain_lyapunov_function_and_interval(problems):
 
 
 def test_exact_gain_estimate_is_the_known_gain(problems):
-    """gamma of 1e-12 keeps omega_hat at the true 1: C/(1 - C) around it is then C, for L1 and MRAC."""
+    """gamma = 1e-12 keeps omega_hat at the true 1, with which C/(1 - C) in feedback is C, for L1 and MRAC."""
     plain = problems[2]
     unknown = replace(plain, input_gain=(0.5, 2.0))
     simulation = Simulation(t_end=5.0, dt=1e-3)
@@ -184,7 +185,7 @@ def test_members_with_several_inputs():
 
 @pytest.mark.parametrize("name", ["wing-rock", "f16-short-period", "lateral-aircraft", "first-order"])
 def test_bundled_plants_stay_bounded_and_track(name):
-    """Every controller of the literature cases follows its model: the tail's error is a small part of the model's motion."""
+    """Every controller of the literature cases follows its model: the error in the tail is a small part of the model's motion."""
     case = load_case(name)
     for run in simulate(case.problem, case.controllers, case.simulation).values():
         assert run.diverged_at is None
@@ -193,7 +194,8 @@ def test_bundled_plants_stay_bounded_and_track(name):
 
 
 def test_wing_rock_diverges_without_control():
-    """The published coefficients have a saddle and negative damping at the origin: from 0.02 rad past 1 rad within 20 s."""
+    """The published coefficients have a saddle and negative damping at the origin. The motion grows from 0.02 rad to more than 1
+    rad within 20 s."""
     plant = load_case("wing-rock").problem.plant
     A = plant.A_m + np.outer(plant.b, plant.theta[:2])
     np.testing.assert_allclose(A, [[0, 1], [0.2314, 0.6918]], atol=1e-12)
@@ -215,7 +217,8 @@ def test_wing_rock_diverges_without_control():
     ],
 )
 def test_aircraft_modes(name, modes):
-    """Eigenvalues of A = A_m + B theta', from the printed matrices; 2e-3: the modes are printed with that many digits."""
+    """Eigenvalues of A = A_m + B theta' from the printed matrices. The tolerance is 2e-3 because the modes are printed with that
+    many digits."""
     plant = load_case(name).problem.plant
     A = plant.A_m + plant.b.reshape(plant.n, -1) @ plant.theta.reshape(plant.n, -1).T
     np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(A)), np.sort_complex(modes), atol=2e-3)
@@ -231,7 +234,7 @@ def test_place():
 
 
 def test_place_of_poles_that_coincide():
-    """With one input as often as one likes (critical damping), by their polynomial; with m inputs m times."""
+    """With one input any number of poles may coincide (critical damping), by their polynomial. With m inputs m poles may."""
     A, B = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 2.0, 3.0]]), np.eye(3)[:, 1:]
     for poles in ([-1.0, -1.0, -2.0], [-3.0, -3.0, -3.0]):
         found = place(A, [0.2, -0.1, 1.0], poles)

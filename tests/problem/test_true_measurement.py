@@ -1,4 +1,4 @@
-"""truth.C: what is measured of the simulated plant, where it is not what the observer expects."""
+"""truth.C: the measurement of the simulated plant if it differs from the observer's."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_an_encoder_with_a_wrong_scale_is_read_with_it(joint):
     assert any("measured" in one.sentence for one in departures(wrong))
     before, after = (run_of(joint, one) for one in (own, wrong))
     late = before.t > 0.25
-    # the loop makes 1.1 theta follow
+    # the loop makes 1.1 theta follow the command
     ratio = np.linalg.norm(before.x[late, 0]) / np.linalg.norm(after.x[late, 0])
     assert 1.05 < ratio < 1.15
 

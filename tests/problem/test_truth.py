@@ -1,4 +1,5 @@
-"""What is simulated apart from the design, against SciPy's own integration of the true plant with the same controller."""
+"""The simulated plant if it differs from the design's, compared with SciPy's integration of the true plant with the same
+controller."""
 
 from dataclasses import replace
 
@@ -28,7 +29,7 @@ def designed(**more):
 
 
 def by_scipy(problem, x0, rate, seen=lambda x: x):
-    """e at the end: MRAC (3)-(4) beside x' = rate(t, x, u), written out by hand; ``seen`` is the controller's measurement."""
+    """e at the end for MRAC (3)-(4) with x' = rate(t, x, u), written by hand. ``seen`` is the controller's measurement."""
     P, N = problem.known.P, len(x0)
 
     def rates(t, z):
@@ -78,7 +79,7 @@ def test_another_plant_friction_a_disturbance_and_terms():
     ids=["names", "matrix"],
 )
 def test_a_truth_with_a_further_state(states, S):
-    """A motor's lag before the input, in another order of states, or with what is measured a combination of them."""
+    """A motor's lag before the input, in another order of states or with a combination of them as measurement."""
     A, B = np.array([[-1.0, 2.0, -3.0], [0.0, -20.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 20.0, 0.0])
     problem = designed(truth=Truth(A=A, b=B, x0=[0.0, 0.1, 0.3], states=states))
     S = np.array(S, dtype=float)
@@ -161,8 +162,8 @@ def voided(problem):
 
 
 def test_what_a_truth_voids():
-    """With theta elsewhere in the set, guarantees for the whole set remain. Outside, or with a disturbance, no guarantee
-    remains."""
+    """With theta elsewhere in the set, guarantees for the whole set remain. With theta outside or with a disturbance, no
+    guarantee remains."""
     inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
     own = inside.plant.A
 
@@ -205,7 +206,7 @@ def test_certificates_come_from_the_plant_and_the_declared_sets_alone():
 
 
 def test_what_the_truth_voids_is_nowhere_called_guaranteed():
-    """With theta elsewhere in the set, the bound for the whole set and boundedness remain; with another delay nothing remains."""
+    """With theta elsewhere in the set, the bound for the whole set and boundedness remain. With another delay nothing remains."""
     inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
     law = replace(LAW, projection=True)
 
@@ -303,7 +304,7 @@ def test_bad_input_is_one_clear_sentence(old, new, words):
 
 
 def test_ranges_of_delay_sensor_and_start_leave_guarantees_for_the_declared_values_alone():
-    """Within its range the lag takes e beyond the bound for the whole set, which knows no lag."""
+    """Within its range the lag makes e exceed the bound for the whole set, which does not include a lag."""
     matched = CASE.replace('delay = "0.01*J/0.2"\nactuator = { num = ["20*J"], den = [1, "20*J"] }\n', "")
     matched = matched.replace("k = 1.6", "").replace("J = { value = 0.2, tolerance = 0.1 }", "J = 0.2\nT = VALUE")
     for lag, where, said in (
@@ -328,7 +329,7 @@ def test_ranges_of_delay_sensor_and_start_leave_guarantees_for_the_declared_valu
 
 
 def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
-    """x1 is the first state in a term; which of the two is meant cannot be known."""
+    """x1 is the first state in a term, so that the formula would be ambiguous."""
     both = CASE.replace("[plant]\n", "x1 = { value = 2.0 }\n[plant]\n", 1)
     parse_case(both)
     with pytest.raises(InputError, match=r"truth\.terms\.rate uses x1, which is both a parameter and the name of a state"):
@@ -336,7 +337,7 @@ def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
 
 
 def test_documents_of_runs_and_certificates_name_the_differences():
-    """Also a design without any guarantee of the motion, of which then nothing is said to be void or not."""
+    """This includes a design without any guarantee of the motion, for which no guarantee is called void."""
     case = load_case("flexible-joint")
     certified = certified_case(case.problem, case.controllers, case.simulation)
     of_certify, of_run = certified.as_json(), sets_and_truth(case.problem)
@@ -350,7 +351,7 @@ def test_documents_of_runs_and_certificates_name_the_differences():
 
 
 def test_a_remainder_is_judged_in_any_unit():
-    """The same plant with its second state in units 10,000 times smaller: the entry of A that departs is then 1e-5."""
+    """The same plant with its second state in units 10,000 times smaller, so that the deviating entry of A is 1e-5."""
     rest = np.array([[0.0, 0.1], [0.0, 0.0]])
     for scale in (1.0, 1e4):
         T = np.diag([1.0, scale])

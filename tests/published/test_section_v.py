@@ -29,7 +29,7 @@ def figures(result):
 
 
 def h_omega(problem, result):
-    """h sqrt(Gamma max|x|^2 b'Pb): the adaptation's oscillation per step (docs/equations.md, section 8)."""
+    """h sqrt(Gamma max|x|^2 b'Pb), the phase of the adaptation's oscillation in each step (docs/equations.md, section 8)."""
     b = problem.plant.b
     largest = (result.x**2).sum(axis=1).max()
     return result.simulation.dt * np.sqrt(result.controller.gamma * largest * (b @ problem.known.P @ b))
@@ -46,7 +46,7 @@ def test_figure_2_robust_mrac_converges_and_learns(section_v):
     assert (found["tail_max_abs_e"] < 0.01 * found["max_abs_e"]).all()
     coarse = simulate(section_v, [controller], Simulation(t_end=60.0, dt=1e-3))[controller.name]
     # no numerical effect: a step ten times as long gives the same figures; RK4 errors of 1e-12 against 1e-8
-    np.testing.assert_allclose(coarse.figures["max_abs_e"], found["max_abs_e"], rtol=1e-4)  # the peak falls between steps
+    np.testing.assert_allclose(coarse.figures["max_abs_e"], found["max_abs_e"], rtol=1e-4)  # the peak is between steps
     np.testing.assert_allclose(coarse.figures["theta_hat_final"], found["theta_hat_final"], atol=1e-6)
 
 
@@ -59,7 +59,7 @@ def test_figure_3_l1_oscillates_between_the_projection_bounds(section_v):
     assert found["theta_hat_tail_max"].tolist() == [5.0, 5.0]
     assert (found["theta_hat_variation_rate"] > 1e3).all()  # at least a hundred full sweeps of width 10 in each second
     assert (found["tail_max_abs_e"] > 10).all()  # a fifth of the command's amplitude
-    assert h_omega(section_v, result) > RK4.imaginary_limit  # and the step is too long for this gain, as Section III says
+    assert h_omega(section_v, result) > RK4.imaginary_limit  # and the step is too long for this gain, as Section III states
 
 
 def test_figure_3_without_projection_goes_unbounded(section_v):
@@ -80,7 +80,7 @@ def test_figure_4_a_tenth_of_the_step_ends_the_oscillation(section_v):
 
 
 def test_figure_4_is_the_solution_of_the_differential_equations(section_v):
-    """Half the step once more: the same figures, which those of Fig. 3 are not."""
+    """With half of the step again the figures are the same, unlike those of Fig. 3."""
     figure_4, finer = (figures(l1(section_v, 1e4, dt, t_end=20.0)) for dt in (1e-5, 5e-6))
     for name in ("max_abs_e", "tail_max_abs_e", "rms_e", "theta_hat_variation_rate", "theta_hat_final"):
         np.testing.assert_allclose(finer[name], figure_4[name], rtol=1e-3)  # the slowest oscillation is resolved by 50 steps
@@ -110,13 +110,13 @@ def test_figure_5_without_projection_goes_unbounded(section_v):
 
 
 def test_the_filter_hides_the_oscillation_from_the_error(section_v):
-    """Figs 3 and 4 show nearly the same tracking error, though the estimates have nothing in common."""
+    """Figs 3 and 4 show nearly the same tracking error, although the estimates have nothing in common."""
     rough, smooth = (figures(l1(section_v, 1e4, dt))["tail_max_abs_e"] for dt in (1e-4, 1e-5))
     np.testing.assert_allclose(rough, smooth, rtol=0.05)
 
 
 def test_mrac_at_a_reasonable_gain_tracks_better_than_l1(section_v):
-    """Section III: without the filter the error converges to zero; with it, it does not."""
+    """By Section III the error converges to zero without the filter but not with it."""
     result = simulate(section_v, [Mrac(gamma=1.0)], Simulation(t_end=60.0, dt=1e-4))["MRAC"]
     assert max(result.figures["tail_max_abs_e"]) < 1e-3 * min(l1(section_v, 1e4, 1e-5).figures["tail_max_abs_e"])
 

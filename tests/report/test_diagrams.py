@@ -52,7 +52,7 @@ def test_all_blocks_are_there(bound):
 
 
 def test_every_fraction_is_inside_its_box():
-    """Drawn by Matplotlib in a font that is wider than a browser's."""
+    """Matplotlib draws it in a font that is wider than a browser's."""
     long = L1Output(
         m=3.0, gamma=2.5e4, filter=TransferFunction([1.2345e5], [1.0, 151.25, 12345.0, 2.8765e5, 1.2345e5]), sigma_bound=40.0
     )
@@ -70,7 +70,7 @@ def test_every_fraction_is_inside_its_box():
 
 
 def test_the_certificate_carries_the_equivalent():
-    """Evaluated at a frequency: C(s) and the predictor, eliminated numerically, against the coefficients printed."""
+    """C(s) and the predictor are eliminated numerically at a frequency and compared with the printed coefficients."""
     case = load_case("l1-output")
     controller = case.controllers[0]
     certificate = certify(case.problem, [controller], case.simulation)[controller.name]

@@ -1,4 +1,4 @@
-"""Statements on the exported C that flew: only compared ones are reported, and each difference is described."""
+"""Statements on the exported C in flight: only compared flights are reported, and each difference is described."""
 
 from types import SimpleNamespace
 

@@ -77,7 +77,7 @@ def test_files_page_and_link(tmp_path):
     assert 'id="map-gain-step"' in card
     assert '<a href="explorer.html#lesson=it">' in card
     assert '<img class="desk" src="data:image/svg+xml,' in card and '<img class="phone" src="data:image/svg+xml,' in card
-    assert "map-gain-step.svg" not in card  # the page holds its only picture
+    assert "map-gain-step.svg" not in card  # the page contains its only picture
     contract, beside = (
         {"id", "where", "statement", "verdict", "finding", "source", "quote", "headline", "readings", "measured", "how"},
         {"condition", "would_change", "sharpened", "listings", "code", "equation", "changed"},

@@ -1,4 +1,4 @@
-"""Mathematics on pages: what becomes a letter, what stays a word, and that nothing is unescaped."""
+"""Mathematics on pages: the texts that become letters, those that stay words, and escaping."""
 
 import html
 import re
@@ -47,7 +47,7 @@ def test_any_text_stays_text(text):
 
 
 def test_names_of_rows_are_set_as_they_are_typed():
-    """Given names are kept whole; a word that only begins like one is mathematics."""
+    """Given names are kept whole. A word that only begins like one is mathematics."""
     shown = naming("tau-error and tau-limit-delay, no tau-errors; tau", ["tau-error", "tau-limit-delay"])
     assert shown == ("<code>tau-error</code> and <code>tau-limit-delay</code>, no <var>τ</var>-errors; <var>τ</var>")
     assert naming("tau", []) == "<var>τ</var>"

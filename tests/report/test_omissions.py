@@ -1,4 +1,4 @@
-"""Sentences on schemes that take no part, as terminals and pages show them."""
+"""Sentences on schemes that are left out, on terminals and pages."""
 
 from barbalat.report.omissions import grouped_omissions
 

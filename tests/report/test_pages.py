@@ -41,7 +41,7 @@ def shown(svg):
 
 
 def test_a_small_page_holds_its_pictures():
-    """The data address decodes to the picture: the same tags, colours and texts."""
+    """The data address decodes to the picture with the same tags, colours and texts."""
     found = shown(SVG)
     addresses = [unescape(one) for one in re.findall(r'src="([^"]*)"', found)]
     assert len(addresses) == 2 and "srcset" not in found and "://" not in found
@@ -59,7 +59,7 @@ def test_a_large_page_has_them_beside_it():
 
 
 def test_loops_are_drawn_once(tmp_path):
-    """Two gains have the same loop at rest, and loops of their own with the law included."""
+    """Two gains have the same loop with frozen estimates but different loops with the law."""
     problem, simulation = load_case("paper").problem, Simulation(t_end=1, dt=1e-4)
     certificates = certify(problem, [Mrac(name="slow", gamma=5), Mrac(name="fast", gamma=50)], simulation)
     found = distinct(certificates)
@@ -98,7 +98,7 @@ def test_a_sweeps_page_names_figures_by_symbols(name, shown):
 
 
 def test_a_page_of_runs_is_drawn_where_it_is_read(tmp_path):
-    """In a process of its own, which has not imported Matplotlib afterwards; with pictures there are files as well."""
+    """A separate process has not imported Matplotlib afterwards. With pictures there are also files."""
     (tmp_path / "case.py").write_text(
         "import sys\n"
         "from barbalat.cli import main\n"

@@ -15,7 +15,7 @@ T = np.linspace(0, 20, 401)
 
 
 def test_the_bound_is_guaranteed_to_the_last_bit():
-    """(0.1 + 0.2) + 0.3 > 0.1 + (0.2 + 0.3) in doubles; an interpolated value may exceed both ends by a rounding."""
+    """In doubles (0.1 + 0.2) + 0.3 > 0.1 + (0.2 + 0.3), and an interpolated value may exceed both ends by a rounding."""
     sines = Sines((0.2, 0.3), (1.0, 2.0), (np.pi / 2, np.pi / 2), constant=0.1)
     assert sines(np.array(0.0)) <= sines.bound
     falling = Recorded(
@@ -30,7 +30,7 @@ def test_constant():
 
 
 def test_sine_solves_its_differential_equation():
-    """r(0) = constant + amplitude sin(phase), and the identity r^2 + (r'/w)^2 = amplitude^2 for the swing."""
+    """r(0) = constant + amplitude sin(phase), and r^2 + (r'/w)^2 = amplitude^2 for the oscillation."""
     r, w = Sine(50.0, 0.5, phase=0.3, constant=7.0), 0.5
     h = 1e-5
     slope = (r(T + h) - r(T - h)) / (2 * h)
@@ -50,7 +50,7 @@ def test_sines_needs_one_frequency_for_each_amplitude():
 
 
 def test_chirp_against_scipy():
-    """scipy.signal.chirp counts in Hz and starts with a cosine: phase -90 degrees."""
+    """scipy.signal.chirp has frequencies in Hz and starts with a cosine, so that its phase is -90 degrees."""
     ours = Chirp(2.0, 1.0, 9.0, 20.0)(T)
     np.testing.assert_allclose(
         ours, 2 * scipy_signal.chirp(T, 1 / (2 * np.pi), 20.0, 9 / (2 * np.pi), phi=-90), atol=1e-11
@@ -58,7 +58,7 @@ def test_chirp_against_scipy():
 
 
 def test_chirp_goes_on_at_its_last_frequency():
-    """After ``duration`` it repeats itself with period 2 pi / frequency_end, without a jump at ``duration``."""
+    """After ``duration`` it has the period 2 pi / frequency_end, without a jump at ``duration``."""
     chirp = Chirp(1.0, 1.0, 4.0, 5.0)
     np.testing.assert_allclose(chirp(T[T > 5]), chirp(T[T > 5] + 2 * np.pi / 4), atol=1e-12)
     assert abs(chirp(np.array(5 + 1e-9)) - chirp(np.array(5 - 1e-9))) < 1e-8
@@ -86,7 +86,7 @@ def test_times_must_increase(times):
 
 @pytest.mark.parametrize("period", [0.2, 0.6, 1.4, 2 * np.pi])
 def test_square_jumps_on_every_half_period(period):
-    """On a grid of half periods the level alternates from the first to the 10 000th, with its left limit one behind."""
+    """On a grid of half periods the level alternates from the first to the 10 000th, and its left limit is the previous level."""
     square = Square(amplitude=3.0, frequency=2 * np.pi / period, constant=1.0)
     t = np.arange(10_001) * (period / 2)
     expected = np.where(np.arange(10_001) % 2 == 0, 4.0, -2.0)
@@ -103,7 +103,8 @@ def test_square_with_a_phase_against_scipy():
 @pytest.mark.parametrize("t_end", [0.3, 0.7, 1.1, 2.4, 2.8, 3.0, 5.6, 60.0])
 @pytest.mark.parametrize("kind", [Step, Steps, Square])
 def test_a_jump_on_the_grid_belongs_wholly_to_the_next_step(t_end, kind):
-    """A jump at k dt, typed in decimal: all stages of step k - 1 see the old level, all of step k the new one, at every k."""
+    """For a jump at k dt in decimal notation, all stages of step k - 1 have the old level and all of step k the new one, for
+    every k."""
     dt = 0.1
     simulation = Simulation(t_end=t_end, dt=dt)
     for k in range(1, min(simulation.steps, 30)):
@@ -126,7 +127,7 @@ def test_the_table_holds_the_signals_at_each_stage(solver, nodes):
 
 
 class TwoForOne:
-    """A signal that returns too much."""
+    """A signal that returns too many values."""
 
     def __call__(self, t):
         return np.zeros((*np.shape(t), 2))
@@ -151,7 +152,7 @@ def test_a_signal_of_the_wrong_shape_or_with_a_hole_is_refused():
 
 @pytest.mark.parametrize("value", ["1.0", 1.0 + 2.0j, None, [1.0, [2.0]]], ids=["text", "complex", "nothing", "ragged"])
 def test_a_signal_that_returns_no_real_numbers_is_refused(value):
-    """A complex one isn't cut to its real part."""
+    """A complex value is not reduced to its real part."""
 
     def signal(t):
         return value if isinstance(value, list) else np.full(t.shape, value)

@@ -16,7 +16,7 @@ from barbalat.solvers import EULER, HEUN, RK4, SOLVERS, Tableau
 from barbalat.solvers.simulation import Simulation
 from independent import integrate
 
-# methods that are not registered, to see that nothing is made for the registered ones only
+# methods that are not registered, to show that nothing works only for the registered ones
 MIDPOINT = Tableau("midpoint", 2, ((), (1 / 2,)), (0.0, 1.0), (0.0, 1 / 2))
 KUTTA_3 = Tableau("kutta-3", 3, ((), (1 / 2,), (-1.0, 2.0)), (1 / 6, 2 / 3, 1 / 6), (0.0, 1 / 2, 1.0))
 THREE_EIGHTHS = Tableau(
@@ -26,7 +26,7 @@ ALL = {**SOLVERS, **{m.name: m for m in (MIDPOINT, KUTTA_3, THREE_EIGHTHS)}}
 
 
 def order_conditions(method):
-    """sum of b times the elementary weight of each rooted tree, and 1/(its density), by order (Hairer I, table II.2.1)."""
+    """The sum of b times the elementary weight of each rooted tree, and 1/(its density), by order (Hairer I, table II.2.1)."""
     s = len(method.b)
     a = np.array([[*row, *[0.0] * (s - len(row))] for row in method.a])
     b, c = np.array(method.b), np.array(method.c)
@@ -63,7 +63,8 @@ def observed_order(steps, errors):
 @pytest.mark.parametrize("kind", ["mrac", "l1"])
 @pytest.mark.short(kept=lambda name, kind: kind == "mrac" or name == "rk4")
 def test_order_on_a_smooth_closed_loop(problems, name, kind):
-    """Regression of log error over log step, through table, kernel and record, against order eight with error control."""
+    """The order by regression of log error over log step, through table, kernel and record. The reference has order eight with
+    error control."""
     problem = problems[2]
     controller = {
         "mrac": Mrac(gamma=2.0, projection=False, name="c"),
@@ -80,13 +81,13 @@ def test_order_on_a_smooth_closed_loop(problems, name, kind):
     for count in counts:
         result = simulate(problem, [controller], Simulation(t_end=2.0, dt=2.0 / count, solver=ALL[name]))["c"]
         errors.append(np.abs(result.x[-1] - exact).max())
-    assert min(errors) > 1e-12  # above roundings: the slope is the method's
-    # 0.25: the slope of four points still holds the next order's term
+    assert min(errors) > 1e-12  # above roundings, so that the slope is that of the method
+    # 0.25: the slope of four points still contains the next order's term
     assert observed_order(counts, errors) == pytest.approx(ALL[name].order, abs=0.25)
 
 
 def exact_after_jumps(plant, k_0, jumps, t_end):
-    """x of x' = A x + b k_0 r with piecewise constant r, by matrix exponentials from jump to jump."""
+    """The exact x of x' = A x + b k_0 r with piecewise constant r, by matrix exponentials from jump to jump."""
     A = plant.A_m + np.outer(plant.b, plant.theta)
     x, times = plant.x0, [t for t, _ in jumps] + [t_end]
     for (start, level), stop in zip(jumps, times[1:], strict=True):
@@ -99,7 +100,8 @@ def exact_after_jumps(plant, k_0, jumps, t_end):
 @pytest.mark.parametrize("kind", ["step", "steps", "disturbance"])
 @pytest.mark.short(kept=lambda t_end, kind: kind == "steps" or t_end in (2.4, 0.7))
 def test_a_jump_on_the_grid_keeps_the_order(t_end, kind):
-    """Adaptation off (gamma = 1e-30), so that the loop is linear and the exact solution known; jumps at 0.3 and 0.5 s."""
+    """Adaptation is off (gamma = 1e-30), so that the loop is linear and the exact solution known. The jumps are at 0.3 and 0.5
+    s."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0], theta=[1.0, -0.5], x0=[0.5, -0.5])
     if kind == "steps":
         signal, jumps = Steps((0.3, 0.5), (2.0, -1.0), initial=1.0), [(0.0, 1.0), (0.3, 2.0), (0.5, -1.0)]
@@ -127,7 +129,7 @@ class SilentStep:
 
 
 def test_a_jump_between_two_instants_costs_the_order_where_the_signal_does_not_say_it():
-    """The counter-test: were the signal smoothed somewhere, the order above would prove nothing."""
+    """This is the counter-test. If the signal were smoothed somewhere, the order above would prove nothing."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0], theta=[1.0, -0.5])
     exact = exact_after_jumps(plant, 1.0, [(0.0, 0.0), (SilentStep.start, 3.0)], 2.0)
     errors = []
@@ -143,7 +145,7 @@ def test_a_jump_between_two_instants_costs_the_order_where_the_signal_does_not_s
 
 
 def growth(method, z):
-    """R(z) by taking the step itself, on x' = z x with h = 1 from x = 1."""
+    """R(z) by a step for x' = z x with h = 1 from x = 1."""
     nodes = dict.fromkeys(method.nodes, 0.0)
     return method.advance(lambda x, _: z * x, lambda x: x, np.ones_like(z), nodes, 1.0)
 
@@ -163,7 +165,7 @@ def test_growth_is_that_of_the_amplification(name):
 
 
 def test_no_method_is_stable_beyond_its_reach():
-    """Random methods, some with a small coefficient in the middle: all z with R(z) = c, |c| = 1 and less, by NumPy's roots."""
+    """For random methods, some with a small coefficient in the middle, NumPy's roots give all z with R(z) = c and |c| <= 1."""
     random = np.random.default_rng(2)
     for _ in range(100):
         stages = int(random.integers(1, 5))
@@ -177,7 +179,7 @@ def test_no_method_is_stable_beyond_its_reach():
 @pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("direction", [1j, -1.0])
 def test_limits_against_a_scan(name, direction):
-    """The first of 400 000 points up to 4 with |R| > 1, beyond what rounding of |R| = 1 can do (1e-13)."""
+    """The limit is the first of 400 000 points up to 4 with |R| > 1 by more than rounding (1e-13)."""
     method = ALL[name]
     y = np.linspace(0, 4, 400_001)[1:]
     first = y[np.abs(growth(method, direction * y)) > 1 + 1e-13]
@@ -188,7 +190,7 @@ def test_limits_against_a_scan(name, direction):
 
 
 def test_limits_known_from_the_literature():
-    """Hairer II, table IV.2.1 and section IV.2: Euler and Heun grow everywhere on the imaginary axis."""
+    """By Hairer II, table IV.2.1 and section IV.2, Euler's and Heun's methods grow everywhere on the imaginary axis."""
     assert (EULER.imaginary_limit, HEUN.imaginary_limit, MIDPOINT.imaginary_limit) == (0.0, 0.0, 0.0)
     assert RK4.imaginary_limit == pytest.approx(2 * np.sqrt(2), rel=1e-12)
     assert THREE_EIGHTHS.imaginary_limit == pytest.approx(2 * np.sqrt(2), rel=1e-12)
@@ -201,7 +203,7 @@ def test_limits_known_from_the_literature():
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize(("factor", "grows"), [(0.99, False), (1.01, True)])
 def test_the_real_limit_decides_over_a_simulated_decay(name, factor, grows):
-    """x' = -a x with h a just below and just above the limit, 4000 steps in the kernel: 0.98^4000 or 1.02^4000."""
+    """x' = -a x with h a just below and just above the limit changes by 0.98^4000 or 1.02^4000 in 4000 steps of the kernel."""
     solver, dt = SOLVERS[name], 2.0**-6
     plant = Plant(A_m=[[-factor * solver.real_limit / dt]], b=[1.0], theta=[0.0], x0=[1.0])
     result = simulate(Problem(plant=plant), [Mrac(gamma=1e-30)], Simulation(t_end=4000 * dt, dt=dt, solver=solver))["MRAC"]

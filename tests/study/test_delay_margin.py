@@ -1,4 +1,4 @@
-"""Simulated delay margins by both criteria, against exact margins of linear loops and brute force."""
+"""Simulated delay margins by both criteria, compared with exact margins of linear loops and with brute force."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ from independent import refusal
 
 @pytest.mark.parametrize("kappa", [0.0, 0.05])
 def test_linear_loop_against_the_exact_margin(section_v, kappa):
-    """Known theta, no command: below the exact margin the state decays, above it grows; slowly near it.
+    """With known theta and no command, the state decays below the exact margin and grows above it, slowly near the margin.
 
-    3 % for the loss, 6 % for the onset, for which a tenth of the motion that is left after 300 s is too much.
+    The tolerance is 3 % for the loss. It is 6 % for the start of oscillation, for which a tenth of the motion after 300 s is too
+    much.
     """
     problem = replace(section_v, reference=Constant(0.0))
     C = None if kappa == 0 else input_filter(kappa)
@@ -51,7 +52,8 @@ def test_linear_loop_against_the_exact_margin(section_v, kappa):
 
 @pytest.mark.parametrize("downwards", [False, True])
 def test_gain_of_a_linear_loop_against_the_exact_margin(section_v, downwards):
-    """Known theta, no command; 1 %: near the margin the state grows by less than the motion within the run."""
+    """theta is known and there is no command. The tolerance is 1 % because near the margin the state grows by less than the
+    motion within the run."""
     problem, simulation = replace(section_v, reference=Constant(0.0)), Simulation(t_end=200.0, dt=1e-2)
     controller, error = KnownParameters(theta=[4.0, -3.0]), GainError(downwards)
     exact = error.limit(known_parameters(problem.plant, problem.plant.theta, None))
@@ -67,7 +69,8 @@ def test_gain_of_a_linear_loop_against_the_exact_margin(section_v, downwards):
 @pytest.mark.parametrize("kappa", [0.005, 0.02])
 @pytest.mark.short(kept=lambda kappa, reference: (kappa == 0.02) == isinstance(reference, Sine))
 def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, reference):
-    """L1-AC tends to an LTI controller as Gamma grows: its exact margin is where it begins to oscillate. 5 %: Gamma = 100."""
+    """As Gamma grows L1-AC tends to an LTI controller, whose exact margin is where the oscillation begins. The tolerance is 5 %
+    for Gamma = 100."""
     exact = margins(fast_adaptation(section_v.plant, input_filter(kappa).realise())).delay
     member = (replace(section_v, reference=reference), L1Adaptive(gamma=100.0, filter=input_filter(kappa)))
     found = delay_margins_ensemble([member], Simulation(t_end=40.0, dt=2e-4), resolution=0.01)
@@ -76,7 +79,7 @@ def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, ref
 
 
 def test_a_limit_cycle_that_projection_bounds_is_an_onset_and_no_loss(section_v):
-    """MRAC at a high gain: 2 ms of delay make the estimates sweep the whole known set, while e stays far below x_m."""
+    """With MRAC at a high gain, a delay of 2 ms makes the estimates sweep the whole known set, but e stays far below x_m."""
     simulation, controller = Simulation(t_end=60.0, dt=1e-3), Mrac(gamma=1.0)
     found = delay_margins_ensemble([(section_v, controller)], simulation)
     assert found.tracks[0]
@@ -91,7 +94,8 @@ def test_a_limit_cycle_that_projection_bounds_is_an_onset_and_no_loss(section_v)
 
 
 def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
-    """theta known and at rest, a stable plant, bounded u: beyond the linear margin x oscillates, at a part of its motion."""
+    """theta is known and constant, the plant stable and u bounded. Beyond the linear margin x oscillates with an amplitude below
+    its motion."""
     plant = Plant(
         A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0], theta=[-30.0, 0.0], x0=[3.0, 0.0], input=PlantInput(saturation=[-2.0, 2.0])
     )
@@ -105,7 +109,7 @@ def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
 
 
 def test_the_lag_of_a_command_is_no_onset(section_v):
-    """With a known theta, a delay up to the linear margin only makes the plant lag, by more than the motion itself."""
+    """With a known theta a delay up to the linear margin only makes the plant lag, but the error exceeds the motion itself."""
     controller = KnownParameters(theta=[4.0, -3.0])
     found = delay_margins_ensemble([(section_v, controller)], Simulation(t_end=60.0, dt=1e-3))
     exact = margins(known_parameters(section_v.plant, section_v.plant.theta)).delay
@@ -116,7 +120,7 @@ def test_the_lag_of_a_command_is_no_onset(section_v):
 @pytest.mark.parametrize("gamma", [1e-12, 1e-9])
 @pytest.mark.short(kept=lambda gamma: gamma == 1e-9)
 def test_what_does_not_follow_its_model_bears_nothing(section_v, gamma):
-    """An unstable plant with hardly any control: its error is far above the motion that is asked for."""
+    """The error of an unstable plant with hardly any control is far above the commanded motion."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     found = delay_margins_ensemble([(section_v, Mrac(gamma=gamma))], simulation)
     assert not found.tracks[0]
@@ -130,7 +134,7 @@ def test_what_does_not_follow_its_model_bears_nothing(section_v, gamma):
 
 
 def test_simulated_margins_in_a_certificate(section_v):
-    """A loop that already oscillates without a delay is reported; the numbers are those of ``delay_margins``."""
+    """A loop that oscillates even without a delay is reported. The numbers are those of ``delay_margins``."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     controllers = (L1Adaptive(gamma=1e4, filter=input_filter(0.02), name="beyond the step"), Mrac(gamma=1e-3))
     found = with_simulated_margins(certify(section_v, controllers, simulation), section_v, controllers, simulation)
@@ -153,7 +157,7 @@ def test_delay_of_the_plant_is_beside_the_added_one(section_v):
 
 
 class ThenHeld:
-    """50 sin(t/2) until t = 20, and from then on its largest value of the last quarter, at t = 5 pi."""
+    """50 sin(t/2) until t = 20, and afterwards its largest value in the last quarter, at t = 5 pi."""
 
     def __call__(self, t):
         return np.where(np.asarray(t) < 20.0, 50 * np.sin(0.5 * np.asarray(t)), 50.0)
@@ -163,7 +167,7 @@ class ThenHeld:
 
 
 def test_brackets_against_brute_force(section_v):
-    """The reported delays are really tolerated and lost, in runs that continue with the command held and are evaluated by
+    """The reported delays are really tolerated and lost, in runs that continue with a constant command and are evaluated by
     hand."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     members = [(section_v, Mrac(gamma=gamma, name="c")) for gamma in (1e-3, 1e-1)]
@@ -186,7 +190,8 @@ def test_brackets_against_brute_force(section_v):
 
 
 def _swings(problem, controller, delay):
-    """Whether u still swings by 2.5 % of its range long after the command is held, and no less at the end than before."""
+    """Whether u still oscillates by 2.5 % of its range long after the command becomes constant, and no less at the end than
+    before."""
     longer = Simulation(t_end=60.0, dt=1e-3, record_points=60_000)
     (run,) = simulate(with_error(problem, DelayError(), float(delay)), [controller], longer).values()
     u = np.ravel(run.u)
@@ -200,7 +205,8 @@ def _motion(problem, simulation):
 
 @pytest.mark.full
 def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
-    """With noise as large as a fifth of the command: beside a member that is soon lost, beside one that is not, and alone."""
+    """The noise is a fifth of the command. The margin is the same with a neighbour that is soon lost, with one that is not, and
+    alone."""
     noisy = replace(section_v, sensor=Sensor(noise=Noise(std=10.0, sample_time=0.01, seed=4)))
     soon = replace(noisy, plant=replace(noisy.plant, theta=[60.0, 60.0]))
     simulation, controller = Simulation(t_end=20.0, dt=1e-3), Mrac(gamma=1.0)
@@ -222,12 +228,13 @@ NOISY = Problem(
     uncertainty=ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0]),
     sensor=Sensor(noise=Noise(std=[0.01, 0.02], sample_time=0.01)),
 )
-"""The noise moves the estimates of a fast law at some 4/s without any delay."""
+"""A case in which the noise moves the estimates of a fast law at about 4/s without any delay."""
 GAMMA, HORIZON = 1e3, 20.0
 
 
 def test_noise_does_not_hide_the_onset_of_oscillation():
-    """The onset is that of the same loop without noise; the loss is of the case as it stands, and comes no earlier."""
+    """The start of oscillation is that of the same loop without noise. The loss is that of the unchanged case and is not
+    earlier."""
     simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Mrac(gamma=GAMMA)
     still = replace(NOISY, sensor=None)
     with_noise, without = (delay_margins_ensemble([(p, controller)], simulation) for p in (NOISY, still))
@@ -236,7 +243,7 @@ def test_noise_does_not_hide_the_onset_of_oscillation():
     assert with_noise.onset.loses == without.onset.loses
     assert with_noise.loss.bears >= with_noise.onset.bears
     onset, noisy = float(with_noise.onset.bears[0]), float(with_noise.undelayed.theta_hat_variation_rate.max())
-    assert noisy > max(oscillation_by_hand(onset))  # beside the noise's own rate no criterion sees the oscillation
+    assert noisy > max(oscillation_by_hand(onset))  # no criterion finds the oscillation in addition to the noise's own rate
     settled, cycling = (oscillation_by_hand(factor * onset, held_from=HORIZON) for factor in (0.9, 1.1))
     assert max(settled) < 0.1 * max(cycling)
 
@@ -250,7 +257,7 @@ def test_a_certificate_says_how_noise_enters_the_simulated_margins():
 
 
 def test_what_a_disturbance_drives_is_no_oscillation_of_the_loop():
-    """It makes estimates and control swing without a delay; with the disturbance held they come to rest."""
+    """It makes the estimates and the control oscillate without a delay. With a constant disturbance they become constant."""
     simulation, controller = Simulation(t_end=10.0, dt=1e-3), Mrac(gamma=GAMMA)
     driven = replace(NOISY, sensor=None, disturbance=Sine(amplitude=1.0, frequency=20.0))
     found = delay_margins_ensemble([(driven, controller)], simulation)
@@ -260,7 +267,7 @@ def test_what_a_disturbance_drives_is_no_oscillation_of_the_loop():
 
 
 def test_noise_does_not_buy_a_delay_margin():
-    """Sampled MRAC at a gain of 1e4: its noise hid the oscillation from 0.0106 s on up to 0.194 s."""
+    """With sampled MRAC at a gain of 1e4, the noise hid the oscillation for delays from 0.0106 s to 0.194 s."""
     simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Sampled(Mrac(gamma=1e4), 0.01)
     with_noise, without = (delay_margins_ensemble([(p, controller)], simulation) for p in (NOISY, replace(NOISY, sensor=None)))
     for found in (with_noise, without):
@@ -269,7 +276,7 @@ def test_noise_does_not_buy_a_delay_margin():
 
 
 def test_a_margin_is_that_of_the_case_with_its_limits():
-    """The flexible joint: its limits cause a limit cycle at a tenth of the delay that the linear loop tolerates."""
+    """The limits of the flexible joint cause a limit cycle at a tenth of the delay that the linear loop tolerates."""
     case = load_case(str(Path(__file__).parents[1] / "judge" / "flexible-joint.toml"))
     problem, controller, simulation = case.problem, case.controllers[0], case.simulation
     certificates = certify(problem, controller, simulation)
@@ -301,7 +308,7 @@ def test_the_largest_errors_of_two_draws_end_no_margin_and_their_rms_does(rms, e
 
 
 def test_estimates_that_noise_drives_through_the_known_set_are_a_finding():
-    """At ten times the gain they move from -1 to 1 and back in the tail without a delay; by the noise alone."""
+    """At ten times the gain they move from -1 to 1 and back in the tail without a delay, due to the noise alone."""
     simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Mrac(gamma=1e5)
     found = {}
     for name, problem in (("noise", NOISY), ("none", replace(NOISY, sensor=None))):
@@ -318,11 +325,11 @@ def test_estimates_that_noise_drives_through_the_known_set_are_a_finding():
 def oscillation_by_hand(
     delay: float, gamma: float = GAMMA, steps_each: int = 2000, held_from: float = np.inf
 ) -> tuple[float, float]:
-    """The variation of both estimates [1/s] in the last quarter, with a delay and no noise, by a Runge-Kutta method of its own.
+    """The variation of both estimates [1/s] in the last quarter, with a delay and without noise, by a separate Runge-Kutta
+    method.
 
-    From ``held_from`` [s] on the command is held at -1, its largest value in the last quarter before, three times as long again.
-
-    Nothing is shared with the kernel: the projection clips the estimates' rate at the box, and the delayed u is interpolated
+    From ``held_from`` [s] on the command is held at -1, its largest value in the last quarter before, for three times as long.
+    Nothing is shared with the kernel. The projection clips the estimates' rate at the box, and the delayed u is interpolated
     linearly between steps of 0.5 ms.
     """
     P = solve_continuous_lyapunov(np.array([[0.0, -2.0], [1.0, -2.0]]), -np.eye(2))
@@ -330,7 +337,7 @@ def oscillation_by_hand(
     horizon = HORIZON if held_from == np.inf else 4 * held_from
     h, steps = 1 / steps_each, round(horizon * steps_each)
     late = delay / h
-    u = [0.0] * (steps + 2)  # from before t = 0 on there was none
+    u = [0.0] * (steps + 2)  # before t = 0 there was none
 
     def reference(t):
         return math.sin(t) if t < held_from else -1.0
@@ -339,7 +346,7 @@ def oscillation_by_hand(
         return 2.0 * reference(t) - a[0] * x[0] - a[1] * x[1]
 
     def held(k):
-        """u at step k, a fraction of one, ``delay`` ago."""
+        """u at step k plus a fraction of a step, delayed by ``delay``."""
         k -= late
         if k < 0:
             return 0.0
@@ -375,7 +382,8 @@ def oscillation_by_hand(
 
 
 def test_motion_of_a_model_in_its_steady_state():
-    """x_m' = -x_m + r, r = 2 sin t, from the steady state: x_m = sqrt(2) sin(t - pi/4). 1e-3: straight lines between instants."""
+    """With x_m' = -x_m + r and r = 2 sin t, the steady state is x_m = sqrt(2) sin(t - pi/4). The tolerance 1e-3 is for straight
+    lines between instants."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], x0=[-1.0])
     motion = ReferenceMotion.of(
         Problem(plant=plant, reference=Sine(amplitude=2.0, frequency=1.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
@@ -394,7 +402,7 @@ def test_motion_of_a_model_in_its_steady_state():
 
 @pytest.mark.full
 def test_a_command_that_comes_to_rest_is_said():
-    """Wing rock's command ends at 35 of 60 s: both criteria look at a loop at rest."""
+    """Wing rock's command ends at 35 of 60 s, so that both criteria evaluate a loop at equilibrium."""
     case = load_case("wing-rock")
     assert ReferenceMotion.of(case.problem, case.simulation).comes_to_rest
     controllers = case.controllers[:1]
@@ -418,7 +426,7 @@ def test_refusals(section_v):
 
 
 def test_a_slow_plant_bears_in_its_own_time():
-    # the same loop, a hundred times slower: every rate is divided by 100, and so its margin is 100 times as long
+    # the same loop, a hundred times slower: every rate is divided by 100, so that its margin is 100 times as long
     def loop(slow):
         plant = Plant(A_m=[[-1.0 / slow]], b=[1.0 / slow], theta=[0.5])
         known = ParameterBox(lower=[-2.0], upper=[2.0])

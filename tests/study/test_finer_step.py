@@ -45,7 +45,7 @@ NUMBERS = np.zeros(1, dtype=int)
     ],
 )
 def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
-    """Delays that were never found, by these factors: the finer step says on which side the true one lies."""
+    """The delays are the true ones times these factors. The finer step says on which side the true delay is."""
     members = [(DRIVE, Mrac(gamma=100.0))]
     found = delay_margins_ensemble(members, SIMULATION)
     assert 0 < 2 * found.onset.bears[0] < found.loss.bears[0] < 1.0  # the factors keep the two apart
@@ -77,7 +77,8 @@ def test_true_gains_are_confirmed_and_false_ones_are_not(factor, said):
 
 
 def test_an_oscillation_that_is_the_solvers_is_told(section_v):
-    """L1 at h |lambda| = 22: its estimates ring without a delay. A quarter of the step leaves the region of stability as well."""
+    """L1 at h |lambda| = 22 has oscillating estimates without a delay. A quarter of the step is outside the region of stability
+    too."""
     controller = L1Adaptive(gamma=1e3, filter=input_filter(0.02))
     simulation = Simulation(t_end=10.0, dt=1e-3)
     plain = PlainRun.of(section_v, controller, simulation)
@@ -102,11 +103,11 @@ RELAY_LIKE = Problem(
     reference_model=ReferenceModel(k_0=1.0),
     reference=Constant(0.5),
 )
-"""x' = -x + u(t - 0.1): a feedback of gain k > 16 is unstable there, and limits keep its oscillation small."""
+"""The plant x' = -x + u(t - 0.1), for which a feedback with the gain k > 16 is unstable. Limits keep the oscillation small."""
 
 
 def test_a_limit_cycle_at_the_actuators_limits_is_told():
-    """With a gain that the delay does not admit the demand goes from rail to rail for ever; with a smaller one it settles.
+    """With a gain too high for the delay the demand moves from limit to limit for ever. With a smaller one it settles.
 
     The frequency is counted by hand from a run with every step recorded.
     """
@@ -135,7 +136,7 @@ def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():
 
 
 class Gain:
-    """u = k_0 r - k x, of a user's own."""
+    """A user's own controller u = k_0 r - k x."""
 
     def __init__(self, k: float) -> None:
         self.k, self.name = k, f"gain {k:g}"

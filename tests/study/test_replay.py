@@ -43,7 +43,7 @@ def test_its_own_flight_teaches_a_scheme_what_it_learnt_in_flight(controller) ->
     t, x, u, r, estimates = flight(controller)
     found = replay(PROBLEM, controller, t, x, u, r)
     assert np.ptp(estimates, axis=0).min() > 0.1
-    # the same equations in another order of sums
+    # the same equations with sums in a different order
     assert np.abs(found.theta_hat - estimates).max() < 1e-9 and np.abs(found.proposed - u).max() < 1e-9
 
 

@@ -1,4 +1,5 @@
-"""tau against a modelling error: the boundary against exact limits of frozen loops, the criterion against hand-made runs."""
+"""The smallest tau for a modelling error: the boundary compared with exact limits of frozen loops, the criterion with synthetic
+runs."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ LEARNING = RobustMrac(c_0=[1.0, 1.0], tau=0.1, law=LeastSquares(covariance0=500.
 
 @pytest.mark.parametrize("error", [DelayError(), ScaledError(TransferFunction([-1.0, 0.0], [0.01, 1.0]))])
 def test_frozen_estimates_against_the_exact_limit(section_v, error):
-    """No command and a gain of 1e-60: below the exact boundary the state decays, above it grows."""
+    """Without a command and with a gain of 1e-60, the state decays below the exact boundary and grows above it."""
     problem = replace(section_v, reference=Constant(0.0))
     sizes = np.array([0.03, 0.1])
     found = TauStudy(problem=problem, controller=FROZEN, error=error).limits(
@@ -35,12 +36,13 @@ def test_frozen_estimates_against_the_exact_limit(section_v, error):
     for size, bears, loses in zip(sizes, found.bears, found.loses, strict=True):
         assert loses < bears < loses * 1.0101
         at_bears, at_loses = (error.limit(FrozenLoops(problem, replace(FROZEN, tau=tau)).at_theta) for tau in (bears, loses))
-        assert at_loses < size * 1.01  # growth within 1 % of the limit is slower than 200 s show
+        assert at_loses < size * 1.01  # within 1 % of the limit the growth is too slow for 200 s
         assert at_bears > size * 0.99
 
 
 def test_slow_growth_is_lost(section_v):
-    """The delay 0.05 s at tau = 0.545 of it, where the frozen loop's limit is 0.549: no divergence within 60 s, but in 240 s."""
+    """The delay is 0.05 s and tau is 0.545 times the delay, where the frozen loop's limit is 0.549. There is no divergence within
+    60 s, but within 240 s."""
     study = TauStudy(problem=section_v, controller=LEARNING, error=DelayError())
     sizes, taus = np.full(2, 0.05), np.array([0.545, 0.56]) * 0.05
     short = simulate_ensemble([study._member(s, t) for s, t in zip(sizes, taus, strict=True)], Simulation(t_end=60.0, dt=1e-3))
@@ -66,7 +68,7 @@ def test_the_boundary_against_its_own_runs(section_v):
     tried = np.concatenate([below, [found.loses[1], found.bears[1]]])
     tail = study.tail_errors(np.full(len(tried), 0.05), tried, simulation, threads=1)
     assert np.isnan(tail[:-1]).all()
-    assert tail[-1] == found.at_bears[1]  # bit by bit, whatever ran beside it
+    assert tail[-1] == found.at_bears[1]  # bit by bit, whatever ran with it
     plant = replace(section_v.plant, input=PlantInput(delay=0.05))
     alone = simulate(replace(section_v, plant=plant), [replace(LEARNING, tau=float(found.bears[1]))], simulation)["Robust MRAC"]
     assert alone.metrics.tail_max_abs_e.max() == pytest.approx(tail[-1], rel=1e-9)
@@ -75,11 +77,11 @@ def test_the_boundary_against_its_own_runs(section_v):
 def test_what_counts_as_grown():
     judge = Grown(growth=1.5, share=1.0).judge
     runs = {
-        (8.0, 4.0, 2.0, 1.0): False,  # it decays
+        (8.0, 4.0, 2.0, 1.0): False,  # decays
         (1.0, 1.0, 1.0, 1.4): False,
         (1.0, 1.0, 1.0, 1.6): True,  # grows late
         (0.1, 5.0, 5.0, 5.0): True,  # an oscillation that started and stays
-        (50.0, 5.0, 5.0, 5.0): False,  # a transient of the learning
+        (50.0, 5.0, 5.0, 5.0): False,  # a transient of learning
         (9.0, 50.0, 9.0, 9.0): True,  # a burst beyond the model's motion
         (np.nan,) * 4: True,  # diverged
         (0.0, 0.0, 0.0, 1e-9): False,  # rounding
@@ -89,7 +91,7 @@ def test_what_counts_as_grown():
 
 
 def test_quarters_against_every_sample(section_v):
-    """Also where the steps don't divide evenly, and where a run is longer than one call of the kernel."""
+    """This also holds if the steps don't divide evenly and if a run is longer than one call of the kernel."""
     for t_end, dt in ((1.0, 1e-3), (1.013, 1e-3), (50.0, 2e-4)):
         simulation = Simulation(t_end=t_end, dt=dt, record_points=10**6)
         members = [(section_v, Mrac(gamma=g)) for g in (1e-3, 1e-1)]
@@ -101,7 +103,7 @@ def test_quarters_against_every_sample(section_v):
         expected = np.array([e[parts == k].max(axis=0) for k in range(4)])
         if len(e) % 4 == 0:
             np.testing.assert_array_equal(found.quarters[1], expected)
-        else:  # a step or two may be counted beside: 1 % of a quarter, in which e grows at most 30-fold
+        else:  # one or two steps may be counted differently: 1 % of a quarter, in which e grows at most 30-fold
             np.testing.assert_allclose(found.quarters[1], expected, rtol=0.05)
 
 

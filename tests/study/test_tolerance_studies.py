@@ -1,4 +1,4 @@
-"""Studies of cases with a tolerance, against the same at fixed steps that resolve every motion."""
+"""Studies of cases with a tolerance, compared with the same studies at fixed steps that resolve every motion."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ FINE = Simulation(4.0, 4e-4)
 
 
 def test_the_tuning_is_that_of_fine_steps(tmp_path) -> None:
-    """A limit of the control and of the delay; the tuned case keeps its tolerance."""
+    """There are limits of the control and of the delay. The tuned case keeps its tolerance."""
     options = {
         "subject_to": ["max_abs_u <= 30", "delay_margin_simulated >= 0.5"], "plants": 1, "trials": 288,
         "vary": {"controller[0].gamma": "0.1:100:log"},
@@ -39,7 +39,7 @@ def test_the_tuning_is_that_of_fine_steps(tmp_path) -> None:
         found.append(tune(path, "rms_e", **options))
     ours, stepped = (one.controllers["MRAC"] for one in found)
     ((gamma, other),) = zip(ours.chosen.tuning.values(), stepped.chosen.tuning.values(), strict=True)
-    assert gamma == pytest.approx(other, rel=0.02)  # to which a search resolves the delay
+    assert gamma == pytest.approx(other, rel=0.02)  # the resolution of a search for the delay
     assert ours.chosen.value == pytest.approx(stepped.chosen.value, rel=0.02)
     assert gamma < 50
     assert "tolerance = 1e-6" in found[0].text

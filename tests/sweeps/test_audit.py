@@ -1,4 +1,4 @@
-"""A sweep's remarks beside its shares: solver artefacts, limit cycles, unexamined members, other designs."""
+"""A sweep's remarks on its shares: solver artefacts, limit cycles, members that were not checked, different designs."""
 
 from __future__ import annotations
 
@@ -79,9 +79,10 @@ def study(text: str, draws: dict[str, str], members: int) -> Study:
 
 
 def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
-    """All members ring at this step; the audit halves the steps that settled them, and finds no other class.
+    """All members oscillate at this step. The audit halves the steps that settled them and finds no other class.
 
-    Steps of order eight are longer, and the path of an estimate along them is up to an eighth shorter: that decides two of 128.
+    Steps of order eight are longer, and the path of an estimate along them is up to an eighth shorter, which is decisive for two
+    of 128.
     """
     found = run_study(study(STIFF, {"plant.theta": "known-set"}, 128), bounds=False)
     shares = found.evidence.shares
@@ -101,7 +102,7 @@ def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
 
 
 def test_what_no_finer_step_settled_is_found_by_the_audit():
-    """If members stay at a step that lets them ring, the audit's changes are those of half the step."""
+    """If members stay at a step at which they oscillate, the audit's changes are those of half of the step."""
     coarse, fine = (study(STIFF.replace("dt = 1e-3", f"dt = {dt}"), {"plant.theta": "known-set"}, 64) for dt in (1e-3, 5e-4))
     settling = Settling(coarse, settles=False)
     rows = UnstoredChunks(None)
@@ -133,7 +134,8 @@ def test_the_audits_share_is_of_members_that_were_run_again(unsettled):
 
 
 def test_requirements_are_split_by_what_the_solver_settles():
-    """With the figures of the step that settles a member; where none does, a member may or may not break it."""
+    """The figures are those of the step that settles a member. If no step does, the member may or may not violate the
+    requirement."""
     case = study(STIFF, {"plant.theta": "known-set"}, 64)
     found = run_study(case, requirements=[Requirement.parse("L1/theta_hat_variation_rate[0] < 1e-9")], bounds=False, audit=0)
     (share,) = found.evidence.shares["L1/theta_hat_variation_rate[0] < 1e-09"].values()
@@ -158,7 +160,7 @@ def test_figures_are_those_of_the_step_that_settles_a_member():
 
 
 def test_reruns_take_at_most_nine_times_a_large_sweeps_time():
-    """It leaves the stiffest members alone; what is expected of the others is what they take, and that is said."""
+    """It leaves out the stiffest members. The others take the expected time, which is stated."""
     draws = {"plant.theta": "known-set", "controller[0].gamma": "loguniform:1:1000"}
     large = Settling(study(STIFF, draws, 10**6))
     assert large.expected(large.afforded.finest) < large.reruns < large.expected(np.inf)
@@ -181,7 +183,7 @@ def test_reruns_take_at_most_nine_times_a_large_sweeps_time():
 
 
 def test_an_actuator_that_the_step_does_not_bear_is_settled_by_one_that_does():
-    """Its poles are constant, 350 rad/s: RK4 at 10 ms is unstable with them, and every member would be lost."""
+    """Its poles are constant at 350 rad/s, with which RK4 at 10 ms is unstable, so that every member would be lost."""
     text = CaseText.read("first-order").text.replace("t_end = 60.0", "t_end = 10.0").split("[[controller]]")[0]
     text = text.replace("[plant.input]", "[plant.input]\nactuator = { num = [122500], den = [1, 490, 122500] }")
     text += '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 1.0\n'
@@ -223,7 +225,7 @@ gamma = 300.0
 
 
 def test_a_rate_limiters_own_lag_leaves_nothing_unsettled():
-    """It is one step long at every step: counted as an oscillation it would keep all members of every sweep unsettled."""
+    """The lag is one step long at every step. If it counted as an oscillation, all members of every sweep would be unsettled."""
     found = study(RATE_LIMITED, {"plant.theta": "known-set"}, 16)
     columns = Settling(found).run(np.arange(16))
     assert (columns["MRAC/settled"] == 1).all() and (columns["MRAC/verdict"] == 1).any()
@@ -232,7 +234,7 @@ def test_a_rate_limiters_own_lag_leaves_nothing_unsettled():
 
 
 def test_why_members_are_not_settled_is_said():
-    """With a count for each reason; a share without any settled member has no value."""
+    """There is a count for each reason. A share without any settled member has no value."""
     quick = STIFF.replace("t_end = 10.0", "t_end = 0.5")
     found = run_study(study(quick, {"plant.theta": "known-set"}, 64), bounds=False, audit=0)
     assert found.unsettled == {}
@@ -260,7 +262,8 @@ def test_an_audit_of_no_number_of_members(members):
 
 
 def test_limit_cycles_are_counted_where_the_estimates_rest():
-    """The command is held and nothing is noisy: only a loop that does not come to rest swings on in the tail as before."""
+    """The command is constant and there is no noise, so that only a loop that does not settle continues to oscillate in the
+    tail."""
     joint = study(JOINT, {"plant.theta": "known-set", "plant.input.gain": "uniform:0.6:1.4"}, 12)
     found = run_study(joint, bounds=False)
     swinging = set()
@@ -297,7 +300,8 @@ def test_what_has_no_estimates_is_not_examined():
     ],
 )
 def test_what_is_designed_anew_for_each_member(path, designs):
-    """By the case: A_m has these poles in the coordinates of A. Varying a controller's own numbers means comparing designs."""
+    """The statement depends on the case: A_m has these poles in the coordinates of A. A sweep of a controller's own numbers
+    compares designs."""
     tables = VariedCase(CaseText(JOINT), (FieldPath.parse(path),))._tables
     given = FieldPath.parse(path).of(tables)
     plan = Plan({FieldPath.parse(path): Axis(0.99 * given, 1.01 * given, 3)})
@@ -309,7 +313,7 @@ def test_what_is_designed_anew_for_each_member(path, designs):
 
 
 def test_a_plant_whose_model_does_not_depend_on_it_is_not_designed_anew():
-    """In companion form the poles alone make A_m: A changes only theta, which no controller knows."""
+    """In companion form A_m depends only on the poles, and A changes only theta, which is unknown to every controller."""
     text = STIFF.replace("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A = [[0.0, 1.0], [3.7, -4.0]]").replace("theta = [4.0, -3.0]\n", "")
     text = text.replace("k_0 = 4.0", "k_0 = 4.0\npoles = [-0.5, -0.6]")
     plan = Plan({FieldPath.parse("plant.A[1][0]"): Axis(3.0, 4.0, 3)})
@@ -340,7 +344,7 @@ def sweep_of_joint(axis: str):
     ],
 )
 def test_an_observer_that_differs_between_members_is_named(path, redesign, designs):
-    """By its own settings, and by those of the plant for which it is designed again."""
+    """It differs by its own settings or by those of the plant for which it is designed again."""
     text = CaseText.read("flexible-joint")
     given = {"observer.R": Axis(1e-9, 1e-8, 2), "parameters.m": Axis(0.0, 0.02, 2)}[path]
     plan = Plan({FieldPath.parse(path): given})

@@ -1,4 +1,4 @@
-"""Chunks on a cluster: the same bits on any processor, dying workers, and a scheduler that is missing or disappears."""
+"""Chunks on a cluster: the same bits on any processor, workers that die, and a scheduler that is missing or disappears."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from barbalat.sweeps.study import Study
 from independent import refusal
 
 ANOTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable"}
-"""What LAPACK and the C library then compute with is that of a processor of 2004."""
+"""Settings with which LAPACK and the C library compute as on a processor of 2004."""
 NOISY = "\n[sensor]\nnoise = { std = 0.01, sample_time = 0.01 }\n[simulation]"
 
 
@@ -87,7 +87,8 @@ def test_a_worker_that_would_make_other_bits_refuses():
 
 
 def test_a_worker_whose_sources_differ_refuses(tmp_path):
-    """A copy of the package, as another machine has it, with one factor 2 in the figures: its version number is the same."""
+    """The worker has a copy of the package with a factor of 2 in the figures, as on another machine. Its version number is the
+    same."""
     (part,) = study().parts(0, 4)
     given = pickle.dumps((WorkerTask.of(part), Tabulated.of(part)))
     copy = tmp_path / "barbalat"
@@ -128,7 +129,7 @@ def test_a_scheduler_that_does_not_answer(monkeypatch, capsys):
 
 
 def test_a_web_server_is_no_scheduler(capsys):
-    """Dask reads the first eight bytes of what it says as a length: 3 EB."""
+    """Dask reads the first eight bytes of its response as a length of 3 EB."""
     pytest.importorskip("distributed")
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -235,7 +236,7 @@ def test_leaving_a_local_cluster_waits_for_no_chunk():
         )  # a closed one may not be collected yet
     assert not local.shutdown_on_close
     with contextlib.suppress(ProcessLookupError, FileNotFoundError):
-        while True:  # gone, or dead and not asked about yet; Dask alone would leave it for ten minutes
+        while True:  # gone, or dead and not yet waited for; Dask alone would leave it for ten minutes
             os.kill(pid, 0)
             if "State:\tZ" in Path(f"/proc/{pid}/status").read_text():
                 break

@@ -1,4 +1,4 @@
-"""What a sweep costs, measured before it is run: against what is counted by hand of its members."""
+"""The cost of a sweep, measured before it is run and compared with a count by hand for its members."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from barbalat.sweeps.study import Study
 from barbalat.validate import InputError
 
 AT_THE_CLIENT = ("oscillated", "rings", "settled")
-"""Columns that the client makes of what workers return."""
+"""Columns that the client computes from the workers' results."""
 
 
 def test_bytes_are_those_of_the_members_numbers_and_figures():
@@ -31,15 +31,16 @@ def test_bytes_are_those_of_the_members_numbers_and_figures():
     assert costs.steps == 6000 and costs.chunk(10**6) == 33_333
     (part,) = study.parts(0, 1)
     numbers = sum(len(one.parameters) + len(one.states) for one in part.members)
-    assert 8 * numbers <= costs.sent <= 8 * numbers + 200_000 / 4000  # what a chunk has once: the operation list
+    assert 8 * numbers <= costs.sent <= 8 * numbers + 200_000 / 4000  # the operation list, which a chunk has once
     names = [name for name in study.run(0, 1) if "/" in name and name.split("/")[1] not in AT_THE_CLIENT]
     assert 8 * len(names) <= costs.returned <= 8 * len(names) + 1
-    assert 0 < costs.client < costs.worker and costs.stored > 8 * 5  # draws and errors have no digits to spare
+    assert 0 < costs.client < costs.worker and costs.stored > 8 * 5  # random numbers and errors cannot be compressed
     assert costs.tables == pytest.approx(24 * costs.steps, rel=0.01)
 
 
 def test_members_that_share_no_kernel_are_dearer():
-    """What the same budget allows: a sampled command gives every member a run of its own, a grid of two of them does not."""
+    """With a sampled command every member has its own run, but not with a grid of two commands. The same budget therefore allows
+    fewer members."""
     head = CaseText.read("paper").text.split("[[controller]]")[0].replace("dt = 1e-4", "dt = 1e-2")
     text = CaseText(head + '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 0.1\n')
 
@@ -56,7 +57,8 @@ def test_members_that_share_no_kernel_are_dearer():
 
 
 def test_the_certificates_of_bounds_count():
-    """Members whose other numbers differ have one each; more than can be made are not made, and cost nothing."""
+    """Members whose other numbers differ have one certificate each. If there are too many, none is computed, and they cost
+    nothing."""
     text = CaseText.read("first-order")
     path = FieldPath.parse("plant.b[0]")
 

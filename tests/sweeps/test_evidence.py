@@ -1,4 +1,4 @@
-"""Extremes, requirements and sensitivities against formulas and exact values."""
+"""Extremes, requirements and sensitivities, compared with formulas and exact values."""
 
 import numpy as np
 import pytest
@@ -130,7 +130,8 @@ def test_main_effects_of_a_grid_and_of_draws_at_its_points():
     ids=["grid", "draws", "saltelli"],
 )
 def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
-    """A power of two changes no digit of any figure, and so no bit of a share; the plain variance is then 0 or infinite."""
+    """A power of two changes no digit of a figure and therefore no bit of a share, although the plain variance is then 0 or
+    infinite."""
     x = plan.values(0, len(plan))
     columns = {str(path): x[:, i] for i, path in enumerate(plan.paths)}
     figure = x @ np.arange(2.0, 2.0 + x.shape[1]) + x[:, 0] * x[:, 1]
@@ -145,7 +146,7 @@ def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
 
 
 def test_why_fewer_members_are_held_against_a_bound():
-    """Two of five have none: the share refers to three, with the reason beside it."""
+    """Two of five members have no bound. The share refers to three, and the reason is stated."""
     columns = {"max_abs_e[0]": [1.0, 2.0, 3.0, 4.0, 5.0], "diverged_at": [np.nan] * 5, "oscillated": [0.0] * 5}
     columns["error_bound"] = [2.0, np.nan, 2.0, np.nan, 9.0]
     found = rows(member=np.arange(5), a=np.arange(5.0), **{f"L1/{name}": one for name, one in columns.items()})
@@ -156,7 +157,7 @@ def test_why_fewer_members_are_held_against_a_bound():
 
 
 def test_what_decides_the_verdicts_comes_first():
-    """Of three numbers, the second alone decides who follows, and the first shifts the boundary."""
+    """Of three numbers, the second alone determines which members follow, and the first shifts the boundary."""
     from types import SimpleNamespace
 
     from barbalat.sweeps.picture import deciding
@@ -180,4 +181,4 @@ def test_what_decides_the_verdicts_comes_first():
 
     assert [str(path) for path in deciding(Found(columns))] == ["b", "a", "c"]
     same = Found(columns | {"L1/verdict": np.full(400, 2.0)})
-    assert str(deciding(same)[0]) == "c"  # all are off: who has the larger errors
+    assert str(deciding(same)[0]) == "c"  # none follows: the members with the larger errors

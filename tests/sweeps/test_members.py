@@ -1,4 +1,4 @@
-"""A member is determined by its number: its values and every bit of its figures, whatever else is simulated with it."""
+"""A member's number determines its values and every bit of its figures, whatever is simulated with it."""
 
 import re
 
@@ -83,7 +83,8 @@ def test_kinds_are_found_by_trying():
 
 
 def test_what_is_copied_equals_what_the_objects_give():
-    """kappa and A_m go by way of objects, theta, gamma and x0 are copied: bit by bit what cases of all members give."""
+    """kappa and A_m are computed by objects, but theta, gamma and x0 are copied. Both give bit by bit the numbers from the
+    members' cases."""
     text = CaseText(SHORT)
     draws = sampled(
         text, [("plant.theta", "known-set"), ("controller[1].gamma", "loguniform:1:1e4"), ("plant.x0[0]", "normal:0:1")]
@@ -118,7 +119,7 @@ def test_no_bit_depends_on_who_else_is_simulated_and_a_member_alone_is_the_same(
 
 
 def test_a_member_is_the_run_of_its_case():
-    """``simulate`` compiles its numbers in: roundings differ, which a thousand smooth steps hardly amplify."""
+    """``simulate`` compiles its numbers in, so that roundings differ. A thousand smooth steps hardly amplify them."""
     found = study(SHORT, Plan({}, sampled(CaseText(SHORT), [("plant.theta", "known-set")]), 5))
     columns = found.run(0, 5)
     case = found.varied.at(found.values(3, 1)[0])
@@ -203,7 +204,7 @@ BALL = SHORT.replace("lower = [-5.0, -5.0]\nupper = [5.0, 5.0]", "center = [1.0,
 
 
 def test_draws_over_a_ball_are_even_and_inside():
-    """The volume within a share s of the radius goes as s^d; any direction is as likely."""
+    """The volume within a share s of the radius is proportional to s^d, and all directions are equally likely."""
     center = (1.0, -2.0, 0.5)
     draws = {FieldPath.parse(f"plant.theta[{k}]"): InBall(center, 3.0, k) for k in range(3)}
     for design in (Design.LATIN, Design.RANDOM):
@@ -219,7 +220,7 @@ def test_draws_over_a_ball_are_even_and_inside():
 
 
 def test_a_known_set_is_drawn_from_whatever_the_case_gives():
-    """A box of a matrix, a ball, an input's gain, and a plant that is given by A, of which theta follows."""
+    """The cases have a box of a matrix, a ball, an input gain, and a plant given by A, from which theta follows."""
     ball = sampled(CaseText(BALL), [("plant.theta", "known-set")])
     assert list(map(str, ball.values())) == ["ball:[1.0, -2.0]:3.0, entry 1", "ball:[1.0, -2.0]:3.0, entry 2"]
     text = CaseText.read("lateral-aircraft")
@@ -260,7 +261,7 @@ def test_what_has_no_known_set(case, path, message):
     [("quadrotor-pitch", "plant.A[1][1]", Axis(-0.55, -0.45, 7)), ("wing-rock", "plant.b[1]", Axis(0.9, 1.1, 23))],
 )
 def test_a_number_that_is_computed_anew_may_end_in_another_last_bit(name, path, axis):
-    """A_m of a plant given by A, P of that A_m: constant but for rounding, which the few values tried need not show."""
+    """A_m of a plant given by A and P of that A_m are constant up to rounding, which the few tried values need not show."""
     plan = Plan({FieldPath.parse(path): axis}, {}, 1)
     made = study(re.sub(r"t_end = [\d.e+]+", "t_end = 1.0", CaseText.read(name).text), plan)
     found = made.run(0, len(plan))

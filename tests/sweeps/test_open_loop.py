@@ -1,4 +1,4 @@
-"""A plant given by A and b: theta, which follows, is varied as where it is written down."""
+"""A plant given by A and b: theta, which follows from them, varies as in a case that states theta."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ gamma = 10.0
 OPEN = CLOSED.replace("A_m = [[0.0, 1.0], [-1.0, -1.5]]", "A = [[0.0, 1.0], [1.0, -2.0]]").replace("theta = [1.0, -0.25]\n", "")
 BY_A_M = OPEN.replace("k_0 = 1.0", "k_0 = 1.0\nA_m = [[0.0, 1.0], [-1.0, -1.5]]")
 BY_POLES = OPEN.replace("k_0 = 1.0", "k_0 = 1.0\npoles = [[-0.75, 0.6614378277661477]]")
-"""s^2 + 1.5 s + 1."""
+"""The plant with the polynomial s^2 + 1.5 s + 1."""
 KNOWN = [("plant.theta", "known-set")]
 
 

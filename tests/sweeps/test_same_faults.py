@@ -1,4 +1,4 @@
-"""A sweep of a case with faults says for which patterns its shares stand."""
+"""A sweep of a case with faults states the fault patterns to which its shares apply."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shares and medians with their intervals, against formulas, tables, others' code and repetition."""
+"""Shares and medians with their intervals, compared with formulas, tables, other code and repetition."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def test_intervals_are_clopper_pearsons(count, judged):
 
 
 def test_the_medians_interval_is_that_of_the_order_statistics():
-    """Of 20 values the 6th and the 15th bound the median with 95.9 %: the table of Conover (1999), A3."""
+    """The 6th and the 15th of 20 values bound the median with 95.9 %, as in table A3 of Conover (1999)."""
     found = Median.of(np.random.default_rng(1).permutation(np.arange(1.0, 21.0)))
     assert found.value == 10.5
     assert found.interval == (6.0, 15.0)
@@ -45,7 +45,7 @@ def test_the_medians_interval_is_scipys_and_a_failure_is_one_run_on_the_worse_si
         assert Median.of(values).interval == (other.low, other.high)
     found = Median.of(np.concatenate([np.full(12, np.inf), random.normal(size=28), np.full(3, -np.inf)]))
     assert np.isfinite(found.interval).all() and found.interval[0] < found.value < found.interval[1]
-    assert Median.of(np.arange(5.0)).interval == (-np.inf, np.inf)  # 5 signs alike are not rare enough
+    assert Median.of(np.arange(5.0)).interval == (-np.inf, np.inf)  # 5 equal signs are not rare enough
     k = int(np.searchsorted(binom.cdf(np.arange(26), 25, 0.5), 0.025))
     assert binom.cdf(k - 1, 25, 0.5) < 0.025 <= binom.cdf(k, 25, 0.5)
 
@@ -58,7 +58,8 @@ def test_the_median_is_infinite_where_half_of_the_runs_failed():
 
 
 def test_many_pairs_share_one_confidence():
-    """Holm's method at 5 %: the smallest chance is compared with 5 % over all pairs, the next with 5 % over the others."""
+    """Holm's method at 5 % compares the smallest probability with 5 % divided by the number of pairs, the next with 5 % divided
+    by the number of the others."""
     shares = {name: Share(count=count, judged=100) for name, count in {"a": 64, "b": 37, "c": 61, "d": 52}.items()}
     assert [round(one.chance, 3) for one in shares.values()] == [0.007, 0.012, 0.035, 0.764]
-    assert beyond_chance(shares) == {"a": 1, "b": -1, "c": 0, "d": 0}  # 0.0125, 0.0167 and 0.025 are asked of the first three
+    assert beyond_chance(shares) == {"a": 1, "b": -1, "c": 0, "d": 0}  # the first three need 0.0125, 0.0167 and 0.025

@@ -1,4 +1,4 @@
-"""A store keeps whole rows, resumes, and refuses foreign data; ./dev store-faults covers real faults."""
+"""A store contains whole rows, resumes, and refuses foreign data. ./dev store-faults covers real faults."""
 
 import json
 import os
@@ -100,7 +100,8 @@ def test_another_sweeps_store_is_refused_by_name(other, what, tmp_path):
 @pytest.mark.parametrize("interrupted", [False, True])
 @pytest.mark.short(kept=lambda design, interrupted: interrupted == (design is Design.RANDOM))
 def test_further_members_join_those_that_are_there(design, interrupted, tmp_path):
-    """20 in chunks of 6: of 33 all of them are there, and the short last chunk is filled up by another file."""
+    """20 members are stored in chunks of 6. Of 33 members these 20 are present, and another file completes the short last
+    chunk."""
     import pandas as pd
 
     folder = tmp_path / "store"
@@ -113,7 +114,7 @@ def test_further_members_join_those_that_are_there(design, interrupted, tmp_path
     parts = [int(one.name[8:20]) for one in sorted(folder.glob("members-*"))]
     assert parts == [0, 6, 12, 18, 20, 24, 30]
     pd.testing.assert_frame_equal(pd.read_parquet(folder), pd.read_parquet(tmp_path / "whole"))
-    with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):  # fewer are another sweep
+    with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):  # fewer members make another sweep
         run(folder, study(20, design=design))
     with pytest.raises(InputError, match="was made with other --vary, --sample, --members"):
         run(folder, study(40, design=design, seed=1))
@@ -128,7 +129,7 @@ def test_other_equations_are_refused(tmp_path, monkeypatch):
 
 
 def test_a_store_of_before_the_judge_is_read_and_gone_on_with(tmp_path):
-    """It has neither the judge's columns nor its version; the equations of its runs are the same."""
+    """It has neither the judge's columns nor its version, but the equations of its runs are the same."""
     folder, prepared = tmp_path / "store", study(20, design=Design.RANDOM)
     identity = prepared.identity() | {"bounds": False}
     del identity["judge"]
@@ -137,7 +138,7 @@ def test_a_store_of_before_the_judge_is_read_and_gone_on_with(tmp_path):
         for first in (0, 6):
             old.add(Chunk(first, 6), {name: one for name, one in prepared.run(first, 6).items() if name not in new})
     names = old.names
-    for members in (20, 30):  # what is missing, then more than there were
+    for members in (20, 30):  # the missing members, then further ones
         found = run(folder, study(members, design=Design.RANDOM))
         assert found.resumed == (12 if members == 20 else 20) and UNJUDGED in found.evidence.notes
         assert found.rows.names == names and not new & set(names)
@@ -191,7 +192,7 @@ def test_rows_with_bounds_and_without_do_not_mix(tmp_path):
 
 
 def test_a_complete_store_is_read_beside_who_holds_it(tmp_path):
-    """As on a disk that is read-only: nothing is written, no lock is taken."""
+    """As on a read-only disk, nothing is written and no lock is taken."""
     from filelock import FileLock
 
     folder = tmp_path / "store"
@@ -217,7 +218,7 @@ def test_a_damaged_index_is_said(tmp_path):
 
 
 def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(sample, tmp_path):
-    """Names of columns too: of them the text and its checksum know nothing by themselves."""
+    """This includes the names of columns, which the text and its checksum do not contain by themselves."""
     folder = tmp_path / "store"
     run(folder)
     file = folder / INDEX_FILE
@@ -242,7 +243,7 @@ def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(sample, 
 
 @pytest.mark.parametrize("given", ["s3://bucket/x", Path("gs://bucket/x")])
 def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
-    """Refused before anything runs."""
+    """A URL is refused before anything runs."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Study, "run", None)
     with pytest.raises(InputError, match="store must be a path on this computer, and URLs are not supported"):
@@ -259,7 +260,7 @@ def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
 )
 @pytest.mark.short(kept=lambda given: given in ("s3:", "./~", "x/../y", "a b%20c"))
 def test_any_name_of_a_local_folder_will_do(given, tmp_path, monkeypatch):
-    """Arrow takes a word with a colon for a URL, a=1 for a column's value, and ~ for the home folder."""
+    """Arrow interprets a word with a colon as a URL, a=1 as a column's value, and ~ as the home folder."""
     monkeypatch.chdir(tmp_path)
     options = {"vary": {"controller[0].gamma": "1:10:3"}, "store": given, "bounds": False, "audit": 0}
     found = sweep("first-order", **options)
@@ -323,7 +324,7 @@ def test_a_second_writer_is_refused(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of resources")
 def test_a_full_disk_keeps_what_is_stored(tmp_path, monkeypatch):
-    """A limit on the size of files stands for the disk: ./dev store-faults fills a tmpfs."""
+    """A limit on the size of files simulates the full disk. ./dev store-faults fills a tmpfs."""
     import resource
 
     folder, prepared = tmp_path / "store", study()
@@ -358,7 +359,7 @@ def test_what_interrupts_a_chunk_leaves_the_others(tmp_path, monkeypatch):
 
 
 class Clock:
-    """Stands for the time; a member takes a tenth of a second."""
+    """A clock for which each member takes a tenth of a second."""
 
     def __init__(self, monkeypatch, each=0.1):
         self.now, simulated = 0.0, Settling.run
@@ -382,7 +383,7 @@ def slow(members=600):
 
 
 def test_what_is_complete_is_stored_every_few_seconds(tmp_path, monkeypatch):
-    """Whenever the writer is killed it has lost some seconds: what waited, and what was being run."""
+    """Whenever the writer is killed, it loses only a few seconds: the waiting members and those that are running."""
     folder, clock = tmp_path / "store", Clock(monkeypatch)
     lost = []
 
@@ -402,7 +403,7 @@ def test_what_is_complete_is_stored_every_few_seconds(tmp_path, monkeypatch):
 
 
 def test_parts_that_come_in_any_order_wait_for_each_other(tmp_path, monkeypatch):
-    """As from a cluster: a chunk of 6 goes into one file once all of it is there, and what is left of the others at the end."""
+    """As with a cluster, a chunk of 6 is written to one file once it is complete, and the remaining members at the end."""
     monkeypatch.setattr(store.time, "perf_counter", lambda: 0.0)
     with opened(tmp_path / "store", {}, 20, 6) as found:
         waiting = Waiting(found)
@@ -443,7 +444,7 @@ def test_an_interrupt_stores_what_waits(tmp_path, monkeypatch):
 
 
 def test_a_file_that_no_index_names_is_not_read_twice(tmp_path):
-    """A writer that was killed before it wrote the index; whoever goes on cuts the members in other places."""
+    """A writer was killed before it wrote the index, and the next writer divides the members differently."""
     import pandas as pd
 
     folder, prepared = tmp_path / "store", study()

@@ -1,4 +1,4 @@
-"""A sweep of a case with a tolerance, against the same sweep at fixed steps."""
+"""A sweep of a case with a tolerance, compared with the same sweep at fixed steps."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def test_figures_and_verdicts_are_those_of_fixed_steps() -> None:
 
 
 def test_the_recorded_run_of_the_worst_member_is_that_member() -> None:
-    """With its own noise: the extrema of the record are those of the sweep, up to what lies between recorded instants."""
+    """It has its own noise. The extrema of the record are those of the sweep, up to the motion between recorded instants."""
     problem = replace(CASE.problem, sensor=Sensor(noise=Noise(std=0.05, sample_time=0.1, seed=3)))
     case = replace(CASE, problem=problem, controllers=SLOW, simulation=Simulation(4.0, tolerance=1e-8))
     plan = Plan({}, dict(sampled(case, [("plant.theta[0]", "uniform:2:4")])), members=6, seed=1)
@@ -100,7 +100,8 @@ def test_a_sampled_controller_without_fused_sums_is_the_same(faults) -> None:
 
 
 def test_the_budget_counts_what_the_tolerance_costs() -> None:
-    """L1 to 20 s at its gain of 1e4 takes half a million attempts, 0.2 s for each member: once 0.03 ms were counted."""
+    """L1 up to 20 s with its gain of 1e4 needs half a million attempts, 0.2 s for each member. Only 0.03 ms used to be
+    counted."""
     l1 = tuple(c for c in CASE.controllers if c.name == "L1")
     case = replace(CASE, controllers=l1, simulation=Simulation(20.0, tolerance=1e-6))
     refused = r"would take about \d\d\.?\d* min of computing, more than the budget"
@@ -108,7 +109,7 @@ def test_the_budget_counts_what_the_tolerance_costs() -> None:
         sweep(case, sample={"plant.theta[0]": "uniform:2:4"}, members=10_000, bounds=False)
     with Budget(seconds=60.0), pytest.raises(InputError, match=refused):
         simulate_ensemble([(case.problem, l1[0])] * 10_000, case.simulation)
-    with Budget(seconds=60.0):  # which a slow adaptation does not need
+    with Budget(seconds=60.0):  # which slow adaptation does not need
         assert len(swept(Simulation(4.0, tolerance=1e-6)).rows.column("member")) == 12
 
 

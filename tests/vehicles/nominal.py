@@ -13,7 +13,7 @@ def of_axis(axis, name):
 
 
 def alone(flyable):
-    """What flies an axis of the F-16."""
+    """The controllers that fly an axis of the F-16."""
     return Aboard(name=flyable.name, loops=(flyable,))
 
 
@@ -28,10 +28,10 @@ def on_axis(name, axis):
 
 
 def through_failures(axis, flyable, failures):
-    """Along an axis of the F-16."""
+    """Flights through failures along an axis of the F-16."""
     return flying.flown(vehicle_of(axis.like), axis, alone(flyable), failures)
 
 
 def quadrotor_through(axes, aboard, failures, timing=None):
-    """The quadrotor's flights."""
+    """The quadrotor's flights through failures."""
     return flying.flown(QUADROTOR, axes, aboard, failures, timing)

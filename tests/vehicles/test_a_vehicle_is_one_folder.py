@@ -1,4 +1,5 @@
-"""A vehicle from outside the package is one folder that an entry point names: ``fly`` flies it, through failures and drawn."""
+"""A vehicle from outside the package is one folder that an entry point names. ``fly`` flies it through failures and with random
+numbers."""
 
 import json
 import os
@@ -14,7 +15,7 @@ from vehicles import toy_boat
 
 @pytest.fixture(scope="module")
 def harbour(tmp_path_factory) -> Path:
-    """A folder with the package and what an installer leaves of its distribution."""
+    """A folder with the package and the files that an installer writes for its distribution."""
     folder = tmp_path_factory.mktemp("harbour")
     (folder / "harbour").mkdir()
     (folder / "harbour" / "__init__.py").touch()
@@ -41,7 +42,7 @@ def test_it_flies_through_its_failures_and_has_its_pages(harbour):
     # with half a rudder x' = -x + u/2: without feedback of the error half the command is missing in the end
     assert 0.8 * toy_boat.RATE / 2 < errors["Plain"] < toy_boat.RATE / 2
     assert max(errors["ADRC"], errors["L1"]) < errors["Plain"] / 2
-    # the open loop bears any delay that is tried
+    # the open loop tolerates any delay that is tried
     assert document["delay_borne"]["Plain"] == pytest.approx(1.0)
     plain, adaptive = (document["controllers"][name] for name in ("Plain", "L1"))
     assert plain["none"]["verdict"]["class"] == adaptive["none"]["verdict"]["class"] == "follows"

@@ -1,4 +1,4 @@
-"""Drawn aircraft: the effect of a draw, and a store that resumes where it stopped."""
+"""Random aircraft: the effect of their numbers, and a store that resumes where it stopped."""
 
 import json
 
@@ -42,7 +42,7 @@ def rates(trim, changed, *, q=0.0):
 
 
 def test_twice_the_damping_is_twice_its_part_of_the_linear_model(axis):
-    """M_q is that of Cmq but for what lift by q does about the centre of gravity, a tenth of it."""
+    """M_q is that of Cmq, except for the moment of the lift due to q about the centre of gravity, which is a tenth of it."""
 
     def slope(factor):
         return (
@@ -57,7 +57,7 @@ def test_twice_the_damping_is_twice_its_part_of_the_linear_model(axis):
 
 
 def test_a_load_is_heavier_and_with_less_lift_it_sinks(axis):
-    """100 lb more of W: n_z falls by 100/W at the same lift."""
+    """With 100 lb added to W, n_z decreases by 100/W at the same lift."""
     before, after = Airframe(axis.trim.condition), Airframe(axis.trim.condition)
     after.load(100.0)
     for one in (before, after):
@@ -67,7 +67,7 @@ def test_a_load_is_heavier_and_with_less_lift_it_sinks(axis):
     heavier = after.fdm["inertia/weight-lbs"] - before.fdm["inertia/weight-lbs"]
     assert heavier == pytest.approx(100.0)
     lift = 1 - before.load_factor * before.fdm["inertia/weight-lbs"] / after.fdm["inertia/weight-lbs"]
-    assert 1 - after.load_factor == pytest.approx(lift, rel=1e-2)  # two steps of 2.5 ms later the lift is not quite the same
+    assert 1 - after.load_factor == pytest.approx(lift, rel=1e-2)  # two steps of 2.5 ms later the lift is slightly different
     less = rates(axis.trim, lambda one: one.scale("lift", 0.9))
     assert less[1] == pytest.approx(0.1 * 32.17 / axis.trim.speed, rel=0.15)  # alpha grows; the flaps' lift stays
 
@@ -120,7 +120,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
 
 @pytest.mark.parametrize(("name", "failure"), [("f16-pitch", "elevator-50"), ("f16-roll", "aileron-50")])
 def test_the_stored_flights_of_the_ledger_are_flown_again(name, failure):
-    """The first draw, by three schemes: to the digits that agree between processors after ten seconds."""
+    """The first draw is flown by three schemes and compared in the digits that agree between processors after ten seconds."""
     stored = Flights.stored(name).document
     assert stored["numbers"] == TUNED[name]
     found = fly_dispersed(
@@ -143,7 +143,7 @@ def test_what_is_tuned_is_what_the_guide_s_table_says_and_it_meets_the_rule(name
 
 
 def test_the_rule_finds_the_numbers_that_fly_again(axis):
-    """Two schemes, to the three digits that are kept; 8 s each."""
+    """Two schemes are tuned again and agree in the three stored digits. Each takes 8 s."""
     for scheme in ("linear", "l1-piecewise"):
         found = flight_tuning.tuned(axis, scheme)
         assert found.meets
@@ -159,7 +159,7 @@ def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys
     assert document["lost"] == {"LQR": {"count": 2, "flights": 2}, "LQR with PI": {"count": 2, "flights": 2}}
     assert document["failures"]["reversed"]["LQR"]["rms_e"]["median"] is None
     assert "lost to lost" not in shown  # two draws bound no median
-    assert "comparisons that some draw decides" not in shown  # where both lose all there is nothing to compare
+    assert "comparisons that some draw decides" not in shown  # if both lose all flights there is nothing to compare
     assert "lose every flight" in (tmp_path / "out" / "report.html").read_text()
 
 

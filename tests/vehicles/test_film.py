@@ -1,4 +1,4 @@
-"""Scenes, films and paths in space, of flights that are written out here."""
+"""Scenes, films and paths in space for flights that are written here."""
 
 import io
 
@@ -42,7 +42,7 @@ def frames(gif):
 
 
 def pixels_of(picture, colour, top=130):
-    """Below the legend."""
+    """The pixels below the legend."""
     wanted = np.round(255 * np.array(to_rgb(COLOURS[colour])))
     return int((np.abs(picture[top:] - wanted).max(axis=2) <= 8).sum())
 
@@ -96,7 +96,8 @@ def test_the_box_is_around_what_kept_control():
 
 @pytest.mark.parametrize("equal", [True, False])
 def test_a_vehicle_is_drawn_undistorted(equal):
-    """On the screen, which is the box with its sides' lengths, arms at right angles stay so, and of one length."""
+    """On the screen, where the box has the proportions of its sides, arms at right angles stay at right angles and have the same
+    length."""
     one = scene(equal=equal)
     low, high = one.box
     from barbalat.vehicles.picture import sides

@@ -1,4 +1,4 @@
-"""Intervals and pairs of dispersed flights, against what is known by hand and by repetition; no simulator is needed."""
+"""Intervals and pairs of dispersed flights, compared with results by hand and by repetition. No simulator is needed."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def test_losses_come_first_and_pairs_are_counted_where_not_both_are_lost():
     first, second = found.by_failure["gusts"]
     assert (first.controller, first.lost.count, second.lost.count) == ("calm", 1, 2)
     (pairing,) = second.pairings
-    assert (pairing.better.count, pairing.better.judged) == (2, 3)  # the third it lost alone, the fourth says nothing
+    assert (pairing.better.count, pairing.better.judged) == (2, 3)  # it alone lost the third; the fourth gives no information
     assert (pairing.follows, pairing.keeps) == (0, 0)
 
 
 @pytest.mark.parametrize(("better", "says"), [(33, 1), (17, -1), (32, 0), (18, 0)])
 def test_a_single_pair_differs_beyond_chance_as_the_sign_test_says(better, says):
-    """Of 50 draws: the sign test's bounds at 5 % are 17 and 33."""
+    """For 50 draws the sign test's bounds at 5 % are 17 and 33."""
     own, other = np.zeros(50), np.where(np.arange(50) < better, 1.0, -1.0)
 
     def column(controller, failure, figure):
@@ -41,7 +41,7 @@ def test_a_single_pair_differs_beyond_chance_as_the_sign_test_says(better, says)
 
 
 def test_among_equals_any_pair_is_called_different_as_seldom_as_it_says():
-    """36 pairs of nine controllers with errors from one distribution: some difference is claimed in at most 5 % of trials."""
+    """For 36 pairs of nine controllers with errors from one distribution, a difference is claimed in at most 5 % of trials."""
     random, wrong, trials = np.random.default_rng(3), 0, 60
     names = tuple("abcdefghi")
     for _ in range(trials):
@@ -52,4 +52,6 @@ def test_among_equals_any_pair_is_called_different_as_seldom_as_it_says():
 
         flown = evidence_of(column, names, ("none",)).by_failure["none"]
         wrong += any(pairing.follows for one in flown for pairing in one.pairings)
-    assert wrong <= 7  # with 60 trials of 5 % more are seen once in fifty, singly judged pairs are wrong in half of all
+    assert (
+        wrong <= 7
+    )  # with 60 trials at 5 % more occur once in fifty; pairs that are judged singly are wrong in half of all trials

@@ -1,4 +1,4 @@
-"""Whole flights: against the linear loop, through failures, from the command line."""
+"""Whole flights: compared with the linear loop, through failures, and from the command line."""
 
 import json
 import math
@@ -36,8 +36,11 @@ def flown():
 
 
 def test_a_small_flight_is_the_linear_loop():
-    """The linear model of all four longitudinal states with the same equipment and u = k_0 r - K y, written out here."""
-    axis = Axis(trim=trimmed(FlightCondition()), followed=replace(PITCH, commanded=0.3))  # the tables bend within degrees of trim
+    """The reference is the linear model of all four longitudinal states with the same equipment and u = k_0 r - K y, written
+    here."""
+    axis = Axis(
+        trim=trimmed(FlightCondition()), followed=replace(PITCH, commanded=0.3)
+    )  # the tables have corners within degrees of trim
     small = axis.followed.command
     whole = np.zeros((5, 5))
     whole[:4, :4], whole[:4, 4] = axis.trim.A[:4, :4], axis.trim.B[:4, 0]
@@ -51,7 +54,9 @@ def test_a_small_flight_is_the_linear_loop():
             x = ahead @ np.append(x, np.deg2rad(elevator.advance(u)))
             sensors.advance(np.rad2deg(x[[1, 3]]))
     (found,) = through_failures(axis, SampledList.of(*of_axis(axis, "lqr")), [FAILURES["none"]])
-    assert np.abs(found.column("q")[:1000] - q).max() < 0.02 * 0.3  # what is left is of second order, and the surfaces' late step
+    assert (
+        np.abs(found.column("q")[:1000] - q).max() < 0.02 * 0.3
+    )  # the remainder is of second order, plus the late step of the surfaces
 
 
 def test_flights_before_the_failure_are_the_same_in_every_bit(flown):
@@ -74,19 +79,19 @@ def test_who_loses_control_and_who_does_not(flown):
 
 
 def test_the_delay_borne_is_about_the_linear_one():
-    """Around the linear aircraft, without limits of the surface, the loop decays with 50 ms less, and grows with 50 ms more."""
+    """For the linear aircraft without limits of the surface, the motion decays with 50 ms less and grows with 50 ms more."""
     axis = Axis(trim=trimmed(FlightCondition()))
     contents = SampledList.of(*of_axis(axis, "l1-piecewise"))
     borne = flying.delay_borne(vehicle_of(axis.like), axis, alone(contents))
     assert borne == pytest.approx(SAMPLE_TIME * round(borne / SAMPLE_TIME))
-    assert linear_growth(axis, contents, borne - 0.05) < 0.5  # what is left is the phugoid, which nobody feeds back
+    assert linear_growth(axis, contents, borne - 0.05) < 0.5  # the remainder is the phugoid, which is not fed back
     assert linear_growth(axis, contents, borne + 0.05) > 10
     feedback = alone(SampledList.of(*of_axis(axis, "lqr")))
     assert flying.delay_borne(vehicle_of(axis.like), axis, feedback) > 2 * borne  # docs/guides/aircraft.md says so
 
 
 def test_without_protection_against_windup_a_pi_loses_the_hard_over_that_it_else_survives():
-    """As docs/guides/aircraft.md says."""
+    """docs/guides/aircraft.md states this."""
     axis = Axis(trim=trimmed(FlightCondition()))
     problem = axis.linear_problem
     pi = pi_feedback(problem.known, unmodelled_delay=axis.equipment.lag, nominal=axis.gain)
@@ -97,7 +102,7 @@ def test_without_protection_against_windup_a_pi_loses_the_hard_over_that_it_else
 
 
 def test_a_small_roll_is_the_linear_loop():
-    """The linear model of all four lateral states, as above; what it leaves out is of second order."""
+    """The reference is the linear model of all four lateral states, as above. It neglects terms of second order."""
     axis = Axis(trim=trimmed(FlightCondition()), followed=replace(ROLL, commanded=1.0))
     whole = np.zeros((5, 5))
     whole[:4, :4], whole[:4, 4] = axis.trim.A[4:, 4:], axis.trim.B[4:, 1]
@@ -115,7 +120,7 @@ def test_a_small_roll_is_the_linear_loop():
 
 
 def test_an_observer_leaves_what_the_model_s_own_row_makes_of_sideslip_and_an_integral_does_not():
-    """As docs/laboratory/f16.md says of lateral gusts: p' = A_m's row of what was measured, integrated here."""
+    """docs/laboratory/f16.md states this for lateral gusts. Here p' is integrated from A_m's row and the measurements."""
     axis = Axis(trim=trimmed(FlightCondition()), followed=ROLL)
     gusts, row = next(one for one in OF_ROLL if one.name == "gusts"), axis.A_m[1]
     assert (row[0], axis.model[0][1, 0]) == pytest.approx((-21, -27), abs=0.5)
@@ -133,7 +138,8 @@ def test_an_observer_leaves_what_the_model_s_own_row_makes_of_sideslip_and_an_in
 
 
 def test_a_rolling_aircraft_goes_where_its_lift_turns_it():
-    """By g n_z sin(bank)/speed; its nose is aside of that by no more than sideslip and, in a bank, the angle of attack."""
+    """The path turns by g n_z sin(bank)/speed. The nose deviates from it by at most the sideslip and, in a bank, the angle of
+    attack."""
     (found,) = fly("f16-roll", schemes=["linear"], failures=["none"]).flights
     record = found[0]
     bank, heading, speed, load = (record.column(name)[:-1] for name in ("bank", "heading", "speed", "n_z"))
@@ -146,7 +152,7 @@ def test_a_rolling_aircraft_goes_where_its_lift_turns_it():
 
 
 def linear_growth(axis, contents, delay):
-    """By how much the linear pitch rate is larger from 20 s to 25 s than during a pulse and 3 s after it."""
+    """The ratio of the linear pitch rate from 20 s to 25 s to that during a pulse and 3 s after it."""
     whole = np.zeros((5, 5))
     whole[:4, :4], whole[:4, 4] = axis.trim.A[:4, :4], axis.trim.B[:4, 0]
     ahead = expm(whole * STEP)[:4]
@@ -183,7 +189,7 @@ def test_a_controller_that_overflows_loses_its_aircraft_and_says_so():
 
 
 def test_a_flight_that_breaks_is_lost_alone(monkeypatch):
-    """The process of all flights of a controller breaks, and of the single ones that of one failure."""
+    """The process of all flights of a controller crashes, and of the single flights only that of one failure."""
     real = flying.isolated
 
     def breaking(seconds, function, *given):

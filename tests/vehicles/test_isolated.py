@@ -1,4 +1,4 @@
-"""A separate process: what it returns, what it refuses, and its failures."""
+"""A separate process: its results, refusals and failures."""
 
 import os
 import select

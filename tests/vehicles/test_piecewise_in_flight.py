@@ -1,4 +1,4 @@
-"""Problems that users of the piecewise-constant law met, with its exported C on the F-16: wrong trim, a wrong sample time, mode
+"""Problems of users of the piecewise-constant law, with its exported C on the F-16: wrong trim, a wrong sample time, mode
 changes."""
 
 from dataclasses import replace
@@ -35,12 +35,12 @@ def axis():
 
 
 TRIM_OFF = 0.2
-"""[deg] of elevator, so little that the aircraft stays linear."""
+"""Trim error [deg] of the elevator, so small that the aircraft stays linear."""
 
 
 def test_of_a_trim_that_is_off_the_law_leaves_what_its_dc_gain_says(axis):
-    """The remaining fraction of the error under feedback is 1 - B^-1 e^(A_m T) B in the exact form and 1 - e^(aT) as flown: at
-    100 Hz 3 % and 5 %."""
+    """The remaining fraction of the error under feedback is 1 - B^-1 e^(A_m T) B in the exact form and 1 - e^(aT) as flown, which
+    are 3 % and 5 % at 100 Hz."""
     off = Axis(trim=replace(axis.trim, elevator=axis.trim.elevator + TRIM_OFF / DEGREES), followed=replace(PITCH, commanded=0.0))
     rate = {}
     for name in ("lqr", "l1-piecewise", "l1-piecewise-flown"):
@@ -52,12 +52,13 @@ def test_of_a_trim_that_is_off_the_law_leaves_what_its_dc_gain_says(axis):
     B = np.column_stack([b, [-b[1], b[0]]])
     exact = 1 - np.linalg.solve(B, expm(axis.A_m * SAMPLE_TIME) @ B)[0, 0]
     flown = -np.expm1(AsFlown().predictor_poles * SAMPLE_TIME)
-    assert rate["l1-piecewise"] == pytest.approx(exact * rate["lqr"], rel=0.05)  # the phugoid, and gravity, are in no model
+    assert rate["l1-piecewise"] == pytest.approx(exact * rate["lqr"], rel=0.05)  # the phugoid and gravity are not in the model
     assert rate["l1-piecewise-flown"] == pytest.approx(flown * rate["lqr"], rel=0.05)
 
 
 def test_told_that_it_runs_twice_as_fast_the_law_shakes_the_surface(axis):
-    """As flown, half of T assumed: a direct estimate is twice too large. With a filter of 30 rad/s it fills the rate limit."""
+    """As flown, with half of T assumed, a direct estimate is twice as large. With a filter of 30 rad/s it uses the whole rate
+    limit."""
     travel = {}
     for assumed in (SAMPLE_TIME, SAMPLE_TIME / 2):
         flown = AsFlown(nominal=axis.gain, assumed_sample_time=assumed)
@@ -71,11 +72,12 @@ def test_told_that_it_runs_twice_as_fast_the_law_shakes_the_surface(axis):
 
 
 ENABLED_AT = 6.0
-"""[s]; the centre of gravity is aft from 3 s on, and feedback alone has let the aircraft drift away from trim by then."""
+"""Instant of the start [s]. The centre of gravity is aft from 3 s on, and by then the aircraft has drifted away from trim under
+feedback alone."""
 
 
 class EnabledInFlight:
-    """Feedback alone flies, then the law's C is handed control: started, or only called."""
+    """Feedback alone flies, then the law's C takes over control, with a start or only by calls."""
 
     name = "enabled in flight"
 
@@ -104,7 +106,7 @@ class EnabledInFlight:
 
 
 def test_enabled_in_flight_the_law_takes_over_without_a_kick_where_it_is_started(axis):
-    """On the F-16 that has drifted; what is only called again takes five seconds of motion for what acted in a sample."""
+    """The F-16 has drifted. A law that is only called again takes five seconds of motion for the disturbance in one sample."""
     moved, estimated, bandwidth = {}, {}, TUNED["f16-pitch"]["l1-piecewise"]["bandwidth"]
     entered = round(ENABLED_AT / SAMPLE_TIME)
     for started in (True, False):
@@ -113,8 +115,8 @@ def test_enabled_in_flight_the_law_takes_over_without_a_kick_where_it_is_started
         assert not found.lost
         moved[started] = np.diff(found.column("elevator_command")[entered - 1 : entered + 50])
         estimated[started] = np.abs(law.sigma_hat).max(axis=0)
-    assert moved[True][0] == 0  # the first control is what the actuator has
-    taken = bandwidth * SAMPLE_TIME * estimated[True][0]  # what the filter takes on of the estimate in a sample
+    assert moved[True][0] == 0  # the first control is the actuator's output
+    taken = bandwidth * SAMPLE_TIME * estimated[True][0]  # the filter's change by the estimate in a sample
     assert np.abs(moved[True]).max() < taken
     assert np.abs(moved[True]).max() == pytest.approx(0.3, abs=0.05)  # docs/piecewise.md says so, and what follows
     assert np.abs(moved[False]).max() == pytest.approx(2.2, abs=0.05)

@@ -1,5 +1,5 @@
-"""The exported C flies on both models, at the actuators' limits too: each bit equals the simulated list's, or the difference is
-reported."""
+"""The exported C flies on both models, also at the actuators' limits. Each bit equals that of the simulated list, or the
+difference is reported."""
 
 import html
 import json
@@ -47,7 +47,8 @@ def axis():
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "hinf"])
 def test_the_f16_flies_the_same_flight_in_every_bit(axis, name):
-    """Through the hard-over: the surface is at its limit and the commands beyond it, where integrals wind up and sets end."""
+    """In the hard-over the surface is at its limit and the command beyond it, so that integrals wind up and estimates reach their
+    bounds."""
     problem, controller = of_axis(axis, name)
     by_list = fly_once(axis, SampledList.of(problem, controller).step(), FAILURES["hard-over"], timing=SHORT)
     by_c = fly_once(axis, exported_c(problem, controller).step(), FAILURES["hard-over"], timing=SHORT)
@@ -60,7 +61,7 @@ def test_the_f16_flies_the_same_flight_in_every_bit(axis, name):
 
 
 def test_an_estimate_that_ends_at_its_bound_does_so_in_the_c(axis):
-    """The hard-over drives one there, with a gain that is not tuned."""
+    """The hard-over drives an estimate to its bound, with a gain that is not tuned."""
     problem = axis.adaptive_problem
     controller = Sampled(Mrac(gamma=1.0, theta_hat0=axis.nominal), SAMPLE_TIME)
     by_list, by_c = SampledList.of(problem, controller).step(), exported_c(problem, controller).step()
@@ -72,7 +73,7 @@ def test_an_estimate_that_ends_at_its_bound_does_so_in_the_c(axis):
 
 @pytest.mark.parametrize("name", ["l1-piecewise", "robust-mrac"])
 def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
-    """With laws that are reset at the start, and with those that are not; the list goes on from what it flew, the C can't."""
+    """Some laws are reset at the start and some are not. The list can continue from its previous flight, but the C can't."""
     short = Timing(duration=3.0, fails_at=2.5)
     axes = Axes(hover=hovering(Quadrotor()))
     failures = [OF_QUADROTOR["none"], OF_QUADROTOR["no-reset"]]
@@ -85,7 +86,7 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
 
 
 def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
-    """Its problem has a command, or something that acts: of zeros every wrong controller would make the same zeros."""
+    """Its problem has a command or a disturbance. From zeros every wrong controller would compute the same zeros."""
     axes = Axes(hover=hovering(Quadrotor()))
     pairs = [of_axis(axis, "l1"), *(on_axis("l1", one) for one in (axes.attitude[0], axes.position[0]))]
     for problem, controller in pairs:

@@ -1,4 +1,4 @@
-"""The smallest vehicle: a boat whose yaw rate follows a command, integrated here; it loses half its rudder."""
+"""The smallest vehicle: a boat whose yaw rate follows a command, integrated here. It loses half of its rudder."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ from barbalat.vehicles.vehicle import DelaySearch, Drawing, Shown, Vehicle
 from barbalat.vehicles.verdicts import Followed
 
 SAMPLE, RATE, LARGEST = 0.05, 5.0, 30.0
-"""[s]; the commanded yaw rate and the one at which the boat capsizes [deg/s]."""
+"""Times [s]; the commanded yaw rate and the one at which the boat capsizes [deg/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class Dispersion:
 
 
 class Loop:
-    """x' = -x + u: what the boat does where nothing fails."""
+    """The boat's motion x' = -x + u without a failure."""
 
     like, sample_time, time_unit, frequency_unit, known_gain, theta_hat0 = "yaw", SAMPLE, 1.0, 1.0, None, None
     met = np.array([1.0, RATE])

@@ -1,4 +1,5 @@
-"""The elementary functions' lists: against balls of 60 digits (Arb), against IEEE 754's special values, and from LLVM and C."""
+"""The elementary functions' lists, compared with balls of 60 digits (Arb), with IEEE 754's special values, and between LLVM and
+C."""
 
 from __future__ import annotations
 
@@ -23,14 +24,15 @@ EXACT = {
     "ndtri": lambda a: -flint.arb(2).sqrt() * (2 * a).erfcinv(),
 }  # fmt: skip
 NORMAL = 7.0
-"""Units of ndtri's: the largest found at 150,000 points was 6.2, and SciPy's 4.1. Noise has to be the same, not exact."""
+"""Largest error of ndtri in units of the last place. The largest found at 150,000 points was 6.2, and that of SciPy 4.1. Noise
+has to be reproducible but not exact."""
 LARGEST = np.finfo(float).max
 SMALLEST = 5e-324
 INF, NAN = math.inf, math.nan
 
 
 def calling(name: str) -> tuple[Program, LoopShape]:
-    """A step that does nothing but call an operation on its signals."""
+    """A step that only applies an operation to its signals."""
     arguments = function(name).arguments if name in FUNCTIONS else 1
     operations = [Operation("input", source=(3, i)) for i in range(arguments)] + [Operation(name, tuple(range(arguments)))]
     return Program(tuple(operations), ((), (arguments,), ())), LoopShape(0, 1, 0, arguments)
@@ -46,7 +48,7 @@ def evaluated(name: str, *x: np.ndarray, lanes: int = 1) -> np.ndarray:
 
 
 def errors(name: str, found: np.ndarray, *x: np.ndarray) -> np.ndarray:
-    """In units of the last place of the exact value."""
+    """Errors in units of the last place of the exact value."""
     with flint.ctx.workprec(200):
         exact = [EXACT[name](*(flint.arb(float(part[i])) for part in x)) for i in range(len(found))]
         return np.array([_error(flint.arb(value), true) if math.isfinite(value) else _at_infinity(true)
@@ -58,13 +60,13 @@ def _error(value: flint.arb, true: flint.arb) -> float:
 
 
 def _at_infinity(true: flint.arb) -> float:
-    """No error where the exact value lies beyond the largest double by half a unit or more."""
+    """Whether infinity is correct because the exact value exceeds the largest double by half a unit or more."""
     beyond = (abs(true) - flint.arb(LARGEST)) / flint.arb(math.ulp(LARGEST))
     return 0.0 if beyond >= 0.5 else INF
 
 
 def points(name: str, count: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, ...]]:
-    """Random ones of all sizes, and hard ones: next to multiples of pi/2 and to the limits of over- and underflow."""
+    """Random arguments of all sizes, and difficult ones next to multiples of pi/2 and to the limits of overflow and underflow."""
 
     def sizes(low: float, high: float) -> np.ndarray:
         return np.exp(rng.uniform(math.log(low), math.log(high), count)) * rng.choice([-1.0, 1.0], count)
@@ -106,7 +108,8 @@ def _near_quadrants(count: int, rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_errors_are_below_one_unit_in_the_last_place(name, sample) -> None:
-    """The largest found at 100,000 points of each was 0.82; what is rounded correctly has at most 0.5. Noise needs less."""
+    """The largest found at 100,000 points of each function was 0.82. Correct rounding has at most 0.5. Noise needs less
+    accuracy."""
     rng = np.random.default_rng(2026)
     for x in points(name, sample(500, 25_000), rng):
         found = evaluated(name, *x)
@@ -137,7 +140,7 @@ def test_special_values(name, lanes) -> None:
 
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_special_values_of_powers(lanes) -> None:
-    """All pairs of them, against the C library by way of NumPy, which computes these exactly."""
+    """All pairs are compared with the C library through NumPy, which computes them exactly."""
     values = [
         0.0,
         -0.0,
@@ -170,7 +173,7 @@ def test_special_values_of_powers(lanes) -> None:
 @needs_gcc
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_llvm_and_iso_c_agree_in_every_bit(name, tmp_path) -> None:
-    """Lanes of a vector take the rare list together, whatever each of them needs."""
+    """All lanes of a vector use the rare list together, whatever each of them needs."""
     rng = np.random.default_rng(3)
     program, shape = calling(name)
     compiled = compile_c(c99.loop(program, shape, (0.0,)), tmp_path, "-march=x86-64", "-O2", "-Wconversion")
@@ -183,7 +186,7 @@ def test_llvm_and_iso_c_agree_in_every_bit(name, tmp_path) -> None:
 
 
 def test_lanes_with_different_needs() -> None:
-    """One lane beyond the usual reduction, the others not, and not a number."""
+    """One lane is beyond the usual reduction and the others are not, and one is not a number."""
     program = Program((Operation("input", source=(2, 0)), Operation("sin", (0,))), ((), (1,), ()))
     parameters, out = np.array([1.0, 1e22, NAN, INF, -0.0, -1e300, 2.0**-1074, 823549.0]), np.empty((1, 1, 8))
     Kernel(program, LoopShape(0, 1, 1, 0), (0.0,), 8)(1, 1, np.empty(0), parameters, np.empty(0), out)

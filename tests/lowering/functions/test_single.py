@@ -1,5 +1,5 @@
-"""The elementary functions' lists in 32 bits: their C against 64-bit functions, whose error is negligible here, and against the
-same lists evaluated by NumPy operation by operation.
+"""The elementary functions' lists in 32 bits: their C is compared with 64-bit functions, whose error is negligible here, and with
+the same lists evaluated by NumPy operation by operation.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ EXACT = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "tanh")},
 }  # fmt: skip
 NORMAL = 7.0
-"""Units of ndtri's, as in 64 bits: near 1/2 the difference from it is rounded, and what noise draws need not be exact."""
+"""Largest error of ndtri in units of the last place, as in 64 bits. Near 1/2 the difference from 1/2 is rounded, and noise need
+not be exact."""
 F32 = np.float32
 
 
@@ -36,7 +37,7 @@ def calling(name: str) -> Program:
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
-    """All of them as in an export, without 64-bit numbers, which the compiler would report."""
+    """All functions as in an export, without 64-bit numbers, which the compiler would report."""
     folder = tmp_path_factory.mktemp("single")
     text = "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"
     text += c99.definitions([calling(name) for name in sorted(FUNCTIONS)], c99.FLOAT)
@@ -58,7 +59,7 @@ def computed(library, name: str, *x: np.ndarray) -> np.ndarray:
 
 
 def ulps(found: np.ndarray, exact: np.ndarray) -> np.ndarray:
-    """Errors in units of the last place; what rounds to infinity has to be infinite."""
+    """Errors in units of the last place. A value that rounds to infinity has to be infinite."""
     with np.errstate(over="ignore", invalid="ignore"):
         nearest = exact.astype(F32)
         unit = np.maximum(np.exp2(np.floor(np.log2(np.maximum(np.abs(exact), 1e-300))) - 23), 2.0**-149)
@@ -68,7 +69,7 @@ def ulps(found: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 
 def points(name: str, step: int) -> tuple[np.ndarray, ...]:
-    """Every n-th of all floats; for two arguments random floats of all sizes and near 1."""
+    """Every n-th of all floats. For two arguments, random floats of all sizes and near 1."""
     bits = np.arange(0, 2**32, step, dtype=np.uint32)
     every = bits.view(F32)
     if function(name).arguments == 1:
@@ -90,14 +91,14 @@ def test_the_error_is_below_a_unit_in_the_last_place(name, library, sample) -> N
         exact = EXACT[name](*(part.astype(float) for part in x))
     errors = ulps(computed(library, name, *x), exact)
     worst = int(np.argmax(errors))
-    limit = NORMAL if name == "ndtri" else 1  # the error that fdlibm promises for its own format
+    limit = NORMAL if name == "ndtri" else 1  # the error promised by fdlibm for its own format
     assert errors[worst] < limit, [float(part[worst]) for part in x]
 
 
 @needs_gcc
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_c_and_numpy_compute_the_same_bits(name, library, sample) -> None:
-    """The lists as the test vectors of an export take them."""
+    """The lists are those of the test vectors of an export."""
     random = np.random.default_rng(7)
     x = [random.permutation(part)[: sample(30, 1000)] for part in points(name, 40009)]
     x = [np.concatenate([part, random.uniform(-5, 5, sample(30, 1000)).astype(F32)]) for part in x]
@@ -110,7 +111,7 @@ def test_c_and_numpy_compute_the_same_bits(name, library, sample) -> None:
 
 @needs_gcc
 def test_arguments_that_are_special_or_next_to_a_multiple_of_a_quarter_turn(library) -> None:
-    """IEEE 754's values; and the floats nearest to n pi/2, for every n up to 10^5, where all but the last bits cancel."""
+    """IEEE 754's values and, for every n up to 10^5, the floats nearest to n pi/2, where all except the last bits cancel."""
     inf, nan = math.inf, math.nan
     for name, x, y in (
         ("sin", (0.0, -0.0, inf, nan), (0.0, -0.0, nan, nan)),

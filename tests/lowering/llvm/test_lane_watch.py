@@ -1,4 +1,4 @@
-"""Watched quantities of several members side by side: each keeps its own largest value of every eighth step."""
+"""Watched quantities of several members in lanes: each keeps its own largest value over every eighth step."""
 
 import casadi as ca
 import numpy as np
@@ -11,13 +11,13 @@ from barbalat.lowering.shape import LoopShape
 
 @pytest.mark.parametrize("lanes", [2, 4, 16])
 def test_each_lane_keeps_its_largest_value_of_every_window(lanes):
-    """x += p s, x^2 is watched in windows of sixteen steps: against NumPy."""
+    """With x += p s, x^2 is watched in windows of sixteen steps and compared with NumPy."""
     x, p, s = ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("s")
     arguments = [x, ca.SX(0, 1), p, s]
     step, watched = ca.Function("f", arguments, [x + p * s]), ca.Function("g", arguments, [x * x])
     kernel = Kernel(read(step), LoopShape(1, 0, 1, 1), (), lanes, watch=read(watched))
     random = np.random.default_rng(2)
-    signals = random.integers(-9, 10, (96, 1)).astype(float)  # whole numbers: every sum is exact
+    signals = random.integers(-9, 10, (96, 1)).astype(float)  # integers, so that every sum is exact
     factors = random.integers(-3, 4, (1, lanes)).astype(float)
     state, watch = np.zeros((1, lanes)), Watch(1, 0, 96, 16, lanes)
     for half in range(2):

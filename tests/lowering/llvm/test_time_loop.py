@@ -1,4 +1,4 @@
-"""The time loop around a step: blocks, resets, signals, what is written out; and bit-identity of whole runs."""
+"""The time loop around a step: blocks, resets, signals and output, and bit-identity of whole runs."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from independent import example_controllers
 
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_blocks_resets_signals_and_parameters(lanes):
-    """x += p s; a sum and a maximum over each block: by hand with NumPy."""
+    """With x += p s, a sum and a maximum over each block agree with NumPy."""
     x, a, p, s = ca.SX.sym("x"), ca.SX.sym("a", 2), ca.SX.sym("p"), ca.SX.sym("s", 2)
     function = ca.Function("f", [x, a, p, s], [x + p * s[0], ca.vertcat(a[0] + x, ca.fmax(a[1], s[1]))])
     kernel = Kernel(optimize(read(function)), LoopShape(1, 2, 1, 2), (10.0, -np.inf), lanes)
     random = np.random.default_rng(0)
-    signals = random.integers(-9, 9, (12, 2)).astype(float)  # whole numbers: every sum is exact
+    signals = random.integers(-9, 9, (12, 2)).astype(float)  # integers, so that every sum is exact
     start, parameters = np.arange(1.0, lanes + 1)[None], 2.0 * np.arange(1.0, lanes + 1)[None]
     state, out = start.copy(), np.full((3, 3, lanes), np.nan)
     kernel(3, 4, state, parameters, signals, out)
@@ -49,12 +49,13 @@ def test_blocks_resets_signals_and_parameters(lanes):
 
 @pytest.mark.parametrize("blocks", [1, 6, 120])
 def test_a_watch_keeps_the_largest_of_every_window(blocks):
-    """x += s, x^2 is watched at every eighth step, in windows of sixteen, in two calls: against NumPy, whatever the blocks."""
+    """With x += s, x^2 is watched at every eighth step in windows of sixteen, in two calls. It agrees with NumPy for all
+    blocks."""
     x, s = ca.SX.sym("x"), ca.SX.sym("s")
     arguments = [x, ca.SX(0, 1), ca.SX(0, 1), s]
     step, watched = ca.Function("f", arguments, [x + s]), ca.Function("g", arguments, [x * x])
     kernel = Kernel(read(step), LoopShape(1, 0, 0, 1), (), 1, watch=read(watched))
-    signals = np.random.default_rng(1).integers(-9, 10, (240, 1)).astype(float)  # whole numbers: every sum is exact
+    signals = np.random.default_rng(1).integers(-9, 10, (240, 1)).astype(float)  # integers, so that every sum is exact
     start, watch, state = 40, Watch(1, 32, 280, 16), np.zeros((1, 1))
     for half in range(2):
         rows = signals[120 * half : 120 * half + 120]
@@ -86,7 +87,8 @@ def test_a_watch_is_given_to_who_watches():
 
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_a_step_in_pieces_counts_as_one(lanes):
-    """x += s and noise for each piece; samples, noise, watched steps and blocks count the steps. Against a loop in Python."""
+    """Each piece adds s and noise to x. Samples, noise, watched steps and blocks count the steps. The result is compared with a
+    loop in Python."""
     x, s, n = ca.SX.sym("x"), ca.SX.sym("s", 3), ca.SX.sym("n")
     nothing = ca.SX(0, 1)
     a = ca.SX.sym("a")
@@ -134,7 +136,8 @@ def test_pieces_that_end_too_few_steps_are_refused():
 
 @pytest.mark.parametrize("scheme", ["mrac", "l1", "robust-mrac"])
 def test_kernel_against_stepping_the_casadi_function(problems, scheme):
-    """200 steps by calling the traced function from Python. 1e-11: roundings of sums in another order, not amplified."""
+    """200 steps are compared with calls of the traced function from Python. The tolerance 1e-11 is for roundings of sums in a
+    different order, without amplification."""
     problem, controller = problems[2], example_controllers(2)[scheme][0]
     loop = ClosedLoop.of(problem, controller)
     simulation = Simulation(t_end=200 * 2.0**-7, dt=2.0**-7)
@@ -170,8 +173,8 @@ def figures_of(problem, controller, starts, simulation, lanes, threads, record=F
 @pytest.mark.parametrize(("n", "scheme"), [(1, "mrac"), (2, "l1"), (2, "robust-mrac")])
 @pytest.mark.parametrize("record", [False, True])
 def test_bit_identity_over_lanes_and_threads(problems, n, scheme, record):
-    """13 members, a multiple of no width above 1, and thousands of blocks, so that the merging of blocks must not depend on the
-    members' layout in memory either. Every number equal to the last bit."""
+    """There are 13 members, which is not a multiple of any width above 1, and thousands of blocks, whose merging must not depend
+    on the members' layout in memory either. Every number is equal to the last bit."""
     problem, controller = problems[n], example_controllers(n)[scheme][0]
     starts = np.random.default_rng(1).normal(size=(n, 13))
     simulation = Simulation(t_end=5000 * 2.0**-7, dt=2.0**-7)
@@ -196,7 +199,7 @@ def test_a_member_is_what_it_is_alone(problems, n, scheme):
 
 
 def test_two_runs_are_the_same_run(section_v):
-    """In the regime of numerical chaos, where one bit would give a different trajectory."""
+    """The run is in the regime of numerical chaos, where one bit would change the trajectory."""
     from barbalat.controllers import L1Adaptive
     from barbalat.linear.systems import input_filter
     from barbalat.run.engine.simulate import simulate
@@ -210,7 +213,7 @@ def test_two_runs_are_the_same_run(section_v):
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory is read where Linux shows it")
 def test_kernels_that_are_gone_leave_no_memory():
-    """llvmlite keeps the memory of its passes unless it is released: 0.1 MB for each of these small kernels."""
+    """llvmlite keeps the memory of its passes unless it is released, which is 0.1 MB for each of these small kernels."""
     code = """
 import casadi as ca, gc, numpy as np
 from pathlib import Path
@@ -239,7 +242,7 @@ print((pages() - before) * 4096 / 1e6)
 
 
 def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems, monkeypatch):
-    """Compiled together with the step, a block of thousands of operations takes minutes; compiled separately, seconds."""
+    """A block of thousands of operations takes minutes to compile together with the step, but only seconds separately."""
     from barbalat.lowering.llvm import ir
 
     controller = RobustMrac(c_0=[1.0, 1.0], tau=0.5, law=LeastSquares(covariance0=50.0))

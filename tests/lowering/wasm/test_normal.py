@@ -1,4 +1,4 @@
-"""Noise in WebAssembly: NumPy's Philox and the natively printed list, every bit."""
+"""Noise in WebAssembly equals NumPy's Philox and the native list in every bit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""WebAssembly against the kernel: every controller of every bundled case, whole runs, every bit."""
+"""WebAssembly equals the kernel in every bit, in whole runs of every controller of every bundled case."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from lowering.wasm.wasm_kernel import WasmKernel
 
 EVERY_LOOP = [(case, controller.name) for case in bundled() for controller in load_case(case).controllers]
 SHORT = 8.0
-"""Seconds of a run that the short command makes: a whole one has up to 800,000 steps, a tail and windows alike."""
+"""Length [s] of a run in the short tests. A whole run has up to 800,000 steps. Short ones also have a tail and windows."""
 
 
 def both(problem, controller, simulation: Simulation, **options) -> tuple[Batch, Batch]:
-    """The batch after its run, by the kernel and by WebAssembly."""
+    """The batch after its run by the kernel and by WebAssembly."""
     made = []
     for kernel in (None, WasmKernel):
         batch = Batch.of([(problem, controller)], simulation, record=True, windows=20, **options)
@@ -81,7 +81,7 @@ def with_input(problem: Problem, *, delay: float, std: float) -> Problem:
 @pytest.mark.parametrize("sampled", [False, True])
 @pytest.mark.parametrize(("delay", "std"), [(0.0123, 0.0), (0.0, 0.1), (0.0123, 0.1), (0.01, 0.1)])
 def test_delays_noise_and_samples_have_the_kernel_s_bits(delay, std, sampled, adjustable) -> None:
-    """With ``adjustable`` the step, the delay's weights, the samples' and the noise's counts of steps are arguments."""
+    """With ``adjustable`` the step, the delay's weights and the numbers of steps for samples and noise are arguments."""
     case = load_case("paper")
     controller = L1Adaptive(gamma=100.0, filter=input_filter(0.1))
     if sampled:
@@ -96,7 +96,7 @@ def test_delays_noise_and_samples_have_the_kernel_s_bits(delay, std, sampled, ad
 
 
 def test_members_of_an_ensemble_differ_in_parameters_of_one_module() -> None:
-    """Gains, plants and initial states are numbers in the memory: values that depend only on them are computed before the
+    """Gains, plants and initial states are numbers in the memory. Values that depend only on them are computed before the
     loop."""
     case = load_case("paper")
     simulation = Simulation(t_end=1.0, dt=1e-3, fused=False)
@@ -147,7 +147,7 @@ def test_functions_have_the_kernel_s_bits(name) -> None:
     ("ceil", 1), ("copysign", 2), ("select", 3), ("if_else_zero", 2), ("div", 2), ("sub", 2),
 ])  # fmt: skip
 def test_single_operations_have_the_kernel_s_bits(name, count) -> None:
-    """Among them the minimum and maximum of zeros with signs and of NaNs, which f64.min and f64.max order otherwise."""
+    """They include the minimum and maximum of signed zeros and of NaNs, which f64.min and f64.max order differently."""
     x = tuple(part.ravel() for part in np.meshgrid(*[EDGES] * count))
     program = calling(name, count)
     state, out = np.zeros(1), np.empty((len(x[0]), 1))
@@ -159,8 +159,8 @@ def test_single_operations_have_the_kernel_s_bits(name, count) -> None:
 @pytest.mark.parametrize("name", ["fmin", "fmax"])
 @pytest.mark.parametrize("first", [False, True])
 def test_bounds_that_a_compiler_knows_are_no_other_minimum(name, bound, first) -> None:
-    """Of two equal zeros the first is returned, and a NaN only if it is the first operand, as the operation's definition says; by
-    NumPy."""
+    """By the definition of the operation, evaluated in NumPy, the first of two equal zeros is returned, and a NaN only if it is
+    the first operand."""
     operations = [
         Operation("input", source=(3, 0)),
         Operation("constant", (), bound),
@@ -190,7 +190,7 @@ def test_a_long_quantity_is_called_with_its_numbers_on_the_stack(monkeypatch) ->
     assert native.watch is not None
     assert_same(native, wasm, simulation)
     called = WasmKernel(wasm.program)
-    assert (inside.own, called.own) == (0, PAGE_BYTES)  # the one has no stack, the other a page
+    assert (inside.own, called.own) == (0, PAGE_BYTES)  # the first has no stack, the second has a page
 
 
 def test_states_that_change_places_do_so_at_once() -> None:
@@ -217,7 +217,7 @@ def test_what_webassembly_lacks_is_refused() -> None:
     ("%y = frem double %x, 3.0", "fmod"),
 ])  # fmt: skip
 def test_a_function_from_outside_is_refused_by_name(body, lacking) -> None:
-    """LLVM calls a library function where WebAssembly has no instruction, and the host's function would give other bits."""
+    """LLVM calls a library function if WebAssembly has no instruction, and the host's function would give different bits."""
     intrinsics = "declare double @llvm.fma.f64(double, double, double)\ndeclare double @llvm.sin.f64(double)"
     with pytest.raises(ValueError, match=f"WebAssembly has no {lacking}"):
         module(f"define double @value(double %x) {{\n  {body}\n  ret double %y\n}}\n{intrinsics}", "value")
@@ -239,7 +239,8 @@ def test_a_stack_has_a_size() -> None:
 
 
 def test_modules_take_version_1_and_conversions_that_do_not_trap() -> None:
-    """The instruction set of browsers of 2021: later instructions are disabled here, and a module with one of them is invalid."""
+    """The instruction set is that of browsers of 2021. Later instructions are disabled here, so that a module with one of them is
+    invalid."""
     config = wasmtime.Config()
     config.wasm_bulk_memory = config.wasm_relaxed_simd = config.wasm_simd = config.wasm_multi_value = config.wasm_tail_call = (
         False
@@ -256,14 +257,14 @@ def test_modules_take_version_1_and_conversions_that_do_not_trap() -> None:
 
 
 def test_llvmlite_on_windows_makes_the_same_module(monkeypatch) -> None:
-    """On such a system LLVM names another object format in its default triples."""
+    """On Windows LLVM's default triples name a different object format."""
     here = WasmKernel(calling("tanh", 1)).bytes
     monkeypatch.setattr(llvmlite.binding.targets, "os", SimpleNamespace(name="nt"))
     assert WasmKernel(calling("tanh", 1)).bytes == here
 
 
 def test_the_bytes_are_the_same_every_time_and_few() -> None:
-    """Section V's L1 loop with all figures: 5 kB were measured."""
+    """Section V's L1 loop with all figures has 5 kB."""
     case = load_case("paper")
     simulation = replace(case.simulation, fused=False)
     programs = [Batch.of([(case.problem, case.controllers[1])], simulation).program for _ in range(2)]

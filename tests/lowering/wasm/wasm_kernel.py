@@ -1,4 +1,5 @@
-"""A WebAssembly module called as a kernel is: its arrays are copied into the module's memory and back. One lane."""
+"""A WebAssembly module with the interface of a kernel. Its arrays are copied into the module's memory and back. It has one
+lane."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ class WasmKernel:
             array[...] = self.taken(array, address)
 
     def put(self, arrays: list[np.ndarray]) -> list[int]:
-        """The arrays one after another in the memory; their addresses."""
+        """Copy the arrays one after another into the memory and return their addresses."""
         memory, at, end = self.exports["memory"], [], self.own
         for array in arrays:
             at.append(end)

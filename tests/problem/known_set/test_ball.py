@@ -17,7 +17,7 @@ ALWAYS = 1e-9  # of quantities of order 1 to 1e3
 
 @st.composite
 def situations(draw):
-    """(random, ball, theta_hat on the sphere as the limit leaves it, theta in the ball, rate, gain)."""
+    """(random, ball, theta_hat on the sphere after the limit, theta in the ball, rate, gain)."""
     n = draw(st.integers(1, 5))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     ball = ParameterBall(center=random.normal(size=n) * random.choice([0.0, 1.0, 100.0]), radius=10 ** random.uniform(-2, 2))
@@ -32,7 +32,7 @@ def situations(draw):
 @REPRODUCIBLE
 @given(situations())
 def test_on_the_sphere(situation):
-    """Nothing points outward, what points inward is untouched, and V does not grow by the projection."""
+    """No projected rate points outward, an inward rate is unchanged, and the projection does not make V grow."""
     _, ball, theta_hat, theta, rate, gain = situation
     projected = project(rate, theta_hat, ball, Gain(gain))
     g = (theta_hat - ball.center) / ball.radius
@@ -47,7 +47,8 @@ def test_on_the_sphere(situation):
 @REPRODUCIBLE
 @given(situations())
 def test_the_nearest_admissible_rate(situation):
-    """In the metric of Gamma^-1 the projected rate is the nearest with g'v <= 0: a solver for constrained problems agrees."""
+    """In the metric of Gamma^-1 the projected rate is the nearest one with g'v <= 0, as a solver for constrained problems
+    confirms."""
     _, ball, theta_hat, _, rate, gain = situation
     g = theta_hat - ball.center
     if np.ndim(gain) < 2 or g @ rate <= 0 or ball.size > 3:
@@ -84,9 +85,10 @@ def test_a_march_never_leaves_the_ball_and_inside_nothing_changes(situation):
     "gain", [2.0, np.array([0.3, 1.0, 4.0]), np.array([[3.0, 1.0, 0.5], [1.0, 2.0, -0.4], [0.5, -0.4, 1.0]])]
 )
 def test_ascent_of_a_linear_function_ends_at_its_maximiser(gain):
-    """theta_hat' = proj(Gamma v): whatever the metric, the rest is center + radius v/|v|, by Karush, Kuhn and Tucker.
+    """With theta_hat' = proj(Gamma v) the equilibrium is center + radius v/|v| in any metric, by the conditions of Karush, Kuhn
+    and Tucker.
 
-    With a limit along the radius alone, and no projection in the metric of Gamma^-1, it would rest elsewhere.
+    With only a limit along the radius, without projection in the metric of Gamma^-1, the equilibrium would be elsewhere.
     """
     ball = ParameterBall(center=[1.0, -2.0, 0.5], radius=1.5)
     v = np.array([1.0, 2.0, -0.5])
@@ -98,7 +100,7 @@ def test_ascent_of_a_linear_function_ends_at_its_maximiser(gain):
 
 
 def test_facts_about_a_ball():
-    """theta_max, the farthest point and the extent against sampled points of the sphere."""
+    """theta_max, the farthest point and the extent are compared with sampled points of the sphere."""
     ball = ParameterBall(center=[1.0, -2.0, 0.0], radius=1.5)
     random = np.random.default_rng(1)
     directions = random.normal(size=(200_000, 3))
@@ -115,5 +117,5 @@ def test_facts_about_a_ball():
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_bad_estimate_stays_visible(bad):
     ball = ParameterBall(center=[0.0, 0.0], radius=1.0)
-    with np.errstate(invalid="ignore"):  # inf/inf on the way is no finding
+    with np.errstate(invalid="ignore"):  # inf/inf in between is not a fault
         assert np.isnan(limit(np.array([bad, 0.0]), ball)).any()

@@ -1,4 +1,4 @@
-"""Known sets: their largest distances against their corners, and against points drawn from them."""
+"""Known sets: their largest distances, compared with their corners and with random points."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def test_the_farthest_point_of_a_box_is_a_corner(n):
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_the_farthest_point_of_a_ball_is_on_its_surface(n):
-    """No point is farther; in the Euclidean norm it lies beyond the centre, in the 1-norm where all components move alike."""
+    """No point is farther. In the Euclidean norm it is opposite to the centre, in the 1-norm where all components move
+    equally."""
     random = np.random.default_rng(n)
     ball = ParameterBall(center=random.uniform(-2, 2, n), radius=random.uniform(0.1, 3))
     directions = random.normal(size=(2000, n))
@@ -57,7 +58,7 @@ def test_points_are_drawn_evenly(known_set, shares):
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_a_box_is_within_a_bound_that_its_corners_keep(n):
-    """For either position of its larger side; one double below the farthest corner is too little."""
+    """This holds for either position of its larger side. One double below the farthest corner is too small."""
     random = np.random.default_rng(n)
     for _ in range(20):
         lower = random.uniform(-3, 1, n)
@@ -71,7 +72,7 @@ def test_a_box_is_within_a_bound_that_its_corners_keep(n):
 
 
 def around(bound, squared):
-    """The doubles next to ``bound`` in both directions; the first one beyond the farthest corner satisfies the bound."""
+    """The doubles next to ``bound`` in both directions. The first one above the farthest corner satisfies the bound."""
     up, down = [bound], [bound]
     for _ in range(4):
         up.append(math.nextafter(up[-1], math.inf))
@@ -85,7 +86,7 @@ def around(bound, squared):
     ids=["box", "ball"],
 )
 def test_points_outside_are_brought_to_the_nearest_of_the_set(known_set):
-    """Inside nothing moves; outside no other point of the set is nearer than the one that is taken."""
+    """Points inside do not move. For a point outside, no other point of the set is nearer than the chosen one."""
     random = np.random.default_rng(5)
     points = random.uniform(-6, 6, (40, 2))
     brought, others = known_set.brought_in(points), known_set.drawn(random, 4000)

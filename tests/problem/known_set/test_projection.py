@@ -14,7 +14,8 @@ ALWAYS = 1e-9  # of quantities of order 1 to 1e3: products of a few random matri
 
 @st.composite
 def situations(draw):
-    """(box, theta_hat, theta, rate, gain): an estimate inside, on faces, edges or corners; a theta in the box; a matrix gain."""
+    """(box, theta_hat, theta, rate, gain) with an estimate inside, on a face, on an edge or in a corner, a theta in the box, and
+    a matrix gain."""
     n = draw(st.integers(1, 6))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     lower = random.uniform(-5, 5, n)
@@ -28,7 +29,7 @@ def situations(draw):
 
 
 def outward(rate, theta_hat, box):
-    """The part of a rate that leaves the box at once."""
+    """The part of a rate that points out of the box."""
     return np.where(theta_hat >= box.upper, np.maximum(rate, 0), 0) + np.where(theta_hat <= box.lower, np.minimum(rate, 0), 0)
 
 
@@ -47,7 +48,7 @@ def test_a_diagonal_gain(situation):
 @REPRODUCIBLE
 @given(situations())
 def test_a_matrix_gain(situation):
-    """theta_tilde'P^-1 (projected - raw) <= 0: what the Lyapunov proof of (15) needs of the projection."""
+    """theta_tilde'P^-1 (projected - raw) <= 0, as required by the Lyapunov proof of (15)."""
     box, theta_hat, theta, rate, gain = situation
     projected = project(rate, theta_hat, box, Gain(gain))
     assert (theta_hat - theta) @ np.linalg.solve(gain, projected - rate) <= ALWAYS
@@ -56,8 +57,9 @@ def test_a_matrix_gain(situation):
 @REPRODUCIBLE
 @given(situations())
 def test_up_to_four_parameters_also_in_a_corner(situation):
-    """With the limit's clipping: with two parameters it meets only an off-diagonal of the harmless sign, and with three and four
-    nothing remains to clip. With more parameters the clipped part is small, and the inequality is not claimed."""
+    """The limit's clipping is included. With two parameters it occurs only with an off-diagonal entry of the harmless sign, and
+    with three and four parameters nothing remains to clip. With more parameters the clipped part is small, and the inequality is
+    not claimed."""
     box, theta_hat, theta, rate, gain = situation
     projected = project(rate, theta_hat, box, Gain(gain))
     kept = np.where(theta_hat >= box.upper, np.minimum(projected, 0), projected)
@@ -71,10 +73,11 @@ def test_up_to_four_parameters_also_in_a_corner(situation):
 @REPRODUCIBLE
 @given(situations())
 def test_the_projection_against_the_quadratic_programme(situation):
-    """The projected rate is the nearest admissible one in the metric of P^-1: minimise |v - rate| over the v that stay inside.
+    """The projected rate is the nearest admissible one in the metric of P^-1. It minimises |v - rate| over the v that stay
+    inside.
 
-    The minimiser of a convex problem is characterised by its optimality: every admissible change is uphill. On one face for any
-    number of parameters, in corners for three and four.
+    At the minimiser of a convex problem every admissible change increases the objective. The test is on one face for any number
+    of parameters, and in corners for three and four.
     """
     box, theta_hat, _, rate, gain = situation
     side = np.where(theta_hat <= box.lower, -1.0, np.where(theta_hat >= box.upper, 1.0, 0.0))
@@ -86,14 +89,15 @@ def test_the_projection_against_the_quadratic_programme(situation):
     touching = (side != 0) & ~fixed
     assert (side * projected)[touching].max(initial=-1) <= ALWAYS  # admissible
     assert np.abs(projected[fixed]).max(initial=0) <= ALWAYS
-    assert np.abs(force[side == 0]).max(initial=0) <= ALWAYS  # no force but from faces
-    assert (side * force)[touching].max(initial=-1) <= ALWAYS  # a wall only pushes inward
-    assert np.abs((force * projected)[touching]).max(initial=0) <= 10 * ALWAYS  # and only on what rests on it
+    assert np.abs(force[side == 0]).max(initial=0) <= ALWAYS  # forces only from faces
+    assert (side * force)[touching].max(initial=-1) <= ALWAYS  # a face only pushes inward
+    assert np.abs((force * projected)[touching]).max(initial=0) <= 10 * ALWAYS  # and only an estimate that is on it
 
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_ill_conditioned_gains_in_corners(n):
-    """Eigenvalues over six decades: what is left outward is rounding of the largest term, in the metric's own scale."""
+    """With eigenvalues over six decades, the remaining outward part is rounding of the largest term, in the metric's own
+    scale."""
     random = np.random.default_rng(n)
     box, theta_hat = ParameterBox(lower=-np.ones(n), upper=np.ones(n)), np.ones(n)
     for _ in range(300):
@@ -110,9 +114,9 @@ def test_ill_conditioned_gains_in_corners(n):
 @pytest.mark.parametrize("ball", [None, ParameterBall(center=[0.5, -0.5], radius=1.0)])
 @pytest.mark.parametrize("kind", ["number", "diagonal", "matrix"])
 def test_input_gains_beside_theta(ball, kind):
-    """At their bounds the input gains do not move outward, on its sphere theta does not: whatever the law's gain.
+    """For any gain of the law, input gains at their bounds do not move outward, and neither does theta on its sphere.
 
-    A scalar or diagonal gain does not couple the two: each moves as it does alone.
+    A scalar or diagonal gain does not couple the two, so that each moves as it does alone.
     """
     random = np.random.default_rng(7)
     gains = ParameterBox(lower=[0.5, -2.0], upper=[3.0, -1.0])
@@ -139,7 +143,7 @@ def test_input_gains_beside_theta(ball, kind):
 @REPRODUCIBLE
 @given(situations(), st.integers(0, 2**32 - 1))
 def test_a_march_never_leaves_the_box(situation, seed):
-    """Random rates, a long step: theta_hat after the limit is in the box, to the last bit."""
+    """With random rates and a long step, theta_hat after the limit is in the box to the last bit."""
     box, theta_hat, _, _, gain = situation
     random = np.random.default_rng(seed)
     for _ in range(20):
@@ -162,7 +166,7 @@ def test_a_bad_rate_inside_the_box_stays_visible(bad):
     box = ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0])
     rate = np.array([bad, 1.0])
     np.testing.assert_array_equal(project(rate, np.zeros(2), box), rate)
-    with np.errstate(invalid="ignore"):  # inf - inf on the way is no finding
+    with np.errstate(invalid="ignore"):  # inf - inf in between is not a fault
         assert not np.isfinite(project(rate, np.zeros(2), box, Gain(np.eye(2)))[0])
 
 

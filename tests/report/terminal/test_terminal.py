@@ -1,4 +1,4 @@
-"""The screens at 60, 80 and 120 columns: no line is longer, and no number, name or unit is broken over two."""
+"""The screens at 60, 80 and 120 columns: no line is longer, and no number, name or unit is split between two lines."""
 
 import dataclasses
 import io
@@ -37,7 +37,7 @@ CASES = ("paper", "rohrs", "l1-output", "f16-short-period", "first-order")
 
 
 def shown(width, show, encoding="utf-8") -> str:
-    """What a screen shows on a terminal with this many columns."""
+    """The output on a terminal with this many columns."""
     raw = io.BytesIO()
     file = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace", write_through=True)
     show(Screen(Console(file=file, width=width, highlight=False, markup=False, emoji=False), longest=width))
@@ -46,7 +46,7 @@ def shown(width, show, encoding="utf-8") -> str:
 
 @cache
 def case(name):
-    """Short, because the screen has the same form after 2 s."""
+    """A short case, because the screen has the same form after 2 s."""
     found = load_case(name)
     return dataclasses.replace(found, simulation=dataclasses.replace(found.simulation, t_end=4.0, dt=1e-3))
 
@@ -101,7 +101,7 @@ LONG = (
 
 @cache
 def long_named():
-    """The paper's controllers, by names that leave a table no room."""
+    """The paper's controllers with names so long that a table has no room."""
     found = case("paper")
     controllers = [dataclasses.replace(one, name=name) for one, name in zip(found.controllers, LONG, strict=True)]
     made = certify(found.problem, controllers, found.simulation)
@@ -144,7 +144,7 @@ def words(text) -> set[str]:
 def test_no_line_is_longer_and_nothing_is_broken(name, width):
     narrow, wide = shown(width, SCREENS[name]), shown(WIDE, SCREENS[name])
     assert max(map(cell_len, narrow.splitlines())) <= width
-    shown_here = re.sub(r"\d+ more findings?: --full\s+shows\s+all\s+of\s+them", "", narrow)  # fewer fit in short lines
+    shown_here = re.sub(r"\d+ more findings?: --full\s+shows\s+all\s+of\s+them", "", narrow)  # fewer columns fit in short lines
     assert {re.sub(r"^[─-]+$", "", word) for word in words(shown_here)} <= words(wide) | {""}
     lines = narrow.splitlines()
     for line, following in pairwise(lines):
@@ -180,7 +180,8 @@ def test_the_short_screen_has_a_sentence_for_each_controller_and_room_on_one_pag
 
 
 def test_findings_are_told_once_for_all_runs():
-    """One sentence for each kind, with the controllers that it concerns and the number of similar ones with other values."""
+    """There is one sentence for each kind, with the controllers that it concerns and the number of similar findings with other
+    values."""
     one, other = Finding("on bounds", "theta_1 sits, 60 %"), Finding("on bounds", "theta_2 sits, 70 %")
     held, still = Finding("record of a signal", "the command ends"), Finding("still", "it hardly adapts")
     told = together({"A": [held, one, other], "B": [held, one], "C": [still, held]})
@@ -214,7 +215,7 @@ def test_at_80_columns_a_controllers_component_has_one_line():
 
 @pytest.mark.parametrize("name", (*CASES, "satellite-spin"))
 def test_the_five_lines_say_what_the_entries_say(name):
-    """Each number comes from an entry; the word guaranteed appears only beside guarantees."""
+    """Each number comes from an entry, and the word guaranteed appears only with guarantees."""
     made, table = certified(name)
     for column in table.columns:
         found = made[column.name]
@@ -248,7 +249,7 @@ def test_the_five_lines_say_what_the_entries_say(name):
 
 @pytest.mark.parametrize("sampled", ["", "sample_time = 0.01"])
 def test_what_fails_is_named_whether_a_condition_is_met_or_not(sampled):
-    """The case's delay, limits and noise break the same assumptions beside a small known set and a large one."""
+    """The case's delay, limits and noise violate the same assumptions with a small known set and with a large one."""
     said = []
     for reach in (0.01, 50.0):
         case = parse_case(BROKEN.format(reach=reach, sampled=sampled))
@@ -256,7 +257,7 @@ def test_what_fails_is_named_whether_a_condition_is_met_or_not(sampled):
         table = table_1(case.problem, case.controllers, made)
         said.append({column.name: five(column, made[column.name], 1e-3)[4].text for column in table.columns})
         conditions = [entry.value["holds"] for found in made.values() if (entry := found.entry("condition")) is not None]
-        assert conditions == [reach < 1] * len(conditions)  # a sampled linear loop has none: it is known itself
+        assert conditions == [reach < 1] * len(conditions)  # a sampled linear loop has none, because the loop itself is known
     small, large = said
     for name, text in small.items():
         if name == "A" and sampled:  # another theorem covers it
@@ -322,7 +323,7 @@ LABELS = ["condition", "bound of e", "margin", "gain, step", "assumed"]
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("width", [80, 100, 60])
 def test_five_lines_are_all_there_and_whole(name, width):
-    """One line for each label, in order; a long reason continues below in full."""
+    """There is one line for each label, in order. A long reason continues below in full."""
     lines = shown(width, SCREENS[f"certify {name}"]).splitlines()
     made, table = certified(name)
     for column in table.columns:
@@ -338,7 +339,7 @@ def test_five_lines_are_all_there_and_whole(name, width):
 
 
 def test_the_longest_limits_fit_80_columns():
-    """Numbers of the most digits that are printed, and every verdict on the step."""
+    """Numbers with the largest number of printed digits, and every verdict on the step."""
     values = {"gamma_max": 1.234e5, "gamma_max_at_model": 1.23e6, "step_max": 1.234e-5, "step_max_at_model": 1.234e-4}
     made = Certificate(tuple(Entry(key=key, value=value, kind="estimate") for key, value in values.items()))
     column = certified("paper")[1].columns[0]
@@ -356,8 +357,8 @@ def test_the_longest_limits_fit_80_columns():
     ],
 )
 def test_the_legend_is_that_of_the_cases_solver(solver, of_one, of_all):
-    """For a method that is unstable on the imaginary axis, a limit that relies on damping is printed as "about" and never as "at
-    least"."""
+    """For a method that is unstable on the imaginary axis, a limit that relies on damping is printed with "about" and never with
+    "at least"."""
     found = case("paper")
     simulation = dataclasses.replace(found.simulation, solver=SOLVERS[solver])
     (mrac,) = [one for one in found.controllers if one.name == "MRAC"]
@@ -380,7 +381,7 @@ def test_an_enclosure_is_on_one_line():
 
 
 def test_reproduce_ends_with_each_rows_headline_whole():
-    """The comparison that we added is not a figure of the paper."""
+    """The comparison that is added here is not a figure of the paper."""
     added = dataclasses.replace(FIGURE, key="added", checks=(Check("it is better", True, "2"),))
     lines = shown(80, lambda screen: ledger.overview(screen, [FIGURE, added], [PLAIN, PLAIN, NUMBERED])).splitlines()
     assert lines[:2] == ["Holds: 2", "  bound-9, bound-9"]
@@ -421,7 +422,7 @@ def test_a_unit_stays_with_its_number(text):
 
 
 def test_a_run_prints_every_warning_once():
-    """A property of the problem is shown once for all its runs: here x_m settles at 40/3 r, for -A_m^-1 b = (10/3, 0)."""
+    """A property of the problem is shown once for all its runs. Here x_m settles at 40/3 r, as -A_m^-1 b = (10/3, 0)."""
     text = " ".join(shown(80, SCREENS["run paper --full"]).split()).lower()
     warnings = {(result.name, warning) for result in results("paper") for warning in result.warnings}
     assert any("13.33 times" in warning for _, warning in warnings)
@@ -432,7 +433,7 @@ def test_a_run_prints_every_warning_once():
 
 
 def test_every_input_has_a_line_of_its_own():
-    """Beside one component of the error, its norm would be read as that component's value."""
+    """Next to one component of the error, its norm would be read as the value of that component."""
     found = load_case("satellite-spin")
     run = list(simulate(found.problem, found.controllers[:1], dataclasses.replace(found.simulation, t_end=1.0)).values())
     lines = shown(80, lambda screen: runs.show_full(screen, "spin", run)).splitlines()
@@ -446,7 +447,7 @@ def test_every_input_has_a_line_of_its_own():
 
 
 def test_what_was_simulated_stands_on_the_short_screen():
-    """``--simulate`` without ``--full``: the delays that were measured; where nothing was simulated there is no such line."""
+    """``--simulate`` without ``--full`` shows the delays from simulations. Without simulations there is no such line."""
     made, table = certified("first-order")
     name = table.columns[0].name
     changed = {name: made[name].with_simulated(Simulated("20 s of the case's own run: follows within 3 %", {}, "delay 0.0106 s"))}
@@ -460,7 +461,7 @@ def test_what_was_simulated_stands_on_the_short_screen():
 
 
 def test_what_u_is_of_is_said_where_the_plant_gets_something_else():
-    """max |u| is the demand: beside limits, a gain, dynamics or a delay at the plant's input the screen says so."""
+    """max |u| is the demand. With limits, a gain, dynamics or a delay at the plant's input the screen says so."""
     said = {
         name: shown(80, lambda screen, name=name: runs.show(screen, name, results(name)))
         for name in ("f16-short-period", "paper")

@@ -1,4 +1,5 @@
-"""A kernel that takes dt, the delay's weights and the rhythm as arguments, against the ones that have them compiled in."""
+"""A kernel with dt, the delay's weights and the sampling counts as arguments, compared with kernels that have them compiled
+in."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ NOISE = Sensor(noise=Noise(std=0.01, sample_time=SAMPLE_TIME, seed=3))
 
 
 def cases(problem):
-    """By name: members that differ in a gain, and what a step can hold."""
+    """By name, members that differ in a gain, for everything that a step can contain."""
     law = [L1Adaptive(gamma=gamma, filter=input_filter(0.1), name="c") for gamma in (1.0, 2.0, 3.0)]
     sampled = [Sampled(controller=controller, sample_time=SAMPLE_TIME) for controller in law]
 
@@ -53,7 +54,7 @@ def made(members, simulation, *, adjustable):
 
 @pytest.mark.parametrize("name", ["plain", "one member", "sampled", "noisy", "limited rate", "delayed", "all"])
 def test_one_kernel_for_two_steps(problems, name):
-    """1e-10: 512 steps of roundings of sums in another order, in loops that do not amplify."""
+    """The tolerance 1e-10 is for roundings of sums in a different order in 512 steps of loops that do not amplify."""
     members, kernels = cases(problems[2])[name], []
     for dt in STEPS:
         simulation = Simulation(t_end=4.0, dt=dt)
@@ -122,7 +123,7 @@ def test_members_of_two_structures_are_refused(problems):
 
 
 def test_recorded_blocks_of_members_that_stop_at_different_times(problems):
-    """One lane for each member: instants after divergence are NaN, and the other member is complete."""
+    """There is one lane for each member. Instants after divergence are NaN, and the other member is complete."""
     members = [(problems[2], Mrac(gamma=gamma, projection=False)) for gamma in (1e9, 1.0)]
     simulation = Simulation(t_end=2.0**12, dt=2.0**-3)
     batch = Batch.of(members, simulation, record=True, lanes=1)
@@ -137,7 +138,8 @@ def test_recorded_blocks_of_members_that_stop_at_different_times(problems):
 
 
 def test_a_step_is_traced_once_for_all_that_it_depends_on(problems):
-    """Other arguments of the kernel have the same program; another constant, step, option or a class from outside has its own."""
+    """Other arguments of the kernel use the same program. Another constant, step or option or a class from outside has its own
+    program."""
 
     def program(members, dt=STEPS[0], **how):
         return Batch.of(members, Simulation(t_end=4.0, dt=dt, **how)).program
@@ -153,7 +155,7 @@ def test_a_step_is_traced_once_for_all_that_it_depends_on(problems):
     assert program([(other, Mrac(gamma=2.0))]) is not program([(problem, Mrac(gamma=2.0))])
 
     class Own(type(Mrac(1.0).bind(problem.known))):
-        """From outside."""
+        """A class from outside the package."""
 
     class Controller:
         name = "own"

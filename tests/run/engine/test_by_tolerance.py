@@ -1,4 +1,4 @@
-"""Runs whose steps follow from a tolerance, against exact solutions, SciPy's DOP853 and fixed steps that are fine enough."""
+"""Runs with steps by a tolerance, compared with exact solutions, with SciPy's DOP853 and with sufficiently fine fixed steps."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -30,7 +30,7 @@ def final_state(problem, controller, tolerance, t_end):
 
 
 def test_the_motion_is_scipys() -> None:
-    """SciPy's DOP853 has the same coefficients and another step control: at 1e-11 both leave some 1e-8 here."""
+    """SciPy's DOP853 has the same coefficients but a different step control. At 1e-11 both have errors of some 1e-8 here."""
     loop = ClosedLoop.of(PAPER.problem, MRAC)
     rates, command = Compiled(right_hand_side(loop)), PAPER.problem.reference
     found = solve_ivp(
@@ -42,7 +42,8 @@ def test_the_motion_is_scipys() -> None:
 
 
 def test_the_error_falls_as_the_tolerance() -> None:
-    """A step's error is of order 9 in its length, so that a hundredth of the tolerance takes 100^(1/8) = 1.8 as many steps."""
+    """The error of a step is of order 9 in its length, so that a hundredth of the tolerance needs 100^(1/8) = 1.8 times as many
+    steps."""
     exact = final_state(PAPER.problem, L1, 1e-11, 1.0)
     motions = [final_state(PAPER.problem, L1, tolerance, 1.0) for tolerance in (1e-5, 1e-7, 1e-9)]
     errors = [np.abs((motion.x - exact.x) / exact.x).max() for motion in motions]
@@ -54,7 +55,7 @@ def test_the_error_falls_as_the_tolerance() -> None:
 
 @pytest.mark.parametrize("controller", [L1, MRAC], ids=lambda c: c.name)
 def test_the_order_is_kept_where_an_estimate_meets_its_bound(controller) -> None:
-    """Section V up to 8 s: theta_hat_1 rests at 5 for a while; RK4 at fixed steps is of first order there."""
+    """In Section V up to 8 s, theta_hat_1 is constant at 5 for a while, where RK4 with fixed steps is of first order."""
     given = replace(controller, gamma=1.0)
     one, other, exact = (final_state(PAPER.problem, given, tolerance, 8.0) for tolerance in (1e-5, 1e-7, 1e-10))
     assert one.choices >= 2
@@ -63,7 +64,7 @@ def test_the_order_is_kept_where_an_estimate_meets_its_bound(controller) -> None
 
 
 def test_figures_are_those_of_the_motion() -> None:
-    """Against fixed steps so fine that their instants resolve every extremum to seven digits."""
+    """They are compared with fixed steps so fine that their instants resolve every extremum to seven digits."""
     result = simulate(PAPER.problem, [MRAC], Simulation(4.0, tolerance=1e-8))["MRAC"]
     fine = simulate(PAPER.problem, [MRAC], Simulation(4.0, 2e-5))["MRAC"]
     for name in ("max_abs_e", "tail_max_abs_e", "theta_hat_tail_min", "theta_hat_tail_max", "theta_hat_variation_rate"):
@@ -83,14 +84,14 @@ def test_the_estimates_stay_in_the_known_set() -> None:
 
 
 def test_jumps_and_corners_of_the_command_end_steps() -> None:
-    """A square wave whose jumps lie on no grid: the error falls with the tolerance as without jumps."""
+    """With a square wave whose jumps are on no grid, the error decreases with the tolerance as without jumps."""
     problem = replace(PAPER.problem, reference=Square(20.0, 1.37, phase=0.2))
     one, other, exact = (final_state(problem, MRAC, tolerance, 5.0) for tolerance in (1e-5, 1e-8, 1e-11))
     assert np.abs(other.x - exact.x).max() < np.abs(one.x - exact.x).max() / 50
 
 
 def test_the_measured_error_is_that_of_the_run() -> None:
-    """Held against a third run, at a tolerance finer than the second one's."""
+    """It is compared with a third run at a finer tolerance than that of the second one."""
     result = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-5))["L1"]
     exact = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-10))["L1"]
     found = np.abs(result.theta_hat - exact.theta_hat).max(axis=0) / np.abs(exact.theta_hat).max(axis=0)
@@ -100,7 +101,7 @@ def test_the_measured_error_is_that_of_the_run() -> None:
 
 
 def test_a_figure_that_the_tolerance_leaves_open_is_named() -> None:
-    """The estimate rests, and the remaining oscillation is due to the tolerance, as fixed steps show."""
+    """The estimate is constant, and the remaining oscillation is due to the tolerance, as fixed steps show."""
     case = load_case("l1-output")
     loose, tight = (simulate(case.problem, case.controllers[:1], Simulation(5.0, tolerance=t))["L1 output"] for t in (1e-6, 1e-9))
     fixed = simulate(case.problem, case.controllers[:1], Simulation(5.0, 1e-4))["L1 output"].figures
@@ -115,7 +116,7 @@ def test_a_figure_that_the_tolerance_leaves_open_is_named() -> None:
 
 @pytest.mark.full
 def test_a_tolerance_that_roundings_leave_no_room_for_ends_in_a_sentence() -> None:
-    """Section V near 6.9 s, where theta_hat_1 meets its bound."""
+    """The run is Section V near 6.9 s, where theta_hat_1 reaches its bound."""
     with pytest.raises(
         InputError, match=r"= 1e-12 is finer than 64-bit numbers resolve .* such as 1e-09, or give simulation\.dt"
     ):
@@ -187,7 +188,8 @@ def test_certificates_have_no_limit_of_the_step() -> None:
 
 
 def test_attempts_without_dense_output_are_the_same() -> None:
-    """What the work-precision table measures makes the steps of a run; sums that nobody else needs are associated otherwise."""
+    """The function that is measured for the work-precision table makes the steps of a run, but sums that nothing else needs are
+    associated differently."""
     whole = final_state(PAPER.problem, MRAC, 1e-7, 1.0)
     bare = whole.again(1e-7, 1.0).sparse()
     while not bare.over:

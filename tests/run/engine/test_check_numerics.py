@@ -1,5 +1,5 @@
-"""The check at a finer step: runs whose oscillation is known to come from the solver or from the loop, and one that is too
-expensive to check."""
+"""The check at a finer step, for runs whose oscillation is known to come from the solver or from the loop, and for one that is
+too expensive to check."""
 
 from dataclasses import replace
 
@@ -55,18 +55,18 @@ def delayed(delay):
 
 
 def test_an_oscillation_that_the_input_delay_makes_is_not_blamed_on_the_solver():
-    # fast adaptation around a delay of 0.05 s swings at any step; at 1e-3 s the solver adds its own
+    # fast adaptation around a delay of 0.05 s oscillates at any step; at 1e-3 s the solver adds its own oscillation
     controller, problem = L1Adaptive(gamma=10.0, filter=input_filter(0.02)), delayed(0.05)
     result = checked(problem, controller, Simulation(t_end=20, dt=1e-3))
     assert result.stiffness.unstable_from is not None and result.check.origin == "both"
     assert result.label is None and result.verdict.settled  # of the same class at both steps
-    finest = simulate(problem, [controller], Simulation(t_end=20, dt=2e-5))["L1"]  # finer than the check's own
+    finest = simulate(problem, [controller], Simulation(t_end=20, dt=2e-5))["L1"]  # finer than that of the check
     assert finest.label is None
     assert max(finest.figures["theta_hat_variation_rate"]) > 20  # more than a sweep of the box per second
 
 
 def test_a_step_that_damps_the_loops_own_ringing():
-    # just outside the region the tail is the same, but the method's damping has swallowed most of the path before it
+    # just outside the region the tail is the same, but the method's damping has suppressed most of the path before it
     controller = L1Adaptive(gamma=1800.0, filter=input_filter(0.02))
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-4))
     assert result.stiffness.unstable_from is not None and result.check.origin == "both"
@@ -76,7 +76,7 @@ def test_a_step_that_damps_the_loops_own_ringing():
 
 
 def test_a_label_without_consequences():
-    # a correct run that is given a label: it is the same at every step
+    # a correct run with a label: it is the same at every step
     (sound,) = simulate(PAPER, [Mrac(gamma=10.0)], Simulation(t_end=10, dt=1e-4)).values()
     labelled = replace(sound, stiffness=replace(sound.stiffness, unstable_from=1.0))
     (result,) = check_numerics({"MRAC": labelled}).values()
@@ -99,7 +99,7 @@ def test_a_divergence_that_the_plant_makes_is_the_loops(dt):
 
 @pytest.mark.parametrize(("gamma", "dt"), [(1e6, 1e-4), (1e8, 1e-4), (1e10, 1e-4)])
 def test_a_divergence_at_every_step_tried_is_never_called_the_loops(gamma, dt):
-    # theory: within the known set the scheme is stable at any gain; what diverges is the solver, or not settled
+    # theory: within the known set the scheme is stable at any gain, so that a divergence is due to the solver or not settled
     result = checked(PAPER, Mrac(gamma=gamma, projection=False), Simulation(t_end=5, dt=dt))
     assert result.diverged_at is not None
     assert result.check.origin in {"solver", "unsettled"}
@@ -136,7 +136,7 @@ def test_progress_ends_at_one_and_never_falls():
 
 
 def test_a_burst_before_the_tail_is_judged_by_the_whole_run():
-    """The tail shows roundings alone; the burst's error is two hundred times what it is at a finer step."""
+    """The tail shows only roundings. The burst's error is two hundred times that at a finer step."""
     problem = Problem(
         plant=Plant(A_m=[[-50.0]], b=[1.0], theta=[3.0]),
         reference_model=ReferenceModel(k_0=50.0),
@@ -153,7 +153,7 @@ def test_a_burst_before_the_tail_is_judged_by_the_whole_run():
 
 
 def test_what_a_law_sampled_by_euler_steps_chatters_is_not_called_the_loops():
-    """Its own steps are refined with the solver's: a finer solver alone would show the same chatter."""
+    """Its own steps are refined with those of the solver, because a finer solver alone would show the same chatter."""
     controller = Sampled(controller=Mrac(gamma=2e-3), sample_time=1e-2, discretization="euler")
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-3))
     assert result.label is not None
@@ -199,7 +199,8 @@ filter = { kappa = 0.05 }
 
 
 def test_no_solver_is_blamed_for_a_finite_escape(tmp_path):
-    """The plant's own: its time converges with the step, and every step's region of stability is left just before it."""
+    """The finite escape is that of the plant. Its time converges with the step, and the region of stability of every step is left
+    just before it."""
     path = tmp_path / "escape.toml"
     path.write_text(ESCAPE)
     found = load_case(path)
@@ -226,7 +227,8 @@ def test_a_divergence_that_a_finer_step_takes_away_is_the_solvers():
 
 
 def test_to_leave_the_region_is_no_verdict():
-    """Without a finer step nothing is settled; one that finds the same class clears the run, another class is the solver's."""
+    """Without a finer step nothing is settled. If it finds the same class, the run is correct, and a different class is due to
+    the solver."""
     assert "not settled" in label(2.6, None, Class.FOLLOWS, None)
     for origin in ("loop", "both"):
         assert label(2.6, None, Class.FOLLOWS, FinerStep(origin, "", kind=Class.FOLLOWS)) is None
@@ -262,7 +264,8 @@ discretization = "euler"
 
 
 def test_a_sound_sampled_run_is_not_called_unstable(tmp_path):
-    """The frozen map from sample to sample has a radius above 1; the run follows, as with a tenth of the sample time."""
+    """The frozen map from sample to sample has a radius above 1, but the run follows the model, as with a tenth of the sample
+    time."""
     path = tmp_path / "sampled.toml"
     path.write_text(SAMPLED)
     found = load_case(path)
@@ -275,7 +278,7 @@ def test_a_sound_sampled_run_is_not_called_unstable(tmp_path):
 
 
 def test_what_is_not_examined_is_a_finding():
-    """At a step that damps what it does not resolve; a finer one of the same class takes the finding away."""
+    """The step damps motions that it does not resolve. A finer step with the same class removes the finding."""
     coarse = simulate(PAPER, Mrac(gamma=1.0), Simulation(t_end=20, dt=1e-3))
     assert coarse["MRAC"].stiffness.unstable_from is None and coarse["MRAC"].verdict.settled is None
     assert any("was not tried" in finding.sentence for finding in coarse["MRAC"].findings)

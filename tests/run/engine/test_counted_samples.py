@@ -1,4 +1,4 @@
-"""The samples that a run reports as missed: against the draws of its faults, counted independently."""
+"""The samples that a run reports as missed, compared with an independent count from its random faults."""
 
 from __future__ import annotations
 
@@ -43,14 +43,15 @@ def test_lost_samples_are_those_of_the_draw(fault, dt):
 
 
 def test_calls_of_a_jittered_timer_are_counted_once():
-    """Every call is on time for a shell without a band, so that only the drawn losses are missed, at the calls' instants."""
+    """Every call is on time for a shell without a band, so that only the random losses count as missed, at the instants of the
+    calls."""
     faults = (Dropout(times=[[1.0, 1.51]]), Jitter(time=T / 4, seed=1))
     run = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0005)
     assert run.missed.samples == 200 and 25 <= run.missed.missed <= 26
     assert "rounded to solver steps" not in run.missed.sentence
     coarse = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0025)
     assert "the timer's jitter is only 2 of them: use a smaller dt" in coarse.missed.sentence
-    assert halved({"MRAC": coarse})["MRAC"].half_step is None  # its calls would be others
+    assert halved({"MRAC": coarse})["MRAC"].half_step is None  # its calls would be different
 
 
 def test_what_the_shell_refuses_is_counted():
@@ -72,7 +73,7 @@ CHANNEL = PROBLEM.measured_names[0]
     ],
 )
 def test_without_a_longest_outage_lost_and_refused_samples_are_counted(shell, refused):
-    """A spike is out of range; of a sensor that is stuck for 20 samples the first repetition is accepted."""
+    """A spike is out of range. If a sensor is stuck for 20 samples, the first repetition is accepted."""
     fault = Dropout(share=0.3, seed=4)
     run = missed(replace(PROBLEM, shell=shell, faults=(fault, *refused)), t_end=2.0)
     at, lost = T * np.arange(100), fault.there(T * np.arange(100), 0)
@@ -98,8 +99,8 @@ def test_a_run_by_tolerance_is_not_counted():
 
 
 def test_a_refused_command_is_held_until_its_size_may_have_been_reached():
-    """A step of 1 at 2 per second and 0.02 s from sample to sample is accepted as the 25th, and held at 0 until then; a command
-    beyond its range is never accepted."""
+    """With 2 per second and a sample time of 0.02 s, a step of 1 is accepted at the 25th sample and held at 0 until then. A
+    command beyond its range is never accepted."""
     step = replace(PROBLEM, reference=Step(amplitude=1.0, start=1.0))
     run = missed(replace(step, shell=Shell(rate={"command": 2.0})))
     assert (run.missed.missed, run.missed.commands) == (0, 24)

@@ -1,4 +1,4 @@
-"""What is recorded and how much is kept; the result does not depend on the division of work."""
+"""The record and its size, and the independence of results from the division of work."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_recorded_instants_lie_on_the_grid_and_hold_its_samples(recorded_and_bru
 
 
 def test_the_envelope_is_attained_and_bounds_every_sample(recorded_and_brute):
-    """From t[k] up to, not including, t[k + 1]: the extrema of the samples, not only bounds of them."""
+    """The envelope has the extrema of the samples, not only bounds, from t[k] up to but not including t[k + 1]."""
     result, samples = recorded_and_brute
     index = np.round(result.t / STEP).astype(int)
     for k, (first, last) in enumerate(pairwise(index)):
@@ -56,7 +56,7 @@ def test_the_envelope_is_attained_and_bounds_every_sample(recorded_and_brute):
 
 
 def test_the_envelope_shows_what_decimation_hides(section_v):
-    """Fig. 3: the estimates sweep the whole box between two recorded instants."""
+    """In Fig. 3 the estimates sweep the whole box between two recorded instants."""
     result = simulate(
         section_v, [L1Adaptive(gamma=1e4, filter=input_filter(0.02))], Simulation(t_end=20.0, dt=1e-4, record_points=200)
     )["L1"]
@@ -84,7 +84,7 @@ def test_segments_cover_every_step_once_and_end_at_the_tail(steps, record_points
 
 @pytest.mark.parametrize(("t_end", "dt"), [(60.0, 1e-4), (2.4, 0.1), (0.7, 0.1), (1.0, 1 / 3)])
 def test_time_on_the_grid(t_end, dt):
-    """The product k dt is correct to 2 roundings even at the end of a long run: no sum of steps that drifts."""
+    """The product k dt is correct to 2 roundings even at the end of a long run, because steps are not summed."""
     simulation = Simulation(t_end=t_end, dt=dt)
     k = np.arange(simulation.steps + 1)
     np.testing.assert_allclose(simulation.time(k), k * np.longdouble(dt), rtol=5e-16)
@@ -92,7 +92,7 @@ def test_time_on_the_grid(t_end, dt):
 
 
 def peak_memory(simulation, problem, controller, record) -> int:
-    """Bytes at the worst moment of a run."""
+    """The largest number of bytes during a run."""
     loop = ClosedLoop.of(problem, controller)
     program = step_program(loop, simulation.solver, simulation.dt)
     program.compile(1)
@@ -106,8 +106,8 @@ def peak_memory(simulation, problem, controller, record) -> int:
 
 @pytest.mark.parametrize(("record", "record_points"), [(False, 2000), (True, 100), (True, 2)])
 def test_memory_does_not_grow_with_the_run(problems, record, record_points):
-    """Twelve chunks against three: 10 % for small objects. A table for all steps would be four times as large; the record of a
-    hundred instants is little."""
+    """Twelve chunks are compared with three, with 10 % for small objects. A table for all steps would be four times as large, and
+    the record of a hundred instants is small."""
 
     def peak(chunks):
         simulation = Simulation(t_end=chunks * CHUNK_STEPS * STEP, dt=STEP, record_points=record_points)
@@ -118,7 +118,8 @@ def test_memory_does_not_grow_with_the_run(problems, record, record_points):
 
 
 def test_no_kernel_call_is_longer_than_a_chunk():
-    """Also where few instants are recorded of very many steps: the table of the signals is made for a whole call."""
+    """This also holds if few instants of very many steps are recorded, because the table of the signals is made for a whole
+    call."""
     simulation = Simulation(t_end=1e6, dt=1e-3, record_points=10)
     assert next(iter(segments_of(simulation, recorded=True))).steps <= CHUNK_STEPS
 
@@ -179,7 +180,8 @@ def test_the_result_in_other_libraries(recorded_and_brute):
 
 
 def test_numerics_in_one_line(recorded_and_brute):
-    """h |lambda|max against eigenvalues of differences at the recorded instants is in the contracts; here: what is printed."""
+    """The contracts compare h |lambda|max with eigenvalues of differences at the recorded instants. This test is on the printed
+    line."""
     result, _ = recorded_and_brute
     for fragment in ("rk4", "0.0078125", f"{result.stiffness.h_lambda_max:.3g}", "2.83"):
         assert fragment in result.numerics

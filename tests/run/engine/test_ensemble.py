@@ -57,7 +57,7 @@ def test_members_equal_single_runs(scheme, sample):
     for i, (problem, controller) in list(enumerate(members))[:: sample(4, 1)]:  # the first and the last among them
         (alone,) = simulate(problem, [controller], SIMULATION).values()
         for name, value in alone.figures.items():
-            # numbers compiled in may be folded together: that changes roundings, which 3,000 smooth steps hardly amplify
+            # compiled-in numbers may be folded together, which changes roundings that 3,000 smooth steps hardly amplify
             np.testing.assert_allclose(
                 np.array(ensemble.metrics.of_member(i)[name], dtype=float), np.array(value, dtype=float), rtol=1e-9, atol=1e-12
             )
@@ -99,7 +99,7 @@ def test_bad_ensembles():
 
 
 def mixed_members(count=11):
-    """Members that share controllers, problems and parts of them in every way; delays and noise are their own."""
+    """Members that share controllers, problems and their parts in every way. Each has its own delay and noise."""
     rng = np.random.default_rng(5)
     problems = [random_problem(rng) for _ in range(2)]
     gains = [Mrac(gamma=gamma) for gamma in (1.0, 20.0)]
@@ -142,7 +142,7 @@ def test_progress_begins_while_members_are_read(monkeypatch):
             yield member
 
     class Known:
-        """Members made one at a time, with a known count."""
+        """Members that are made one at a time, with a known number."""
 
         def __len__(self):
             return 8

@@ -1,4 +1,4 @@
-"""The solver's share of an error, estimated with half the step: against runs whose step is far smaller."""
+"""The solver's share of an error, estimated with half of the step and compared with runs at far smaller steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def found(simulation, judge=None):
 
 
 def test_what_is_the_solvers_is_what_a_far_smaller_step_leaves_out():
-    """Of Euler's method, to first order: half the step and its extrapolation come within a tenth of it."""
+    """For Euler's method, to first order, the extrapolation from half of the step is within a tenth of the solver's error."""
     run, exact = found(Simulation(t_end=4.0, dt=0.005, solver=EULER)), found(Simulation(t_end=4.0, dt=1e-3, solver=RK4))
     i = CASE.problem.measured_names.index(run.half_step.component)
     truly = run.figures["tail_max_abs_e"][i] - exact.figures["tail_max_abs_e"][i]

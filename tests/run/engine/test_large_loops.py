@@ -1,4 +1,4 @@
-"""Loops of hundreds of states: the same bits from code that is made quickly, and a label from a few spectra."""
+"""Loops with hundreds of states: the code is compiled quickly and has the same bits, and a label needs only a few spectra."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from independent import example_controllers
 
 
 def large(n=10):
-    """n states in a chain, least squares: n^2 numbers of covariance and as many of filtered states."""
+    """A chain of n states with least squares, which has n^2 entries of the covariance and as many filtered states."""
     A_m = np.diag(-1.0 - 0.05 * np.arange(n)) + np.diag(np.ones(n - 1), 1)
     plant = Plant(A_m=A_m, b=np.eye(n)[-1], theta=np.full(n, 0.1), x0=np.full(n, 0.1))
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Sine(amplitude=1.0, frequency=0.5))
@@ -27,7 +27,7 @@ def problem_and_controller():
 
 
 def after_128_steps(problem, controller, worth_optimising, monkeypatch):
-    """The kernel, and the state that it leaves."""
+    """The kernel and its state after 128 steps."""
     monkeypatch.setattr(kernel_step, "STEPS_WORTH_OPTIMISING", worth_optimising)
     kernel_step.compiled.cache_clear()
     batch = Batch.of([(problem, controller)], Simulation(t_end=0.125, dt=2.0**-10))
@@ -68,7 +68,7 @@ def test_code_is_optimised_once_its_runs_are_long_enough_in_all(problem_and_cont
 @pytest.mark.short(kept=lambda dt, stable: not stable)
 @pytest.mark.parametrize(("dt", "stable"), [(1e-3, True), (0.1, False)])
 def test_the_label_of_a_large_loop(dt, stable):
-    """The fastest mode is the plant's own, 30 per second: h lambda = 3 is beyond RK4's 2.79."""
+    """The fastest mode is that of the plant, at 30 per second. h lambda = 3 exceeds RK4's 2.79."""
     n = 10
     rates = np.append(np.arange(1.0, n), 30.0)
     plant = Plant(A_m=np.diag(-rates) + np.diag(np.ones(n - 1), 1), b=np.eye(n)[-1], theta=np.full(n, 0.1), x0=np.full(n, 0.1))

@@ -1,4 +1,4 @@
-"""The measured error of fixed steps, against steps that are fine enough."""
+"""The measured error of fixed steps, compared with sufficiently fine steps."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ MRAC = replace(next(c for c in PAPER.controllers if c.name == "MRAC"), gamma=1.0
     ids=["continuous", "sampled and delayed"],
 )
 def test_it_is_the_difference_from_fine_steps(controller, problem) -> None:
-    """Steps a 200th as long err far less; the instants that both record are the same."""
+    """Steps a 200th as long have a far smaller error. Both record the same instants."""
     coarse = simulate(problem, [controller], Simulation(2.0, 1e-2))
     found = check_numerics(coarse, measured=True)["MRAC"]
     fine = simulate(problem, [controller], Simulation(2.0, 5e-5, record_points=40_000))["MRAC"]

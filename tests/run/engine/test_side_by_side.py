@@ -1,4 +1,5 @@
-"""Members in the lanes of one kernel: the bits of every member are those of its single run, whatever the lanes and threads."""
+"""Members in the lanes of one kernel: the bits of every member are those of its single run, for any number of lanes and
+threads."""
 
 import threading
 from dataclasses import replace
@@ -66,7 +67,7 @@ def test_members_are_their_single_runs_whatever_the_lanes(kind) -> None:
 
 
 def test_more_members_than_lanes_take_each_others_places() -> None:
-    """Members that need tenfold the steps of their neighbours, among others that diverge."""
+    """Some members need ten times the steps of their neighbours, and others diverge."""
     case, simulation = load_case("rohrs"), Simulation(30.0, tolerance=1e-6)
     classical = next(c for c in case.controllers if c.name == "Classical")
     members = [
@@ -86,7 +87,7 @@ def test_more_members_than_lanes_take_each_others_places() -> None:
 
 
 def test_members_continue_side_by_side_as_single_runs_do() -> None:
-    """Delays at which the loop is at rest, in a limit cycle, or grows; each needs another number of windows."""
+    """The delays make the loop settle, have a limit cycle, or diverge. Each needs a different number of windows."""
     plant = Plant(A_m=[[-2.0]], b=[1.5], theta=[1.0], x0=[0.3])
     problem = Problem(plant, ReferenceModel(k_0=1.3), Sine(1.0, 1.2), name="one state")
     members = [
@@ -112,7 +113,7 @@ def test_members_continue_side_by_side_as_single_runs_do() -> None:
 
 
 def test_threads_leave_casadi_alone(monkeypatch) -> None:
-    """Its objects count references without a lock: two threads that made some ended in a segmentation fault."""
+    """Its objects count references without a lock, so that two threads that made objects caused a segmentation fault."""
 
     def only_at_first(name, size):
         assert threading.current_thread() is threading.main_thread()

@@ -1,4 +1,4 @@
-"""The label of a run: every step counts, recorded or not, and the time is that of the first step outside."""
+"""The label of a run: every step counts, recorded or not, and the time is that of the first step outside the region."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ BURST = Problem(
     reference=Steps(times=[0.0, 30.18, 30.4], values=[0.1, 300.0, 0.1]),
     uncertainty=ParameterBox(lower=[-5.0], upper=[5.0]),
 )
-"""Quiet for a minute but for a fifth of a second, in which x is three thousand times as large."""
+"""A command that is small for a minute, except for a fifth of a second in which x is three thousand times as large."""
 
 
 def every_step(result):
-    """h omega_a from the run with every step recorded, by the formula: no Jacobian."""
+    """h omega_a from the run with every step recorded, by the formula and without a Jacobian."""
     P = result.problem.known.P[0, 0]
     return result.simulation.dt * np.sqrt(result.controller.gamma * P) * np.abs(result.x[:, 0])
 
 
 @pytest.mark.parametrize("record_points", [5, 50, 2000, 60_000])
 def test_a_burst_between_the_recorded_instants_is_labelled(record_points):
-    """Whatever is recorded. Against the oscillator's frequency at every step: the mode's real part moves the exit by a step."""
+    """The label does not depend on the record. It is compared with the oscillator's frequency at every step, where the mode's
+    real part moves the exit by one step."""
     controller, simulation = Mrac(gamma=1e5), Simulation(t_end=60.0, dt=1e-3, record_points=record_points)
     (result,) = simulate(BURST, [controller], simulation).values()
     (full,) = simulate(BURST, [controller], replace(simulation, record_points=60_000)).values()
@@ -67,7 +68,7 @@ PARTS = {
 
 @pytest.mark.parametrize("part", PARTS)
 def test_the_time_of_the_label_does_not_depend_on_the_record(part):
-    """Pieces of a run are simulated again from the record: with delays, noise and samples they are the same to the bit."""
+    """Pieces of a run are simulated again from the record. With delays, noise and samples they are the same bit for bit."""
     problem, controller, dt = PARTS[part]
     times = []
     for record_points in (7, 100, 5000):
@@ -80,7 +81,8 @@ def test_the_time_of_the_label_does_not_depend_on_the_record(part):
 
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 def test_a_flow_that_overflows_between_samples_is_a_finding(discretization):
-    """theta of 1e42: e^(A T) is beyond a double where the Jacobian is not, and the map from sample to sample has no numbers."""
+    """With theta = 1e42, e^(A T) overflows although the Jacobian does not, so that the map from sample to sample has no finite
+    numbers."""
     problem = Problem(
         plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[4.5e42, 0.1], x0=[1.0, 0.0]),
         reference_model=ReferenceModel(k_0=2.0),

@@ -1,4 +1,4 @@
-"""Delays at the plant's input with a tolerance, against SciPy by the method of steps without any interpolation."""
+"""Delays at the plant's input with a tolerance, compared with SciPy by the method of steps without interpolation."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -36,8 +36,8 @@ def delayed(delay, problem=PAPER.problem, **others):
 def by_scipy(problem, controller, count, *breaks):
     """The state after ``count`` delays, from SciPy's DOP853 at 1e-12 and the loop's own Python equations.
 
-    The intervals between multiples of the delay are integrated side by side, so that each receives the exact control of the one
-    before; they begin where those before them end, which takes as many rounds. ``breaks`` are the jumps of the signals [s].
+    The intervals between multiples of the delay are integrated together, so that each receives the exact control of the previous
+    one. Each begins where the previous one ends, which takes as many rounds. ``breaks`` are the jumps of the signals [s].
     """
     loop, tau, noise = ClosedLoop.of(problem, controller), problem.delay, problem.noise
     rates, T, size = Compiled(right_hand_side(loop)), loop.sample_time, loop.size
@@ -48,7 +48,7 @@ def by_scipy(problem, controller, count, *breaks):
     places = sorted({0.0, tau, *(s for s in inside if 1e-9 < s < tau - 1e-9)})
 
     def driven(t, after, leaving):
-        """The signals at t, where noise and samples are those after the instant ``after``."""
+        """The signals at t, with the noise and samples after the instant ``after``."""
         drawn = [] if noise is None else standard_normal(noise.seed, 0, int(after / hold + 1e-9), 1, 2)[0]
         return np.array([*(np.asarray(one(np.array([t]))).item() for one in problem.signals), *drawn, *leaving])
 
@@ -116,11 +116,12 @@ def test_the_error_falls_as_the_tolerance() -> None:
 
 
 def test_steps_end_at_what_a_jump_leaves(monkeypatch) -> None:
-    """One, two and more delays after a jump, where a corner and then ever smoother traces of it leave the delay."""
-    problem, slow = delayed(0.1, SQUARE), replace(MRAC, gamma=1e-3)  # which meets no bound
+    """Steps end one, two and more delays after a jump, where a corner and then smoother and smoother effects of it leave the
+    delay."""
+    problem, slow = delayed(0.1, SQUARE), replace(MRAC, gamma=1e-3)  # which reaches no bound
     expected = by_scipy(problem, slow, 8, *problem.reference.breaks(0.0, 0.8))
     errors = []
-    for level in (past.SMOOTH_LEVEL, 1.0):  # the second: only at what leaves the delay with a jump
+    for level in (past.SMOOTH_LEVEL, 1.0):  # the second ends steps only where a jump leaves the delay
         monkeypatch.setattr(past, "SMOOTH_LEVEL", level)
         monkeypatch.setattr("barbalat.run.kernel.attempt.SMOOTH_LEVEL", level)
         found = run(problem, slow, 0.8, 1e-6)
@@ -131,7 +132,7 @@ def test_steps_end_at_what_a_jump_leaves(monkeypatch) -> None:
 
 
 def test_the_measured_error_is_no_less_than_the_error() -> None:
-    """Also where the delay, and not the tolerance, makes the steps so short."""
+    """This also holds if the delay and not the tolerance determines the steps."""
     problem = delayed(0.2)
     expected = by_scipy(problem, MRAC, 8)
     for tolerance in (1e-4, 1e-8):
@@ -141,7 +142,7 @@ def test_the_measured_error_is_no_less_than_the_error() -> None:
 
 
 def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
-    """Its windows after the run go on with what is in the delay."""
+    """Its windows after the run continue with the contents of the delay."""
     problem = delayed(0.02)
     ours, fixed = (simulate(problem, [MRAC], one)["MRAC"] for one in (Simulation(4.0, tolerance=1e-8), Simulation(4.0, 2.5e-4)))
     assert ours.verdict.kind is fixed.verdict.kind
@@ -150,7 +151,7 @@ def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
 
 
 def test_each_member_has_its_own_delay() -> None:
-    """And its own history; each is the single run, to the last bit."""
+    """Each also has its own history and equals the single run to the last bit."""
     members = [(delayed(tau), MRAC) for tau in (0.01, 0.03, 0.1)]
     plant = replace(members[1][0].plant, input=PlantInput(delay=0.03))
     members.append((replace(members[1][0], plant=plant), MRAC))

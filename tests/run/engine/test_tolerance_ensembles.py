@@ -1,4 +1,4 @@
-"""Members with steps of their own, in one kernel, against single runs, fixed steps and SciPy."""
+"""Members with their own steps in one kernel, compared with single runs, fixed steps and SciPy."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def with_parameters(theta):
 
 @pytest.mark.parametrize("wrap", [lambda c: c, lambda c: Sampled(c, 0.02)], ids=["continuous", "sampled"])
 def test_members_end_where_scipy_takes_them(wrap) -> None:
-    """Each has another gain, plant and initial estimate, all of them arguments of the one kernel."""
+    """Each has a different gain, plant and initial estimate, all of which are arguments of one kernel."""
     members = [
         (with_parameters([4 - g, -3 + g]), wrap(replace(MRAC, gamma=g, theta_hat0=np.array([0.1 * g, 0.0])))) for g in GAMMAS
     ]

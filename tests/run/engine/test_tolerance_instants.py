@@ -1,4 +1,4 @@
-"""Runs by a tolerance in which something happens at instants of its own, against SciPy from one instant to the next."""
+"""Runs with a tolerance and events at given instants, compared with SciPy from one instant to the next."""
 
 from dataclasses import replace
 
@@ -27,9 +27,10 @@ SENSOR = Sensor(lag=0.05, noise=NOISE)
 
 
 def by_scipy(problem, controller, t_end, *others):
-    """The state at t_end, a sample there included, from SciPy's DOP853 at 1e-12 and the controller's own Python equations.
+    """The state at t_end, including a sample there, from SciPy's DOP853 at 1e-12 and the controller's own Python equations.
 
-    Its pieces lie between samples, arrivals of delayed ones, renewals of the noise and ``others`` [s]. A known set is not met.
+    Its pieces are between samples, arrivals of delayed samples, changes of the noise and ``others`` [s]. The bounds of a known
+    set are not reached.
     """
     loop = ClosedLoop.of(problem, controller)
     rates, T, tau = Compiled(right_hand_side(loop)), loop.sample_time, problem.delay
@@ -65,7 +66,7 @@ def by_scipy(problem, controller, t_end, *others):
             return rates(y, driven(np.clip(t, *inside), delayed=delayed))
 
         found = solve_ivp(slope, (begin, end), x, "DOP853", rtol=1e-12, atol=1e-13)
-        x = np.asarray(loop.limit(found.y[:, -1]))  # the estimates have moved and are counted
+        x = np.asarray(loop.limit(found.y[:, -1]))  # the estimates have changed and are included
     return None
 
 
@@ -92,7 +93,7 @@ def test_the_motion_is_scipys_from_instant_to_instant(problem, controller) -> No
 
 @pytest.mark.parametrize("delay", [0.004, 0.01, 0.025, 0.03], ids=["below a sample", "one", "two and a half", "three"])
 def test_a_delayed_control_arrives_when_it_is_due(delay) -> None:
-    """What leaves the delay before the first sample does is its history."""
+    """Until the first sample leaves the delay, its output is its history."""
     problem = replace(
         PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=delay, history=0.5, saturation=(-9, 9)))
     )
@@ -134,7 +135,7 @@ def test_faults_come_at_samples(delay) -> None:
     ids=["no shell", "late calls are misses", "a short delay", "almost a sample", "one sample", "a longer delay"],
 )
 def test_jittered_samples_come_when_they_are_due(shell, delay) -> None:
-    """Also out of a delay, in which there are more samples at some times than at others."""
+    """This also holds for the output of a delay, which contains more samples at some times than at others."""
     faults = (Jitter(time=0.0011, seed=4), Jitter(time=0.0007, share=0.3, burst=0.1, seed=5), *FAULTS)
     plant = replace(PAPER.problem.plant, input=PlantInput(delay=delay, history=0.5))
     problem = replace(PAPER.problem, plant=plant, faults=faults, shell=shell, sensor=SENSOR)
@@ -146,8 +147,8 @@ def test_jittered_samples_come_when_they_are_due(shell, delay) -> None:
 
 
 def test_a_jittered_run_is_judged_as_with_fixed_steps() -> None:
-    """Its windows after the run begin with the call that the last jitter has set. Further draws would depend on how fixed steps
-    round a call's instant."""
+    """Its windows after the run begin with the call at the instant set by the last jitter. Further random numbers would depend on
+    the rounding of a call's instant to fixed steps."""
     jitter = Jitter(time=0.002, times=((0.0, 0.005), (2.0, 2.005), (3.985, 3.995)), seed=8)
     assert jitter.value(np.array([3.99]), 0) > 0.5  # the last call of the run comes after its end
     problem = replace(PAPER.problem, faults=(jitter,))
@@ -181,12 +182,12 @@ def test_a_command_that_jumps_between_samples() -> None:
 
 @pytest.mark.parametrize("sensor", [None, SENSOR], ids=["no sensor", "noise and lag"])
 def test_what_is_seen_of_it_is_what_fine_steps_show(sensor) -> None:
-    """RK4's own error there, and what lies between its instants, is below these tolerances; no sample lies at the end."""
+    """RK4's own error and the motion between its instants are below these tolerances. There is no sample at the end."""
     problem = replace(PAPER.problem, sensor=sensor)
     controllers = [
         Sampled(MRAC, 0.02),
         replace(MRAC, gamma=0.05, name="continuous"),
-    ]  # which meets no bound, where RK4 loses order
+    ]  # which reaches no bound, where RK4 would lose order
     runs = [
         simulate(problem, controllers, simulation) for simulation in (Simulation(2.01, tolerance=1e-8), Simulation(2.01, 1e-4))
     ]
@@ -212,7 +213,7 @@ def test_refusals() -> None:
 
 
 def test_nothing_turns_where_the_noise_jumps() -> None:
-    """The control's extrema from one renewal to the next, each of which makes it jump."""
+    """The extrema of the control are found between the changes of the noise, each of which makes it jump."""
     problem = replace(PAPER.problem, sensor=Sensor(noise=replace(NOISE, std=0.2)))
     controller = replace(MRAC, gamma=0.05)
     ours, fine = (
@@ -221,7 +222,7 @@ def test_nothing_turns_where_the_noise_jumps() -> None:
     )
     most, expected_most = (one.envelope.u_max.reshape(50, 40).max(axis=1) for one in (ours, fine))
     least, expected_least = (one.envelope.u_min.reshape(50, 40).min(axis=1) for one in (ours, fine))
-    unseen = 1e-2  # by fixed steps: the last 1e-5 s before a renewal, in which u changes by half of that
+    unseen = 1e-2  # by fixed steps: the last 1e-5 s before a change of the noise, in which u changes by half of that
     assert (np.abs(most - expected_most) < unseen).all()
     assert (np.abs(least - expected_least) < unseen).all()
 
@@ -239,7 +240,8 @@ def test_the_final_estimates_are_those_before_a_sample_at_the_end() -> None:
 
 @pytest.mark.parametrize("before", [1e-4, 2e-4, 3e-4])
 def test_a_trough_just_after_the_tail_begins(before) -> None:
-    """theta_hat_2 grows while it oscillates: its least value of the tail is the first trough, between the tail's first nodes."""
+    """theta_hat_2 grows while it oscillates, so that its smallest value in the tail is the first trough, between the tail's first
+    nodes."""
     fine = simulate(PAPER.problem, [MRAC], Simulation(3.2, tolerance=1e-9, record_points=200_000))["MRAC"]
     estimate = fine.theta_hat[:, 1]
     troughs = 1 + np.flatnonzero((estimate[1:-1] < estimate[:-2]) & (estimate[1:-1] <= estimate[2:]))

@@ -1,4 +1,4 @@
-"""Rate limits with a tolerance, against SciPy with each change of a limiter's mode located by hand."""
+"""Rate limits with a tolerance, compared with SciPy, where each change of a limiter's mode is located by hand."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -17,7 +17,7 @@ from barbalat.signals import Square
 PAPER = load_case("paper")
 L1 = replace(next(c for c in PAPER.controllers if c.name == "L1"), gamma=100.0)
 MRAC = replace(next(c for c in PAPER.controllers if c.name == "MRAC"), gamma=0.1)
-SLOW = replace(MRAC, gamma=1e-3)  # which meets no bound
+SLOW = replace(MRAC, gamma=1e-3)  # which reaches no bound
 SQUARE = replace(PAPER.problem, reference=Square(20.0, 0.37, phase=0.2))
 ACTUATOR = TransferFunction([1.0], [0.03, 1.0])
 
@@ -29,7 +29,7 @@ def limited(problem=PAPER.problem, **others):
 def by_scipy(problem, controller, t_end, *jumps):
     """The state at t_end and the number of changes of mode, from SciPy's DOP853 at 1e-12 and the loop's Python equations.
 
-    ``jumps`` of the demand [s] begin pieces: there the controller samples, or the command jumps.
+    ``jumps`` of the demand [s] begin pieces. They are samples of the controller or jumps of the command.
     """
     loop = ClosedLoop.of(problem, controller).following_within(np.inf)
     (row,), (limit,) = loop.limiter_rows, loop.rate_limits
@@ -115,7 +115,7 @@ def test_the_motion_is_scipys_from_change_to_change(problem, controller, jumps, 
 
 
 def test_in_front_of_a_delay_and_with_estimates_at_their_bounds() -> None:
-    """As fine fixed steps show it, of which the limiter lags by one."""
+    """The reference has fine fixed steps, in which the limiter lags by one step."""
     problem, fixed = limited(rate_limit=100.0, saturation=(-30.0, 30.0), delay=0.02), Simulation(3.0, 1e-5, record_points=300)
     for controller in (MRAC, L1):
         expected = simulate(problem, controller, fixed)[controller.name]

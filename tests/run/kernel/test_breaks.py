@@ -1,4 +1,4 @@
-"""Jumps and corners inside of steps: the method keeps its order, step counters do not count pieces, and a loss of order is
+"""Jumps and corners within steps: the method keeps its order, step counters do not count pieces, and a loss of order is
 reported."""
 
 from __future__ import annotations
@@ -45,12 +45,13 @@ BREAKING = {
     "chirp": (Chirp(amplitude=2.0, frequency_start=9.0, frequency_end=1.0, duration=1.2345), [1.2345]),
     "csv": (DATA, DATA.times),
 }
-"""Each with the instants at which it, or a derivative, jumps: typed in or by hand, not asked of it."""
+"""Signals with the instants at which they or a derivative jump. The instants are written by hand and not taken from the
+signal."""
 
 
 @dataclass(frozen=True)
 class Tanh:
-    """A command that goes through a nonlinearity: jumps enter the loop in another size than they have."""
+    """A command through a nonlinearity, so that jumps enter the loop with a different size."""
 
     of: Square
 
@@ -70,7 +71,7 @@ def problem(reference, **parts) -> Problem:
 
 
 def exactly(given: Problem, command, corners, *, level=np.inf, regressor=lambda x: x) -> np.ndarray:
-    """(x, x_m, theta_hat) of MRAC at T_END: DOP853 from break to break, with the command's values just inside of each piece."""
+    """(x, x_m, theta_hat) of MRAC at T_END by DOP853 from break to break, with the command's values just inside each piece."""
     P, y = given.known.P, np.concatenate([X0, X0, 0 * given.plant.theta])
     times = [0.0, *(t for t in corners if 0 < t < T_END), T_END]
     for start, stop in pairwise(times):
@@ -88,7 +89,7 @@ def exactly(given: Problem, command, corners, *, level=np.inf, regressor=lambda 
 
 
 def observed(given: Problem, expected, solver=RK4, steps=(1 / 48, 1 / 96, 1 / 192)) -> tuple[float, list[float]]:
-    """The order by regression, and the errors. The breaks are at other fractions of the steps."""
+    """The order by regression, and the errors. The breaks are at different fractions of the steps."""
     errors = []
     for h in steps:
         run = simulate(given, [Mrac(gamma=GAMMA)], Simulation(t_end=T_END, dt=h, solver=solver))["MRAC"]
@@ -108,7 +109,7 @@ def test_every_kind_of_signal_keeps_the_method_s_order(kind):
 
 
 def test_a_disturbance_keeps_it_too():
-    """Both jump, at other times: x' has b d, which is MRAC's plant with d/1 added to the input."""
+    """Both jump, at different times. x' has the term b d, as MRAC's plant with d/1 added to the input."""
     command, disturbance = BREAKING["square"][0], BREAKING["steps"][0]
     given = replace(problem(command), disturbance=disturbance)
     P, y = given.known.P, np.concatenate([X0, X0, [0.0, 0.0]])
@@ -127,7 +128,8 @@ def test_a_disturbance_keeps_it_too():
 
 @pytest.mark.parametrize("way", ["tanh of the command", "tanh of the state", "saturation"])
 def test_also_where_the_command_enters_nonlinearly(way):
-    """The issue's three. In saturation the limit is reached at a jump and left there: no corner of the limit lies in between."""
+    """The three cases of the issue. The limit of the saturation is reached and left at jumps, so that it has no corner in
+    between."""
     square = BREAKING["square"][0]
     if way == "tanh of the command":
         given, command = problem(Tanh(square)), lambda t: np.tanh(square(t))
@@ -148,7 +150,7 @@ def test_also_where_the_command_enters_nonlinearly(way):
 
 
 def test_the_issue_s_square_wave():
-    """Errors of order h before, 1.3e-2 and more at the coarsest step; now h^4, down to roundings."""
+    """The errors used to be of order h, 1.3e-2 and more at the coarsest step. Now they are of order h^4 down to roundings."""
     given = problem(BREAKING["square"][0])
     _, errors = observed(given, exactly(given, *BREAKING["square"]), steps=(0.02, 0.004, 0.0008))
     assert errors[0] < 1e-7
@@ -157,7 +159,7 @@ def test_the_issue_s_square_wave():
 
 
 class Without:
-    """The same command, and nothing said of its breaks."""
+    """The same command without a statement on its breaks."""
 
     def __init__(self, signal):
         self.signal, self.before = signal, signal.before
@@ -168,7 +170,8 @@ class Without:
 
 @pytest.mark.parametrize("dt", [0.01, 0.0025])
 def test_on_the_grid_not_a_bit_changes(dt):
-    """Jumps at multiples of 0.71 s and the data's corners: a run that is told of them and one that is not."""
+    """The jumps are at multiples of 0.71 s and at the data's corners. A run to which they are known equals one to which they are
+    not."""
     corners = Recorded(times=[0.12, 0.37, 0.77, 1.3], values=[1.0, -2.0, 3.0, 0.5])
     for signal in (Square(2.0, np.pi / 0.2), Step(2.0, start=0.71), Steps((0.3, 0.7), (1.0, 2.0)), corners):
         runs = [
@@ -213,7 +216,8 @@ def test_the_breaks_do_not_depend_on_where_one_looks(kind):
 
 
 def test_the_pieces_of_the_table():
-    """A ramp of data and a step, both inside of the second step of 0.1 s: values at the start, the middle and the end of each."""
+    """A ramp of data and a step are both within the second step of 0.1 s. The table has the values at the start, the middle and
+    the end of each piece."""
     signals = (Step(1.0, start=0.15), Recorded([0.0, 0.13, 1.0], [0.0, 1.3, 1.3]))
     simulation = Simulation(t_end=1.0, dt=0.1)
     table = signal_table(signals, simulation, 0, 3, in_pieces=True)
@@ -228,7 +232,7 @@ def test_the_pieces_of_the_table():
 
 
 def test_a_signal_that_breaks_more_often_than_anything_resolves():
-    """Nothing is cut then, nothing fills the memory, and the run says so."""
+    """Then no step is split, the memory is not filled, and the run says so."""
     for frequency in (1e6, 1e15):
         run = simulate(problem(Square(1.0, frequency)), [Mrac(gamma=GAMMA)], Simulation(t_end=1.0, dt=0.01))["MRAC"]
         assert run.lost is not None
@@ -241,7 +245,8 @@ SQUARE = BREAKING["square"][0]
 
 
 def test_figures_of_steps_in_pieces():
-    """rms weights all steps alike; extrema also see the instants of the breaks: u is the largest right after a jump. DOP853."""
+    """rms weights all steps equally. Extrema include the instants of the breaks, because u is largest right after a jump. The
+    reference is DOP853."""
     given, controller = problem(SQUARE), Mrac(gamma=GAMMA, theta_hat0=[3.0, 0.0])
     simulations = [Simulation(t_end=T_END, dt=1 / 96, record_points=points) for points in (3, 192)]
     run, every = (simulate(given, [controller], simulation)["MRAC"] for simulation in simulations)
@@ -254,7 +259,7 @@ def test_figures_of_steps_in_pieces():
     assert np.abs(after).max() > np.abs(every.u).max() + 1e-3  # between the instants of the grid
     assert run.figures["max_abs_u"] == pytest.approx(np.abs(after).max(), rel=1e-6)
     finer = simulate(given, [controller], Simulation(t_end=T_END, dt=1 / 9600))["MRAC"].figures
-    # a path is a sum over steps: at a turn of an estimate it misses twice what lies inside of a step, of order h^2
+    # a path is a sum over steps: at a reversal of an estimate it misses twice the part within a step, of order h^2
     np.testing.assert_allclose(run.figures["theta_hat_variation_rate"], finer["theta_hat_variation_rate"], rtol=2e-3)
 
 
@@ -273,7 +278,7 @@ def exactly_until(given: Problem, stop: float, estimate) -> np.ndarray:
 
 
 def test_a_divergence_inside_of_a_step_in_pieces_has_the_step_s_time():
-    """x' = x^2 blows up soon after the command has jumped: the same time whether the run is recorded or not, to a step."""
+    """x' = x^2 diverges soon after the jump of the command. The time is the same to a step whether the run is recorded or not."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0], x0=[0.1], regressor=Terms(terms=("x1**2",)))
     given = Problem(plant=plant, reference=Step(200.0, start=0.50123))
     times = []
@@ -286,7 +291,8 @@ def test_a_divergence_inside_of_a_step_in_pieces_has_the_step_s_time():
 
 
 def test_ensembles_are_single_runs():
-    """No bit depends on lanes or threads; 1e-9 as for any ensemble beside a run with its numbers compiled in."""
+    """No bit depends on lanes or threads. The tolerance is 1e-9, as for any ensemble compared with a run whose numbers are
+    compiled in."""
     rng = np.random.default_rng(3)
     simulation = Simulation(t_end=T_END, dt=1 / 96)
     members = [(problem(SQUARE), Mrac(gamma=float(rng.uniform(0.1, 2)))) for _ in range(11)]
@@ -303,18 +309,18 @@ def test_ensembles_are_single_runs():
 
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 def test_samples_and_noise_keep_their_rhythm(discretization):
-    """A sample every 0.05 s, new noise every 0.01 s, whatever is cut in between: 25 times finer steps agree."""
+    """There is a sample every 0.05 s and new noise every 0.01 s, whatever is split in between. 25 times finer steps agree."""
     controller = Sampled(controller=Mrac(gamma=GAMMA, name="c"), sample_time=0.05, discretization=discretization)
     given = replace(problem(Square(2.0, np.pi / 0.7123)), sensor=Sensor(noise=Noise(std=0.05, sample_time=0.01, seed=5)))
     runs = [simulate(given, [controller], Simulation(t_end=T_END, dt=h))["c"] for h in (0.01, 0.0004)]
     ends = [np.concatenate([run.x[-1], run.x_m[-1], run.theta_hat[-1]]) for run in runs]
-    np.testing.assert_allclose(ends[0], ends[1], atol=1e-8)  # h^4; noise drawn once more or a sample too many moves it by 1e-3
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-8)  # h^4; one more value of noise or one more sample changes it by 1e-3
     assert runs[0].figures["theta_hat_variation_rate"] == pytest.approx(runs[1].figures["theta_hat_variation_rate"], rel=1e-6)
 
 
 @pytest.mark.parametrize("part", ["plain", "noise", "sampled"])
 def test_the_label_resumes_what_ran(part):
-    """Its time is the same whatever is recorded: parts of the run are simulated again, cut at the same instants."""
+    """Its time does not depend on the record, because parts of the run are simulated again and split at the same instants."""
     command = Steps((0.3001, 0.6004, 1.0007, 1.0202, 2.0003), (0.2, 0.1, 30.0, 40.0, 20.0))
     box = ParameterBox(lower=[-5.0, -5.0], upper=[5.0, 5.0])
     given, controller = replace(problem(command), uncertainty=box), L1Adaptive(gamma=1e6, filter=input_filter(0.02))
@@ -375,7 +381,8 @@ def test_a_delayed_loop_says_what_it_loses(solver, signal, said):
 
 
 def test_the_loss_that_is_said_is_the_loss():
-    """Open loop with a delay of whole steps: a jump's error is of first order in the step, a corner's of second."""
+    """In the open loop with a delay of whole steps, a jump's error is of first order in the step, and a corner's of second
+    order."""
     for signal, order in ((Step(2.0, start=0.50437), 1), (Recorded([0.0, 0.50437, 2.0], [0.0, 0.0, 2.0]), 2)):
         given = problem(signal, input=PlantInput(delay=0.1))
         fine = simulate(given, [Mrac(gamma=1e-30)], Simulation(t_end=T_END, dt=0.1 / 4096))["MRAC"].x[-1]
@@ -392,7 +399,8 @@ def test_the_loss_that_is_said_is_the_loss():
 @pytest.mark.parametrize("delay", [0.04, 1 / 30.7])
 @pytest.mark.parametrize("sampled", [False, True])
 def test_bends_of_the_control_behind_a_delay(delay, sampled):
-    """A smooth command: u bends where its history ends, at t = 0, and the plant sees that one delay later. What is held jumps."""
+    """With a smooth command u has a bend at the end of its history, at t = 0, which reaches the plant one delay later. A held u
+    jumps."""
     controller = Mrac(gamma=2.0, name="c")
     controller = Sampled(controller=controller, sample_time=0.04, discretization="euler") if sampled else controller
     given = problem(Sine(2.0, 3.0), input=PlantInput(delay=delay))
@@ -416,7 +424,7 @@ def test_bends_of_the_control_behind_a_delay(delay, sampled):
 
 
 def test_of_millions_of_jumps_in_a_step_none_is_looked_at(monkeypatch):
-    """Which of ten million lie on the grid took seconds, for every controller of a case."""
+    """Finding which of ten million jumps are on the grid took seconds for every controller of a case."""
 
     def evaluated(*_):
         raise AssertionError("the signal is evaluated")
@@ -439,7 +447,8 @@ MOTION = {
 @pytest.mark.parametrize("name", MOTION)
 @pytest.mark.short(kept=lambda name: name in ("a converter", "a saturation that is not reached"))
 def test_what_the_motion_costs_is_said(name):
-    """By regression over steps, against a run at a far finer one; the errors of a converter are as irregular as its crossings."""
+    """The order is by regression over steps, compared with a run at a far finer step. The errors of a converter are as irregular
+    as its crossings."""
     path, dead_zone, order, said = MOTION[name]
     given, controller = problem(SMOOTH, input=path), Mrac(gamma=GAMMA, name="c", dead_zone=dead_zone)
     steps = np.round(np.geomspace(40, 2500, 14))
@@ -459,7 +468,7 @@ def test_what_the_motion_costs_is_said(name):
 
 @pytest.mark.parametrize(("term", "order"), [("abs(x2)", 2), ("x1**2", 4)])
 def test_what_a_corner_in_the_plant_costs_is_said(term, order):
-    """Of the plant: of a sampled controller's too."""
+    """The corner is in the plant, also with a sampled controller."""
     given, controller = problem(SMOOTH, regressor=Terms(terms=("x1", term))), Mrac(gamma=GAMMA, name="c")
     steps = np.round(np.geomspace(40, 2500, 14))
     runs = [simulate(given, [controller], Simulation(t_end=T_END, dt=T_END / n))["c"] for n in (*steps, 200_000)]
@@ -476,7 +485,7 @@ def test_what_a_corner_in_the_plant_costs_is_said(term, order):
     "known", [ParameterBox(lower=[-5.0, -5.0], upper=[5.0, 5.0]), ParameterBall(center=[0.0, 0.0], radius=5.0)]
 )
 def test_what_a_projection_costs_is_said_where_it_acts(known):
-    """Without a projection that acts RK4 keeps its order; where the estimates' rate jumps at the boundary, one is left."""
+    """Without an active projection RK4 keeps its order. If the estimates' rate jumps at the boundary, the order is one."""
     narrow = ParameterBall(known.center, 0.05) if isinstance(known, ParameterBall) else ParameterBox([-0.05] * 2, [0.05] * 2)
     simulation = Simulation(t_end=T_END, dt=T_END / 200)
     for bounds, acts in ((known, False), (narrow, True)):
@@ -504,7 +513,7 @@ PARTS = {
 
 @pytest.mark.parametrize("name", PARTS)
 def test_what_a_corner_or_a_jump_of_the_law_costs_is_said(name):
-    """A law of the package declares it; equations from outside are read."""
+    """A law of the package declares it. Equations from outside are examined."""
     controller, order, said = PARTS[name]
     given, simulation = problem(SMOOTH), Simulation(t_end=T_END, dt=0.02)
     lost = next(iter(simulate(given, [controller], simulation).values())).lost

@@ -1,4 +1,4 @@
-"""Numbers of members that rarely differ from the first, against the list of all numbers."""
+"""Numbers of members that rarely differ from the first member's, compared with the list of all numbers."""
 
 from __future__ import annotations
 

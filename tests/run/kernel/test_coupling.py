@@ -1,4 +1,4 @@
-"""What is watched along a run: with its constant part it is the sum of the squares of the eigenvalues."""
+"""The watched quantity of a run: with its constant part it is the sum of the squared eigenvalues."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ def coupling(loop):
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_differences_are_those_of_the_squared_eigenvalues(name):
-    """tr J^2 from the spectrum at two states: where neither part changes its sign, the constants cancel in the difference."""
+    """tr J^2 is computed from the spectrum at two states. If neither part changes its sign, the constants cancel in the
+    difference."""
     loop = ClosedLoop.of(PAPER, CONTROLLERS[name])
     at, jacobian, random = coupling(loop), jacobian_function(loop), np.random.default_rng(5)
     state = loop.initial() + random.normal(size=loop.size)
@@ -51,7 +52,7 @@ def test_differences_are_those_of_the_squared_eigenvalues(name):
 
 
 def test_the_frozen_oscillator():
-    """With x_tilde = 0 it is 2 omega_a^2: the filter's and the model's modes are constant."""
+    """With x_tilde = 0 it is 2 omega_a^2, because the modes of the filter and the model are constant."""
     loop = ClosedLoop.of(PAPER, CONTROLLERS["l1"])
     state, known = loop.initial(), PAPER.known
     omega_a_squared = 300.0 * (PAPER.plant.x0 @ PAPER.plant.x0) * (known.b @ known.P @ known.b)

@@ -1,4 +1,4 @@
-"""Unmodelled input dynamics and the exact delay: against the method of steps, matrix exponentials, and the linear margin."""
+"""Unmodelled input dynamics and the exact delay, compared with the method of steps, matrix exponentials and the linear margin."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def problem(**dynamics) -> Problem:
 
 
 def method_of_steps(given: Problem, gamma: float, t_end: float) -> np.ndarray:
-    """x at t_end by DOP853 from one multiple of the delay to the next, the past taken from its dense output."""
+    """x at t_end by DOP853 from one multiple of the delay to the next, with the past from its dense output."""
     tau, r, P = given.delay, given.reference, given.known.P
     pieces: list = []
 
@@ -65,7 +65,8 @@ def method_of_steps(given: Problem, gamma: float, t_end: float) -> np.ndarray:
 @pytest.mark.parametrize("tau", [0.1, 0.1234567, 0.02])
 @pytest.mark.parametrize("history", [0.0, 1.5])
 def test_against_the_method_of_steps(tau, history):
-    """u jumps at t = 0, from the history: that costs nothing, but it bends u a delay later, and across a bend the order is 2."""
+    """u jumps from the history at t = 0. This causes no error, but u has a bend one delay later, and across a bend the order is
+    2."""
     given, gamma, t_end = problem(delay=tau, history=history), 3.0, 1.5
     reference = method_of_steps(given, gamma, t_end)
     steps, errors = np.array([1e-2, 5e-3, 2.5e-3]), []
@@ -78,7 +79,7 @@ def test_against_the_method_of_steps(tau, history):
 
 
 def test_fourth_order_where_the_input_is_smooth():
-    """From rest, with a command that starts smoothly, the past has no jump and RK4's order is kept for any delay."""
+    """From zero with a command that starts smoothly, the past has no jump, and RK4 keeps its order for any delay."""
 
     class SmoothStart:
         def __call__(self, t):
@@ -130,7 +131,7 @@ def test_members_with_different_delays_equal_single_runs():
 
 
 def test_actuator_and_multiplicative_are_what_they_say():
-    """1 + Delta_m given both ways, and the actuator as two more states of a DOP853 reference."""
+    """1 + Delta_m is given in both forms, and the actuator is two more states of a DOP853 reference."""
     num, den = [100.0], [1.0, 14.0, 100.0]
     as_actuator = problem(actuator=TransferFunction(num, den))
     as_uncertainty = problem(multiplicative=TransferFunction(np.polysub(num, den), den))
@@ -183,7 +184,7 @@ def test_bad_input_dynamics():
 
 
 def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch):
-    """10^7 steps, 2 values each, rounded up to 2^24 steps: 268 MB a run."""
+    """10^7 steps with 2 values each are rounded up to 2^24 steps, which need 268 MB for each run."""
     simulation = Simulation(t_end=1.0, dt=2.0**-20)
     given = problem(delay=1e7 * 2.0**-20)
     monkeypatch.setattr(exact_delay, "free_memory", lambda: 20 * 2**24 * 16)
@@ -206,7 +207,7 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
 
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=str)
 def test_weights_as_a_list_are_the_weights(solver):
-    """Of whole steps they are the same bits; of others as near as a few roundings of a sum of terms up to 10 let them be."""
+    """For whole steps the bits are the same. For other delays the difference is a few roundings of a sum of terms up to 10."""
     for delay in (0.05, 0.0537, 0.01 + 1e-9, 0.0999):
         wanted = exact_delay.weights(delay, 0.01, solver)
         found = exact_delay.weights(delay, 0.01, solver, fused=False)

@@ -1,4 +1,4 @@
-"""A delayed input that jumps: commands, limits and a sampled controller's held control, against exact solutions."""
+"""A delayed input that jumps: commands, limits and a sampled controller's held control, compared with exact solutions."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def problem(reference=COMMAND, **path) -> Problem:
 
 
 def held(x: np.ndarray, v: float, duration: float) -> np.ndarray:
-    """x' = A x + B v with a constant v, exactly."""
+    """The exact solution of x' = A x + B v with a constant v."""
     M = np.zeros((3, 3))
     M[:2, :2], M[:2, 2] = A * duration, B * v * duration
     return (expm(M) @ [*x, 1.0])[:2]
 
 
 def exactly(given: Problem, edges: np.ndarray, values: np.ndarray, t_end: float) -> np.ndarray:
-    """x(t_end) where u is values[i] from edges[i] on."""
+    """The exact x(t_end) if u is values[i] from edges[i] on."""
     tau = given.delay
     times = np.concatenate([[0.0], edges + tau, [t_end]])
     times = np.minimum(times, t_end)
@@ -63,7 +63,7 @@ def order(steps, errors) -> float:
 
 COARSE = 0.04
 SHRINKING = {0.08: (1, 2, 4), 0.06: (1, 3, 9), 0.05: (1, 5), 0.07: (1, 5)}
-"""For each delay by what to divide the coarse step such that the fraction of a step in it, 0, 1/2, 1/4, 3/4, stays what it is."""
+"""The divisors of the coarse step for each delay with which its fraction of a step, 0, 1/2, 1/4 or 3/4, stays the same."""
 DELAYS = list(SHRINKING)
 
 
@@ -76,7 +76,7 @@ def steps_for(tau: float) -> np.ndarray:
 @pytest.mark.parametrize("history", [0.0, -0.8])
 @pytest.mark.short(kept=lambda tau, level, history: np.isinf(level) == (history == 0.0))
 def test_a_square_command_keeps_the_method_s_order(tau, level, history):
-    """Open loop, limited or not: every jump inside a step, 2 t_end/0.4 of them and the one from the history."""
+    """The loop is open, with or without limits. All 2 t_end/0.4 jumps and the jump from the history are within steps."""
     limits = {"saturation": (-level, level)} if np.isfinite(level) else {}
     given, t_end = problem(delay=tau, history=history, **limits), 2.0
     edges = 0.2 * np.arange(10)
@@ -88,7 +88,7 @@ def test_a_square_command_keeps_the_method_s_order(tau, level, history):
 
 
 def test_a_nonlinear_plant_loses_one_order_at_a_jump():
-    """x' = -x + 0.4 x^2 + v: third order, where the jump lies in the step; DOP853 from edge to edge."""
+    """x' = -x + 0.4 x^2 + v has third order if the jump is within the step. The reference is DOP853 from edge to edge."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.4], regressor=Terms(terms=("x1**2",)), input=PlantInput(delay=0.06))
     given = Problem(plant=plant, reference=Square(amplitude=0.5, frequency=2 * np.pi * 2.5))
     x, t_end = np.zeros(1), 2.0
@@ -113,7 +113,8 @@ def test_every_solver_keeps_its_order(solver):
 
 @pytest.mark.parametrize("tau", DELAYS)
 def test_a_sampled_controller_s_held_control_is_replayed(tau):
-    """u_k = 2 r_k - theta_hat'x_k, held for T = 0.04 s: x from sample to sample by matrix exponentials. The closed loop."""
+    """In the closed loop u_k = 2 r_k - theta_hat'x_k is held for T = 0.04 s. x follows from sample to sample by matrix
+    exponentials."""
     T, t_end, estimate = 0.04, 2.0, np.array([0.4, 0.9])
     given = problem(Sine(amplitude=1.0, frequency=1.3, phase=0.4), delay=tau, history=-0.8)
     count = round(t_end / T)
@@ -134,7 +135,7 @@ def test_a_sampled_controller_s_held_control_is_replayed(tau):
 
 
 def test_what_is_held_is_replayed_to_the_last_bit():
-    """Delay a whole number of steps: the weights pick one remembered value; no stage sees a mixture of two."""
+    """If the delay is a whole number of steps, the weights select one stored value, and no stage has a mixture of two."""
     for solver in (EULER, HEUN, RK4):
         weights = exact_delay.weights(0.05, 0.01, solver)
         for past in ([1.0, 7.0, 7.0], [1.0, 1.0, 7.0], [7.0, 1.0, 1.0]):
@@ -143,7 +144,8 @@ def test_what_is_held_is_replayed_to_the_last_bit():
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_jump_s_moments(solver):
-    """The step's end for x' = A x + B v with a jump in the step, to h^(q+1), q the solver's nodes."""
+    """The end of a step of x' = A x + B v with a jump in the step, to order h^(q+1), where q is the number of the solver's
+    nodes."""
     tableau = SOLVERS[solver]
     for fraction in (0.0, 0.25, 0.9):
         errors, steps = [], np.array([0.1, 0.05, 0.025])
@@ -156,7 +158,7 @@ def test_a_jump_s_moments(solver):
 
 
 def test_one_step_of_delay():
-    """Delays from one step on: against the same delay on a grid eight times as fine."""
+    """Delays from one step on, compared with the same delay on a grid eight times as fine."""
     given = problem(Sine(amplitude=1.0, frequency=1.3), delay=0.0123)
     controller = Mrac(gamma=2.0, theta_hat0=THETA)
     steps = np.array([0.0123, 0.01, 0.008])
@@ -166,7 +168,8 @@ def test_one_step_of_delay():
 
 
 def test_members_with_jumps_and_histories_equal_single_runs():
-    """Different delays, histories and limits, one member from one to two steps; sampled and with noise and an actuator."""
+    """The members have different delays, one of them between one and two steps, and different histories and limits. They are
+    sampled and have noise and an actuator."""
     simulation = Simulation(t_end=2.0, dt=0.01)
     sensor = Sensor(noise=Noise(std=0.01, sample_time=0.02, seed=3))
     actuator = TransferFunction([400.0], [1.0, 28.0, 400.0])

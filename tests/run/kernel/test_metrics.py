@@ -1,4 +1,4 @@
-"""Figures over every step against plain stepping in Python that keeps every sample."""
+"""Figures over every step, compared with plain stepping in Python that keeps every sample."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STEP = 2.0**-7
 
 
 def expected_figures(samples, steps, dt):
-    """By the definitions of interfaces.md; the tail is the last quarter of [0, t_end], decided in whole numbers."""
+    """The figures by the definitions in interfaces.md. The tail is the last quarter of [0, t_end], determined in integers."""
     tail = [k for k in range(steps + 1) if 4 * k >= 3 * steps]
     moved = [np.abs(samples.theta_hat[k + 1] - samples.theta_hat[k]) for k in tail[:-1]]
     duration = (tail[-1] - tail[0]) * dt
@@ -55,7 +55,8 @@ def assert_figures(figures, expected):
 @pytest.mark.parametrize("record_points", [2, 10, 2000])
 @pytest.mark.short(kept=lambda steps, record_points: steps < 640 or record_points == 10)
 def test_figures_over_every_step(problems, steps, record_points):
-    """Step counts that no block and no quarter divides; a square command, whose last value counts at t_end."""
+    """The numbers of steps are not divisible by a block or into quarters. The command is a square wave, whose last value counts
+    at t_end."""
     given = problems[2]
     reference = Square(amplitude=2.0, frequency=2 * np.pi, constant=0.3)  # jumps every 64 steps
     problem = Problem(
@@ -84,7 +85,8 @@ def test_figures_of_each_order(problems, n):
 
 @pytest.mark.parametrize("chunk", [20, 64, 500])
 def test_figures_across_kernel_calls(problems, monkeypatch, chunk):
-    """The run cut into calls of other lengths: the same samples to the last bit, the sums up to their order (1e-13)."""
+    """If the run is divided into calls of other lengths, the samples are the same to the last bit, and the sums up to their order
+    (1e-13)."""
     problem, controller = problems[2], example_controllers(2)["l1"][0]
     simulation = Simulation(t_end=1003 * STEP, dt=STEP, record_points=60)
     whole = simulate(problem, [controller], simulation)["L1"]
@@ -98,7 +100,7 @@ def test_figures_across_kernel_calls(problems, monkeypatch, chunk):
 
 
 def test_a_short_peak_between_recorded_instants_is_seen(problems):
-    """100 recorded of 10 000 steps, a command that is 1000 for a single one of them."""
+    """100 of 10 000 steps are recorded, and the command is 1000 for a single step."""
 
     class Spike:
         def __call__(self, t):
@@ -118,7 +120,8 @@ def test_a_short_peak_between_recorded_instants_is_seen(problems):
 
 
 def exploding(factor: float, h: float = 1.0) -> Problem:
-    """x' = a x by Euler's method grows by ``factor`` in each step; theta_hat cannot leave the set {0}, so nothing adapts."""
+    """x' = a x, which grows by ``factor`` in each step of Euler's method. theta_hat cannot leave the set {0}, so that nothing
+    adapts."""
     return Problem(
         plant=Plant(A_m=[[-0.5 / h]], b=[1.0], theta=[(factor - 0.5) / h], x0=[1.0]),
         uncertainty=ParameterBox(lower=[0.0], upper=[0.0]),
@@ -131,7 +134,7 @@ NOTHING = Mrac(gamma=1e-300)
 @pytest.mark.parametrize("factor", [2.0, 16.0, 1e3, 1e11, 1e40])
 @pytest.mark.parametrize("record_points", [2, 7, 2000])
 def test_the_time_of_divergence(factor, record_points):
-    """The first instant at which the magnitudes of the states add up to more than the limit, exactly, whatever the blocks."""
+    """It is exactly the first instant at which the sum of the states' magnitudes exceeds the limit, for any blocks."""
     steps, x, k = 100, 1.0, 0
     while abs(x) + abs(0.5**k) <= DIVERGENCE_LIMIT:  # x_m halves in each step; theta_hat stays 0
         x, k = x * factor, k + 1
@@ -144,7 +147,7 @@ def test_the_time_of_divergence(factor, record_points):
 
 @pytest.mark.parametrize("record_points", [2, 9, 2000])
 def test_a_run_that_comes_back_has_diverged_all_the_same(record_points):
-    """A stable plant whose transient passes 1e12 and decays again within one block: the first crossing counts."""
+    """The transient of a stable plant exceeds 1e12 and decays again within one block. The first crossing counts."""
     plant = Plant(A_m=[[-1.0, 6.0], [0.0, -1.0]], b=[0.0, 1.0], theta=[0.0, 0.0], x0=[0.0, 3e11])
     problem = Problem(plant=plant, uncertainty=ParameterBox(lower=[0.0, 0.0], upper=[0.0, 0.0]))
     steps, h = 400, 2.0**-5
@@ -159,7 +162,7 @@ def test_a_run_that_comes_back_has_diverged_all_the_same(record_points):
 
 
 def test_divergence_in_the_last_step_and_never():
-    factor = 1e3  # 1e12 after four steps is not above the limit by itself, but x_m comes on top; after five it is
+    factor = 1e3  # 1e12 after four steps is not above the limit by itself, but x_m is added; after five steps it is
     for steps, expected in ((3, None), (4, 4.0), (5, 4.0)):
         result = simulate(exploding(factor), [NOTHING], Simulation(t_end=float(steps), dt=1.0, solver=EULER))["MRAC"]
         assert result.diverged_at == expected
@@ -167,7 +170,7 @@ def test_divergence_in_the_last_step_and_never():
 
 @pytest.mark.parametrize("steps", [40, 41, 400])
 def test_divergence_against_brute_force(section_v, steps):
-    """Section V without projection at ten times the paper's step, where the blow-up is faster than exponential."""
+    """Section V without projection at ten times the paper's step, where the divergence is faster than exponential."""
     controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02), projection=False)
     dt = 2.0**-7
     with np.errstate(all="ignore"):
@@ -196,7 +199,7 @@ def test_figures_of_a_diverged_run_are_none_and_json_takes_them():
 @pytest.mark.parametrize("solver", [EULER, RK4])
 @pytest.mark.parametrize("top", [1e154, 1e308])
 def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
-    """Warnings are errors here. 2000 members whose states run past 1e154 and 1e308 around the end, one a bit before the other:
+    """Warnings are errors here. 2000 members have states that exceed 1e154 and 1e308 near the end at slightly different times:
     squares and sums overflow in the kernel, in the merging of blocks and in the figures; one member stays bounded."""
     problem, steps = exploding(1.5, h), 40
     loop = ClosedLoop.of(problem, NOTHING)
@@ -224,7 +227,7 @@ def test_a_run_past_the_largest_number_gives_no_warning(x0):
 
 
 def test_members_that_diverge_do_not_disturb_the_others(problems):
-    """Each with its own time; a member that stays bounded keeps its figures to the last bit."""
+    """Each has its own time. A member that stays bounded keeps its figures to the last bit."""
     problem = exploding(2.0)
     loop = ClosedLoop.of(problem, NOTHING)
     states = loop.initial()[:, None].repeat(5, axis=1)
@@ -240,8 +243,8 @@ def test_members_that_diverge_do_not_disturb_the_others(problems):
 
 @pytest.mark.parametrize("unit", [1.0, 1e6])
 def test_units_do_not_decide_over_divergence(unit):
-    """The same loop in N and in uN, or with a large initial covariance: a bounded run stays bounded. n_d contains u^2 and
-    covariance(0) is free, so neither indicates a blow-up."""
+    """For the same loop in N and in uN, or with a large initial covariance, a bounded run stays bounded. n_d contains u^2, and
+    covariance(0) is free, so that neither indicates divergence."""
     given = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0 / unit], theta=np.array([1.0, -0.5]) * unit, x0=[0.5, -0.5])
     problem = Problem(plant=given, reference=Sine(2.0 * unit, 1.0))
     controller = RobustMrac(tau=0.5, law=LeastSquares(covariance0=50.0 * unit**2))

@@ -1,4 +1,4 @@
-"""Signals of runs without fused multiply-adds: the lists' bits, whatever NumPy's own functions give."""
+"""Signals of runs without fused multiply-adds: the bits are those of the lists, whatever NumPy's own functions return."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def test_a_command_comes_from_the_list() -> None:
 
 @pytest.mark.parametrize("signal", [Sines((1.0, 2.0), (3.0, 7.0)), Chirp(1.0, 0.5, 9.0, 10.0)])
 def test_other_signals_do_too(signal) -> None:
-    """As NumPy's to within 2 ulp of each term, and with the same table on every computer: the sum below is of its bits."""
+    """The values agree with NumPy's to within 2 ulp of each term, and the table is the same on every computer. The sum below is
+    over its bits."""
     t = SIMULATION.time(np.arange(20_000)).view(Portable)
     found = np.asarray(signal(t))
     assert np.allclose(found, signal(np.asarray(t)), rtol=0, atol=2e-15)
@@ -47,7 +48,8 @@ def test_other_signals_do_too(signal) -> None:
 
 
 def test_what_a_user_writes_with_numpy() -> None:
-    """Functions of what follows from the time, through NumPy's functions that return plain arrays too, in place or not."""
+    """Functions of quantities derived from the time are traced, in place or not, also through NumPy's functions that return plain
+    arrays."""
     t = np.linspace(0, 9, 1000)
 
     def written(t):
@@ -78,7 +80,7 @@ def test_a_run_uses_them() -> None:
     ("case", "name"), [("l1-output", "L1 output"), ("first-order", "MRAC, sampled"), ("paper", "Robust MRAC")]
 )
 def test_outputs_are_those_of_the_equations_but_for_roundings(case, name) -> None:
-    """Against CasADi's evaluation of the same function at the recorded states, as fused runs have it."""
+    """They are compared with CasADi's evaluation of the same function at the recorded states, as in fused runs."""
     given = load_case(case)
     (controller,) = (c for c in given.controllers if c.name == name)
     simulation = replace(given.simulation, t_end=2.0, fused=False)
@@ -92,7 +94,7 @@ def test_outputs_are_those_of_the_equations_but_for_roundings(case, name) -> Non
     e, u, theta_hat, x, x_m, _ = (np.asarray(value).T for value in output_function(loop)(run.states.T, signals))
     for found, expected in ((run.e, e), (run.u[:, None], u), (run.theta_hat, theta_hat), (run.x, x), (run.x_m, x_m)):
         assert found.shape == expected.shape
-        # a few roundings of terms that may cancel; the largest stand in u
+        # a few roundings of terms that may cancel; the largest are in u
         assert np.allclose(found, expected, rtol=0, atol=1e-13 * (1 + np.abs(u).max()))
 
 
@@ -113,7 +115,8 @@ def test_the_outputs_functions_are_the_lists() -> None:
 
 @pytest.mark.parametrize("case", ["paper", "rohrs", "first-order"])
 def test_no_bit_depends_on_which_numbers_a_kernel_is_handed(case) -> None:
-    """Alone, and among members that differ in their plants: fused, a number that is compiled in rounds otherwise."""
+    """A run alone equals that among members with different plants. With fused operations a compiled-in number would be rounded
+    differently."""
     given = load_case(case)
     simulation = replace(given.simulation, t_end=2.0, fused=False)
     for controller in given.controllers:
@@ -128,7 +131,7 @@ def test_no_bit_depends_on_which_numbers_a_kernel_is_handed(case) -> None:
 
 
 def moved(problem, share):
-    """The same with a plant that is not quite the same."""
+    """The same problem with a slightly different plant."""
     if isinstance(problem.plant, OutputPlant):
         plant = problem.plant.transfer_function
         return replace(problem, plant=replace(problem.plant, transfer_function=TransferFunction(share * plant.num, plant.den)))

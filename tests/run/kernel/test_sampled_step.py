@@ -1,4 +1,4 @@
-"""The controller by itself, against what the simulation and the exported C do of it."""
+"""The controller by itself, compared with the simulation and the exported C."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ CONTROLLERS = (
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller):
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     step, loop = SampledStep(SampledList.of(PROBLEM, controller)), expected.loop
-    kept = Layout.of(controller_program(loop), loop).rows  # what an export keeps of the state
+    kept = Layout.of(controller_program(loop), loop).rows  # the part of the state that an export keeps
     for _ in range(2):  # a reset leaves nothing behind
         for y, r, state in zip(expected.measured, expected.commands, expected.states, strict=True):
             u = step(y, r)

@@ -7,7 +7,7 @@ from barbalat.run.kernel.observer import Turn
 
 
 def seen(t, values, smooth):
-    """The largest vertex of one quantity, and by how much its path is longer than the sum of its nodes' distances."""
+    """The largest vertex of one quantity, and the length by which its path exceeds the sum of the distances of its nodes."""
     turn, largest, more = Turn.of(np.zeros(6)), -np.inf, 0.0
     lengths = np.append(np.diff(t), 0.0)
     for value, flag, length in zip(values, smooth, lengths, strict=True):
@@ -23,7 +23,7 @@ def seen(t, values, smooth):
 @pytest.mark.parametrize("before", [0.01, 0.05, 0.1, 0.15, 0.19])
 @pytest.mark.parametrize("way", [1, -1], ids=["begins", "ends"])
 def test_a_peak_beside_the_end_of_a_piece(before, way) -> None:
-    """cos(t) in nodes 0.2 apart, with a piece's first or last node less than a node from the peak."""
+    """cos(t) at nodes with a distance of 0.2, with the first or last node of a piece less than one distance from the peak."""
     t = np.arange(6) * 0.2 - before
     smooth = np.array([0.0, 1, 1, 1, 1, 1])
     values = np.cos(t)
@@ -36,7 +36,7 @@ def test_a_peak_beside_the_end_of_a_piece(before, way) -> None:
 
 
 def test_a_jump_is_no_turn() -> None:
-    """A line that falls to its end, where the next piece begins far above it: nothing turns between nodes."""
+    """A line falls to its end, and the next piece begins far above it. There is no extremum between nodes."""
     t = np.array([0.0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5, 0.6])
     values = np.array([0.0, -0.1, -0.2, -0.3, 5.0, 5.1, 5.2, 5.3])
     smooth = np.array([0.0, 1, 1, 0, 0, 1, 1, 1])

@@ -1,4 +1,4 @@
-"""Excitation, distance moved, time on the bounds: against closed forms, and against records of every step."""
+"""Excitation, path length and time at the bounds, compared with closed forms and with records of every step."""
 
 import tracemalloc
 from dataclasses import replace
@@ -39,8 +39,9 @@ def run(problem, controller, *, t_end=20.0, dt=1e-3, record_points=2000):
 
 
 def test_a_rotating_regressor_in_closed_form():
-    """[3 sin wt, 2 cos wt], turned by any angle: eigenvalues 9/2 and 2 over whole periods. 1e-5: the trapezoidal rule is exact
-    there, but a window's ends are the nearest recorded instants, half a thousandth of the window off at most."""
+    """[3 sin wt, 2 cos wt], rotated by any angle, has the eigenvalues 9/2 and 2 over whole periods. The tolerance is 1e-5: the
+    trapezoidal rule is exact, but a window ends at the nearest recorded instants, which differ by at most half a thousandth of
+    the window."""
     t = np.linspace(0, 80, 8001)
     w, angle = 2 * np.pi, 0.7
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -57,7 +58,7 @@ def test_a_rotating_regressor_in_closed_form():
 
 
 def test_the_level_is_that_of_the_worst_window():
-    """Excited for the last half only: over the first windows the level is zero, in the tail it is 1/2."""
+    """The regressor is excited only in the last half. Over the first windows the level is zero, in the tail it is 1/2."""
     t = np.linspace(0, 80, 8001)
     on = t >= 40
     found = excitation(t, np.stack([np.sin(np.pi * t) * on, np.cos(np.pi * t) * on], axis=1)[:, :, None])
@@ -66,7 +67,7 @@ def test_the_level_is_that_of_the_worst_window():
 
 
 def test_several_inputs_excite_every_channel_alike():
-    """Phi = phi x I: the least eigenvalue is phi's own."""
+    """With Phi = phi x I the smallest eigenvalue is that of phi."""
     t = np.linspace(0, 80, 8001)
     phi = np.stack([np.sin(np.pi * t), np.cos(np.pi * t)], axis=1)
     Phi = np.einsum("ki,jl->kijl", phi, np.eye(3)).reshape(len(t), 6, 3)
@@ -75,7 +76,7 @@ def test_several_inputs_excite_every_channel_alike():
 
 def test_a_coarse_record_is_noticed():
     t = np.linspace(0, 100, 201)
-    phi = np.stack([np.sin(5.9 * t), np.cos(6.2 * t)], axis=1)[:, :, None]  # two instants for each period: aliased
+    phi = np.stack([np.sin(5.9 * t), np.cos(6.2 * t)], axis=1)[:, :, None]  # two instants in each period, so that it is aliased
     fine = np.linspace(0, 100, 20001)
     exact = excitation(fine, np.stack([np.sin(5.9 * fine), np.cos(6.2 * fine)], axis=1)[:, :, None])
     found = excitation(t, phi)
@@ -89,7 +90,7 @@ def test_path_and_bounds_against_every_step(section_v, controller):
     every, decimated = (run(section_v, controller, record_points=n).adapting for n in (20_000, 300))
     record = run(section_v, controller, record_points=20_000)
     moves = np.abs(np.diff(record.theta_hat, axis=0))
-    moves = moves[:-1] if isinstance(controller, Sampled) else moves  # its sample at t_end moves nothing any more
+    moves = moves[:-1] if isinstance(controller, Sampled) else moves  # its sample at t_end has no further effect
     np.testing.assert_allclose(decimated.path, moves.sum(axis=0), rtol=1e-9)
     np.testing.assert_allclose(decimated.net, record.theta_hat[-1] - record.theta_hat[0], atol=1e-9)
     on = (np.abs(record.theta_hat[:-1]) == 5.0).mean(axis=0)
@@ -111,7 +112,7 @@ def test_what_is_thrown_from_bound_to_bound_is_said(section_v):
 
 
 def test_what_sits_on_a_bound_is_said(section_v):
-    """The truth [4, -3] lies outside: the estimates press against the box."""
+    """The true value [4, -3] is outside the box, so that the estimates stay at its bounds."""
     problem = replace(section_v, uncertainty=ParameterBox(lower=[-1, -1], upper=[1, 1]))
     found = run(problem, Mrac(gamma=0.1)).adapting
     assert (found.on_bounds.least > 0.5).any()
@@ -143,7 +144,8 @@ def test_a_regressor_that_dies_out_is_said(section_v):
 
 @pytest.mark.parametrize("law", [Gradient(gamma=10.0), LeastSquares(covariance0=500.0)])
 def test_the_normalised_regressor_is_the_filtered_state(section_v, law):
-    """phi = W_m(s)[x] over m_s, by an independent simulation on the recorded x. 1e-5: linear interpolation of 20,000 points."""
+    """phi = W_m(s)[x]/m_s by an independent simulation with the recorded x. The tolerance 1e-5 is for the linear interpolation of
+    20,000 points."""
     result = run(section_v, NormalizedMrac(c_0=[1.0, 1.0], law=law), record_points=20_000)
     plant = section_v.plant
     system = (plant.A_m, plant.b[:, None], np.array([[1.0, 1.0]]), np.zeros((1, 1)))
@@ -181,7 +183,7 @@ def test_shares_are_rounded_outward():
 
 
 def test_the_excitation_of_a_large_regressor_takes_no_outer_products_and_is_the_integral():
-    """Against SciPy's trapezoidal rule entry by entry, for two inputs on an uneven grid."""
+    """It is compared with SciPy's trapezoidal rule for each entry, for two inputs on an uneven grid."""
     random = np.random.default_rng(1)
     t = np.sort(random.uniform(0.0, 3.0, 60))
     phi = random.normal(size=(60, 5, 2))
@@ -195,7 +197,7 @@ def test_the_excitation_of_a_large_regressor_takes_no_outer_products_and_is_the_
 
 
 def around(controller, baseline, observer=None):
-    """A pendulum around a dynamic baseline, without noise."""
+    """A pendulum with a dynamic baseline, without noise."""
     plant = Plant(A=[[0, 1], [-3.0, -0.2]], b=[0, 2.0], x0=[0.1, 0.3], baseline=baseline)
     problem = Problem(
         plant=plant, reference=Constant(0.5), observer=observer, uncertainty=box_around(plant), labels=Labels(names=("y", "v"))
@@ -213,7 +215,7 @@ LUENBERGER = LuenbergerObserver(poles=(-20.0, -25.0), measured=("y",))
 
 
 def test_the_regressor_beside_a_baseline_contains_its_integral():
-    """The third estimate belongs to the integral of r - y: by the trapezoidal rule along the record."""
+    """The third estimate belongs to the integral of r - y, which is computed by the trapezoidal rule along the record."""
     found = around(Mrac(gamma=5.0), LQI)
     phi = regressor_along(found.loop, found.states, found.x, found.u)[:, :, 0]
     assert phi.shape[1] == found.theta_hat.shape[1] == 3
@@ -224,7 +226,8 @@ def test_the_regressor_beside_a_baseline_contains_its_integral():
 @pytest.mark.parametrize("baseline", [LQI, PID])
 @pytest.mark.parametrize("sample_time", [None, 0.01])
 def test_excitation_beside_an_observer_is_that_of_the_estimate(baseline, sample_time):
-    """The rate is not measured: the observer starts with 0 and follows within 0.5 s, which is ten of its slower time constant."""
+    """The rate is not measured. The observer starts at 0 and follows within 0.5 s, which is ten times its slower time
+    constant."""
     law = RobustMrac(tau=0.1, law=Gradient(gamma=1.0)), Mrac(gamma=1.0)
     for one in law:
         found = around(one if sample_time is None else Sampled(one, sample_time), baseline, LUENBERGER)

@@ -1,4 +1,4 @@
-"""The finding that a run is off because of the delay at the plant's input, which the model does not have."""
+"""The finding that a run does not follow because of the delay at the plant's input, which the model does not have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An oscillation that RK4's own damping hides inside every limit is reported with the run's numerics."""
+"""An oscillation that RK4's own damping hides within all limits is reported with the run's numerics."""
 
 import json
 
@@ -20,7 +20,7 @@ PROBLEM = Problem(plant=PLANT, reference_model=ReferenceModel(k_0=2.0), referenc
 
 @pytest.fixture(scope="module")
 def runs():
-    """By the step: at the coarse one the run is inside of every limit, and wrong by a factor of ten."""
+    """Runs by step. With the coarse step the run is within all limits but wrong by a factor of ten."""
     return {h: simulate(PROBLEM, Mrac(gamma=16000.0), Simulation(t_end=5.0, dt=h))["MRAC"] for h in (0.01, 0.0005)}
 
 
@@ -37,7 +37,7 @@ def test_a_run_that_hides_ringing_says_so(runs):
 
 
 def test_the_damping_is_that_of_an_oscillator_that_is_stepped(runs):
-    """x' = i omega x, stepped by the method itself for a hundred radians."""
+    """The method itself integrates x' = i omega x for a hundred radians."""
     found = runs[0.01].damping
     h, x = found.h_omega, 1.0 + 0.0j
     for _ in range(1000):
@@ -46,7 +46,7 @@ def test_the_damping_is_that_of_an_oscillator_that_is_stepped(runs):
 
 
 def test_what_has_no_such_damping():
-    """Heun and Euler amplify; what decays without oscillating, and what the step resolves, is left alone."""
+    """Heun's and Euler's methods amplify. A mode that decays without oscillation or that the step resolves has no finding."""
     fast, h_omega = np.array([[2.0j, -0.1 + 1.5j]]), np.array([0.5, 1.0, 2.2, 2.8])
     assert worst_damping(RK4, fast).h_omega == 2.0
     assert worst_damping(HEUN, fast) is None and worst_damping(EULER, fast) is None

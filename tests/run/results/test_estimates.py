@@ -21,7 +21,7 @@ def problem(problems) -> Problem:
 
 
 def test_gains_are_called_gains_and_weights_weights(problem):
-    """omega = 2: the ideal gains are theta/2 and k_0/2; for weights no ideal values are known."""
+    """With omega = 2 the ideal gains are theta/2 and k_0/2. For weights no ideal values are known."""
     made = [DirectMrac(gamma=2.0), NetworkMrac(gamma=2.0, leakage=FixedSigma(0.1), neurons=3), Mrac(gamma=2.0)]
     direct, network, mrac = simulate(problem, made, AT).values()
     theta, k_0 = problem.plant.theta, problem.reference_model.k_0
@@ -34,7 +34,7 @@ def test_gains_are_called_gains_and_weights_weights(problem):
 
 
 def test_the_estimate_of_an_unknown_input_gain_is_called_omega(problem):
-    """In tables, pictures and findings; the columns of files keep their names."""
+    """It has this name in tables, pictures and findings. The columns of files keep their names."""
     narrow = ParameterBox(lower=[-0.1] * len(problem.plant.theta), upper=[0.1] * len(problem.plant.theta))
     given = replace(problem, uncertainty=narrow, input_gain=(0.9, 1.1))
     run = simulate(given, [Mrac(gamma=200.0)], AT)["MRAC"]

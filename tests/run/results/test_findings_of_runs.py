@@ -1,4 +1,4 @@
-"""What a problem's runs have in common: a record that ends before the run does."""
+"""The common findings of a problem's runs: a record that ends before the run."""
 
 from __future__ import annotations
 

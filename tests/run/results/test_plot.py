@@ -70,7 +70,7 @@ def test_a_result_on_one_line_and_in_a_notebook(results):
 
 
 def test_the_estimates_at_the_end_are_all_that_a_scheme_adapts():
-    """Direct MRAC's k_r beside its theta_hat; of a network's many weights the largest."""
+    """For direct MRAC they are k_r and theta_hat, for a network the largest of its many weights."""
     network = NetworkMrac(5.0, gamma_v=1.0, neurons=6, leakage=FixedSigma(0.1))
     direct, plain, net = simulate(problem(), [DirectMrac(10.0, gamma_r=5.0), Mrac(5.0), network], SHORT).values()
     assert ends_of(direct) == f"{text_of(direct.theta_hat[-1].tolist())}; k_r {direct.reported['k_r_hat'][-1][0]:.4g}"
@@ -81,7 +81,8 @@ def test_the_estimates_at_the_end_are_all_that_a_scheme_adapts():
 
 
 def test_several_results_are_a_dictionary_that_shows_itself(results):
-    """On one line, with a row for each run and one picture of all in a notebook; it behaves like a plain dictionary."""
+    """It prints on one line. In a notebook it shows a row for each run and one picture of all. It behaves like a plain
+    dictionary."""
     assert isinstance(results, dict) and results == dict(results)
     assert isinstance(check_numerics(results), Results)
     text = repr(results)
@@ -144,7 +145,7 @@ def test_a_k_0_that_was_chosen_wrongly_is_said():
 
 
 def test_true_values_outside_the_known_set_are_said():
-    """theta = (1, -1) in and outside of a box; an input's gain of 1 outside of its interval."""
+    """theta = (1, -1) is inside and outside a box, and an input gain of 1 is outside its interval."""
     inside, outside = (problem(uncertainty=ParameterBox([-2, -2], [upper, 2])) for upper in (2, 0.5))
     assert inside.outside_known_set is None and problem().outside_known_set is None
     sentence = outside.outside_known_set
@@ -154,7 +155,8 @@ def test_true_values_outside_the_known_set_are_said():
 
 
 def test_a_step_response_in_numbers():
-    """With theta = 0 the model itself from rest, zeta = 1/2, omega = 2: overshoot 100 exp(-pi zeta/sqrt(1 - zeta^2)) percent."""
+    """With theta = 0 the run is the model from zero with zeta = 1/2 and omega = 2, whose overshoot is 100 exp(-pi zeta/sqrt(1 -
+    zeta^2)) percent."""
     plant = Plant([[0, 1], [-4, -2]], [0, 1], [0, 0])
     given = Problem(plant, ReferenceModel(4.0), Step(2.0, start=1.0))
     info = simulate(given, Mrac(1.0), Simulation(16.0, 1e-3, record_points=8000))["MRAC"].step_info()
@@ -167,7 +169,7 @@ def test_a_step_response_in_numbers():
 
 
 def test_the_peak_of_a_step_downwards_is_a_level_that_was_reached():
-    """From 1 to -1, where the greatest distance is 2 and more; and from 0 downwards."""
+    """The steps are from 1 to -1, where the largest distance is at least 2, and from 0 downwards."""
     plant = Plant([[0, 1], [-4, -2]], [0, 1], [0, 0])
     for command in (Steps(times=[0.0, 8.0], values=[1.0, -1.0]), Constant(-1.0)):
         result = simulate(Problem(plant, ReferenceModel(4.0), command), Mrac(1.0), Simulation(16.0, 1e-3))["MRAC"]
@@ -207,7 +209,7 @@ def test_studies_and_ensembles_show_themselves_in_a_notebook():
 
 
 def test_a_panel_that_stands_alone_has_its_whole_row(results):
-    """Error and control beside one another, the estimates below them."""
+    """Error and control are side by side, and the estimates are below them."""
     figure = plot(results["MRAC"])
     widths = sorted(axes.get_position().width for axes in figure.axes)
     assert len(widths) == 4 and widths[1] < 0.5 < widths[2] == widths[3]
@@ -218,7 +220,7 @@ def titles(figure):
 
 
 def test_panels_are_chosen_by_their_names(results):
-    """In the order of the names, and each once; a state also by its number, or by its own name."""
+    """The panels are in the order of the names, each once. A state may be given by its number or by its own name."""
     both = results["MRAC"].plot(panels=["control", "motion"])
     assert [one.split()[0] for one in titles(both)] == ["Control", "State"]
     assert len(titles(results["MRAC"].plot(panels="x_1"))) == len(titles(plot(results, panels=["motion", "x_1"]))) == 1
@@ -237,7 +239,7 @@ def test_a_state_is_chosen_by_its_label():
 
 
 def test_panels_are_drawn_into_axes_of_ones_own(results):
-    """Earlier content is kept; nothing in the figure changes except these axes."""
+    """Earlier content is kept. Nothing in the figure changes except these axes."""
     figure = Figure(figsize=(6, 4))
     left, right = figure.subplots(1, 2)
     left.plot([0, 1], [5, 5])
@@ -278,7 +280,7 @@ def test_a_case_in_a_notebook_says_what_is_given(name):
 
 
 def test_an_estimate_that_moves_little_gets_axes_on_which_it_is_seen():
-    """The F-16's input gain moves by 1, its other estimates by 20: on one pair of axes it is a flat line."""
+    """The F-16's input gain changes by 1, its other estimates by 20. On shared axes it would be a flat line."""
     found = load_case("f16-short-period")
     (mrac,) = simulate(found.problem, found.controllers[0], Simulation(20.0, 2e-3)).values()
     large, small = panels([mrac])[-2:]
@@ -299,7 +301,7 @@ def test_each_of_several_commands_says_where_the_model_settles():
 
 
 def test_a_run_that_is_lost_leaves_shared_panels_to_the_others():
-    """Without feedback x grows to 1e5 in 5 s, which is not divergence; MRAC's motion, of size 1, must remain visible."""
+    """Without feedback x grows to 1e5 in 5 s, which is not divergence. MRAC's motion, of size 1, must remain visible."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[5.0, 3.0], x0=[0.1, 0.0])
     unstable = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.0))
     nothing = KnownParameters(theta=[0.0, 0.0], name="nothing")

@@ -1,4 +1,4 @@
-"""JSBSim's F-16 with a table of a property that nobody has, which ends the process that loads it."""
+"""JSBSim's F-16 with a table of a property that does not exist, which ends the process that loads it."""
 
 import xml.etree.ElementTree as ET
 
@@ -6,7 +6,7 @@ from barbalat.vehicles.f16 import model as f16
 
 
 def load():
-    """Never returns."""
+    """Load the aircraft. This never returns."""
     real = f16._hand_over_surfaces
 
     def breaking(aircraft: ET.Element) -> None:

@@ -1,4 +1,4 @@
-"""The elevator and the sensors, against their exact responses."""
+"""The elevator and the sensors, compared with their exact responses."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_it_moves_no_faster_and_no_further_than_it_can():
 
 
 def test_a_longer_delay_holds_what_arrived_and_loses_nothing():
-    equipment = Equipment(actuator_lag=1e-9, rate_limit=1e9, transport_delay=2 * STEP)  # the deflection is what arrives
+    equipment = Equipment(actuator_lag=1e-9, rate_limit=1e9, transport_delay=2 * STEP)  # the deflection equals the input
     elevator = Actuator(equipment, STEP, start=0.0)
     sent = [0.1 * k for k in range(12)]
     found = []

@@ -1,4 +1,4 @@
-"""Trim and linear model of the F-16, against JSBSim's own trim, its own motion, and published figures."""
+"""Trim and linear model of the F-16, compared with JSBSim's own trim, its motion, and published figures."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def trim():
 
 
 def as_installed():
-    """JSBSim's F-16 without any change of ours."""
+    """JSBSim's F-16 without any change."""
     fdm = jsbsim.FGFDMExec(None)
     fdm.set_debug_level(0)
     fdm.load_model("f16")
@@ -39,7 +39,7 @@ def as_installed():
 def test_trim_is_that_of_jsbsim_on_the_unchanged_file(trim):
     fdm = as_installed()
     fdm["propulsion/set-running"] = -1
-    fdm.do_trim(1)  # its own simplex; it ends at 1e-3 ft/s^2, which is some 1e-4 deg
+    fdm.do_trim(1)  # JSBSim's own simplex, which ends at 1e-3 ft/s^2, about 1e-4 deg
     assert np.rad2deg(trim.alpha) == pytest.approx(fdm["aero/alpha-deg"], abs=1e-3)
     assert trim.elevator == pytest.approx(fdm["fcs/elevator-pos-rad"], abs=1e-5)
     assert trim.throttle == pytest.approx(fdm["fcs/throttle-cmd-norm"], abs=1e-3)
@@ -63,7 +63,8 @@ def test_trim_is_near_the_published_one(trim):
 
 
 def test_modes_have_the_published_shape():
-    """Stevens and Lewis: short period -1.20 +- 1.49j, Dutch roll -0.44 +- 3.22j, roll -3.60, for another data set."""
+    """Stevens and Lewis have the short period -1.20 +- 1.49j, the Dutch roll -0.44 +- 3.22j and roll -3.60, for another data
+    set."""
     modes = trimmed(SEA_LEVEL).modes()
     for name, published in (("short period", -1.20 + 1.49j), ("Dutch roll", -0.44 + 3.22j), ("roll", -3.60)):
         first = modes[name][0]
@@ -77,7 +78,7 @@ def test_modes_have_the_published_shape():
 
 
 def test_alpha_s_row_is_that_of_stevens_and_lewis():
-    """Theirs at 502 ft/s is alpha' = -1.01887 alpha + 0.90506 q; lift is lift, wherever the data came from."""
+    """At 502 ft/s they have alpha' = -1.01887 alpha + 0.90506 q. The lift is the same, wherever the data come from."""
     found, rows = trimmed(SEA_LEVEL), [1, 3]  # alpha, q
     A, b = found.A[np.ix_(rows, rows)], found.B[rows, 0]
     np.testing.assert_allclose(A[0], [-1.01887, 0.90506], rtol=0.02)
@@ -86,7 +87,7 @@ def test_alpha_s_row_is_that_of_stevens_and_lewis():
 
 
 def test_the_linear_model_is_what_the_aircraft_does(trim):
-    """A tenth of a degree of elevator for a second: the motion is the linear one to a few per cent of its size."""
+    """With a tenth of a degree of elevator for a second, the motion is the linear one to a few per cent of its size."""
     airframe, turned = Airframe(CONDITION), np.deg2rad(0.1)
     airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
     airframe.move(Surfaces(trim.elevator + turned))
@@ -100,7 +101,7 @@ def test_the_linear_model_is_what_the_aircraft_does(trim):
 
 
 def test_half_the_step_moves_it_alike(trim):
-    """The surfaces act one step late: the difference is of the first order, and small."""
+    """The surfaces act one step late, so that the difference is of first order and small."""
     ends = []
     for step in (STEP, STEP / 2):
         airframe = Airframe(CONDITION, step)
@@ -115,7 +116,7 @@ def test_half_the_step_moves_it_alike(trim):
 def test_no_part_of_the_file_s_control_system_moves_the_aircraft(trim):
     airframe = Airframe(CONDITION)
     airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
-    for command in ("elevator", "rudder"):  # ailerons would move the flaps with them, and stay at rest
+    for command in ("elevator", "rudder"):  # ailerons would move the flaps too, and stay at zero
         airframe.fdm[f"fcs/{command}-cmd-norm"] = 0.5
     before = airframe.rates
     airframe.fdm.run()
@@ -150,11 +151,11 @@ def test_a_property_that_nobody_has_ends_a_process_and_not_this_one():
 
 
 def test_a_gust_turns_the_angle_of_attack_alone(trim):
-    """A gust of w down is an angle of attack that is w/V less, at first, and its lift Z_alpha w/V."""
+    """A downward gust w initially decreases the angle of attack by w/V and the lift by Z_alpha w/V."""
     airframe = Airframe(CONDITION)
     airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
     airframe.blow(5.0)
-    for _ in range(3):  # JSBSim's load factor is that of the step before
+    for _ in range(3):  # JSBSim's load factor is that of the previous step
         airframe.fdm.run()
     alpha, q = np.deg2rad(airframe.angles(["alpha", "q"]))
     assert alpha - trim.alpha == pytest.approx(-5 / trim.speed, rel=0.02)  # cos(alpha), and 7.5 ms of motion

@@ -1,4 +1,4 @@
-"""Drawn quadrotors: the effect of a draw, against statics and closed formulas; campaigns resume."""
+"""Random quadrotors: the effect of their numbers, compared with statics and closed formulas, and campaigns that resume."""
 
 from dataclasses import replace
 
@@ -49,7 +49,8 @@ def test_a_heavier_one_sinks_and_a_weaker_one_too():
 
 
 def test_a_centre_of_gravity_to_the_left_rolls_it_that_way_as_a_lever_does():
-    """The thrust lifts what is right of the centre: left goes down, which is the negative sense about forward."""
+    """The thrust lifts the part to the right of the centre, so that the left side goes down, which is a negative rotation about
+    the forward axis."""
     _, _, _, roll, pitch, yaw = accelerations(Dispersion(centre_left=0.005))
     assert roll == pytest.approx(-WEIGHT * 0.005 / NOMINAL_VEHICLE.inertia[0])
     assert (pitch, yaw) == pytest.approx((0, 0), abs=1e-9)
@@ -57,7 +58,8 @@ def test_a_centre_of_gravity_to_the_left_rolls_it_that_way_as_a_lever_does():
 
 
 def test_rotors_inertias_arms_and_drag_act_where_they_should():
-    """One strong rotor, front left: its force, its lever, its drag's moment, each over what it moves."""
+    """With one strong rotor at the front left, its force, its moment and the moment of its drag are each divided by the mass or
+    inertia."""
     one = Dispersion(rotor_1=1.05, roll_inertia=1.2, pitch_inertia=0.9, reach=1.02, drag_torque=1.3)
     vehicle, added = one.vehicle(NOMINAL_VEHICLE), 0.05 * WEIGHT / 4
     x, y, z = vehicle.inertia
@@ -67,15 +69,13 @@ def test_rotors_inertias_arms_and_drag_act_where_they_should():
 
 
 def test_it_stands_where_it_was_put():
-    """Two metres of slope away it would sink or jump, if it did not stand on the ground."""
+    """At a distance of two metres on the slope it would sink or jump if it did not stand on the ground."""
     simulator = Dispersion(start_forward=0.2, start_left=-0.2, heading=10.0).simulator(NOMINAL_VEHICLE)
     height = STANDING - 0.2 * np.tan(np.deg2rad(SLOPE))
     np.testing.assert_allclose(simulator.motion.position, [0.2, -0.2, height])
     simulator.advance(np.zeros(4), round(2 / STEP))
     motion = simulator.motion
-    np.testing.assert_allclose(
-        motion.position, [0.2, -0.2, height], atol=2e-3
-    )  # the feet give way by some tenths of a millimetre
+    np.testing.assert_allclose(motion.position, [0.2, -0.2, height], atol=2e-3)  # the feet yield by some tenths of a millimetre
     assert motion.attitude[2, 2] == pytest.approx(np.cos(np.deg2rad(SLOPE)), abs=1e-3)
     assert np.rad2deg(np.arctan2(motion.attitude[1, 0], motion.attitude[0, 0])) == pytest.approx(10.0, abs=0.2)
 
@@ -92,13 +92,13 @@ def test_wind_comes_from_where_it_is_said_to_with_its_gusts():
     drawn = Dispersion(wind=4.0, wind_from=90.0)
     velocity = np.concatenate([Air.drawn(replace(drawn, number=i), 40_000).velocity for i in range(30)])
     np.testing.assert_allclose(velocity[:, [0, 2]], 0, atol=1e-12)
-    assert velocity[:, 1].mean() == pytest.approx(-4.0, abs=0.1)  # from the left, along which it goes to the right
-    # 100 s of a process that forgets in 17 s, 30 of them: some 90 values that are independent of one another
+    assert velocity[:, 1].mean() == pytest.approx(-4.0, abs=0.1)  # wind from the left moves it to the right
+    # 30 runs of 100 s of a process with a correlation time of 17 s have some 90 independent values
     assert velocity[:, 1].std() == pytest.approx(GUSTS_SHARE * 4.0, rel=0.3)
 
 
 def test_gusts_along_the_wind_have_dryden_s_correlation():
-    """R(s) = deviation^2 e^(-s speed/L); of 4000 s about 470 values are independent at a wind of 16 m/s."""
+    """R(s) = deviation^2 e^(-s speed/L). In 4000 s about 470 values are independent at a wind of 16 m/s."""
     gusts = Air.drawn(Dispersion(wind=16.0, wind_from=180.0, number=3), 1_600_000).velocity[:, 0] - 16.0
     for seconds in (0.0, 1.0, 4.0, 8.0):
         lag = round(seconds / ATTITUDE_SAMPLE)
@@ -137,7 +137,8 @@ def test_a_store_goes_on_where_it_was_left(tmp_path):
 
 
 def test_the_stored_flights_of_the_ledger_are_flown_again():
-    """The first draw, by three schemes: to the digits that agree between processors after thirteen seconds."""
+    """The first draw is flown by three schemes and compared in the digits that agree between processors after thirteen
+    seconds."""
     stored = Flights.stored("quadrotor").document
     assert stored["numbers"] == TUNED
     schemes = [name for name in ("geometric", "hinf", "l1") if name in available(SCHEMES)]
@@ -150,7 +151,7 @@ def test_the_stored_flights_of_the_ledger_are_flown_again():
 
 
 def numbers_of(cells):
-    """A row of the guide's table, as stored: of "bandwidth 0.3, adaptation 30*" the two numbers."""
+    """The numbers in a stored row of the guide's table, such as the two of "bandwidth 0.3, adaptation 30*"."""
     pairs = [] if cells[2] == "none" else [one.rstrip("*").rsplit(" ", 1) for one in cells[2].split(", ")]
     return {name: float(value) for name, value in pairs}
 
@@ -165,7 +166,7 @@ def test_what_is_tuned_is_what_the_guide_s_table_says_and_it_meets_the_rule():
 
 
 def test_the_rule_asks_for_half_of_what_the_feedback_bears(axes):
-    """By hand: the phase of L = (k_R + k_Omega s)/s^2, and of what lags, at its crossover."""
+    """The phase of L = (k_R + k_Omega s)/s^2 and of the lags at the crossover is computed by hand."""
     for axis in (axes.attitude[0], axes.attitude[2], axes.position[0]):
         path = quadrotor_tuning.lagging(axes, axis)
 
@@ -181,7 +182,7 @@ def test_the_rule_asks_for_half_of_what_the_feedback_bears(axes):
 
 
 def test_the_rule_finds_the_numbers_that_fly_again(axes):
-    """One of them, to the three digits that are kept."""
+    """One scheme is tuned again and agrees in the three stored digits."""
     roll = axes.attitude[0]
     found = quadrotor_tuning.tuned(axes, roll, "adrc", quadrotor_tuning.rule_of(axes, roll, flight_tuning.RULE.trials))
     assert found.meets

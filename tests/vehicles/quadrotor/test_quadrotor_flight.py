@@ -1,4 +1,4 @@
-"""Whole flights of the quadrotor: repeated, through failures, with laws that are the package's own, from the command line."""
+"""Whole flights of the quadrotor: repeated, through failures, with the package's own laws, and from the command line."""
 
 import json
 from dataclasses import replace
@@ -28,7 +28,7 @@ from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
 from barbalat.vehicles.schemes import available
 from vehicles.nominal import QUADROTOR, on_axis, quadrotor_through, scheme_on
 
-pytestmark = pytest.mark.full  # ./dev flight runs them; each flies for seconds
+pytestmark = pytest.mark.full  # ./dev flight runs them; each takes seconds
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def flown(axes):
 
 
 def test_the_same_flight_twice_is_the_same_in_every_bit(axes, flown):
-    """Independent of earlier flights and of the instant at which it continued alone."""
+    """A flight does not depend on earlier flights or on the instant at which it continued alone."""
     (again,) = quadrotor_through(axes, scheme_on(axes, "l1-piecewise"), [FAILURES["slung-mass"]], SHORTER)
     np.testing.assert_array_equal(again.record, flown["l1-piecewise"]["slung-mass"].record)
 
@@ -67,12 +67,12 @@ def test_flights_before_the_failure_are_the_same_in_every_bit(flown):
 
 
 def test_what_a_slung_mass_does_to_a_controller_without_memory_is_what_statics_say(axes, flown):
-    """It sinks until k_R e of its height carries the mass: 250 g times g over 1 kg is the acceleration that is missing."""
+    """It sinks until k_R e of its height carries the mass. The missing acceleration is 250 g times g over 1 kg."""
     late = flown["geometric"]["slung-mass"].record[-150:]
     sunk = np.mean(late[:, 3] - late[:, 6])
-    missing = 0.25 * 9.81  # m/s^2, of a vehicle that thinks that it weighs 1 kg
+    missing = 0.25 * 9.81  # m/s^2, for a controller that assumes 1 kg
     assert sunk == pytest.approx(missing / axes.position[2].gain[0], rel=0.1)  # the path's own motion, and tilt
-    # what the filter has not taken away yet: s/(s + bandwidth) of it, through the loop; from 1.5 to 3 s after the failure
+    # what the filter does not compensate yet: s/(s + bandwidth) of it through the loop, from 1.5 to 3 s after the failure
     up = axes.position[2]
     left = [up.gain[0], 0.0], np.polymul([1.0, TUNED["forward"]["l1-piecewise"]["bandwidth"] / up.lag], [1.0, *up.gain[::-1]])
     t, response = step(left, T=np.linspace(0, 3, 301))
@@ -92,16 +92,16 @@ def test_who_is_lost_and_who_is_not(flown):
 
 
 def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flown):
-    """This is why laws are reset when they take over control: with a reset the integral is no worse than the others."""
+    """For this reason laws are reset when they take over control. With a reset the integral is no worse than the others."""
     tried = ("geometric-integral", "l1-piecewise")
     largest, reset = ({name: np.max(flown[name][failure].error[200:600]) for name in tried} for failure in ("no-reset", "none"))
     assert largest["geometric-integral"] > 5 * reset["geometric-integral"]
-    assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # it forgets sooner
+    assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # it decays sooner
 
 
 @pytest.mark.parametrize("name", available(SCHEMES))
 def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypatch):
-    """Every sample of an axis, handed to the scheme's equations in NumPy, gives the u that was flown."""
+    """The scheme's equations in NumPy give the flown u for every sample of an axis."""
     seen = []
     asked = control._asked
 
@@ -120,11 +120,11 @@ def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypa
     assert len(seen) == 1000
     for x, u in seen:
         acting = loop.computer.act(acting, x, np.zeros(()))
-        assert u == pytest.approx(float(np.reshape(acting.held.u, ())), rel=1e-9, abs=1e-9)  # sums in another order
+        assert u == pytest.approx(float(np.reshape(acting.held.u, ())), rel=1e-9, abs=1e-9)  # sums in a different order
 
 
 def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_it(axes):
-    """A roll that is off by 2 rad for a second: the estimate of the disturbance stays near zero if there is none."""
+    """The roll has an error of 2 rad for a second. The estimate of the disturbance stays near zero if there is none."""
     for name in ("l1-piecewise", "l1-piecewise-flown"):
         axis = axes.attitude[0]
         loop = ClosedLoop.of(*on_axis(name, axis))
@@ -147,11 +147,11 @@ def test_the_delay_borne_is_found_to_a_sample(axes):
     roll = axes.attitude[0]
     crossover = 1.55 * roll.frequency
     margin = np.deg2rad(65.5) / crossover - roll.lag
-    assert margin < borne < 3 * margin  # the linear loop's, of small signals; what it grows into is slow
+    assert margin < borne < 3 * margin  # that of the linear loop for small signals; the motion grows slowly
 
 
 class Overflowing:
-    """Adds nothing, and finally NaN."""
+    """A law that adds zero and finally NaN."""
 
     name, overflows_at = "overflowing", 2.6
 
@@ -177,7 +177,7 @@ def test_a_controller_that_overflows_loses_its_vehicle_and_says_so(axes, tmp_pat
     assert one.lost == "its controller gave a command that is not a number"
     assert one.lost_at == pytest.approx(Overflowing.overflows_at, abs=0.011)
     assert np.isfinite(one.record).all()
-    assert list(tmp_path.iterdir()) == []  # MuJoCo has nothing to warn of
+    assert list(tmp_path.iterdir()) == []  # MuJoCo has no warning
 
 
 def test_a_flight_of_a_controller_of_ones_own_that_breaks_is_lost_alone(monkeypatch):

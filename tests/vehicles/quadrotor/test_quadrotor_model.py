@@ -1,4 +1,4 @@
-"""The quadrotor's flight model and its geometric controller, against closed formulas and the theory."""
+"""The quadrotor's flight model and its geometric controller, compared with closed formulas and theory."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -35,7 +35,8 @@ def hover():
 
 
 def test_it_falls_as_in_a_vacuum_at_first():
-    """Drag of MuJoCo's box is below 1.3 kg/m^3 of air times its area: after 0.2 s at 2 m/s a tenth of a Newton."""
+    """The drag of MuJoCo's box is limited by the density of 1.3 kg/m^3 times its area, which is a tenth of a newton after 0.2 s
+    at 2 m/s."""
     simulator = Simulator(VEHICLE)
     simulator.put(LEVEL, np.zeros(4))
     simulator.advance(np.zeros(4), round(0.2 / STEP))
@@ -69,7 +70,7 @@ def test_the_linear_model_is_the_rigid_body_s_by_hand(hover):
 
 @pytest.mark.parametrize("lag", [0.02, 0.07])
 def test_a_step_of_thrust_is_a_motor_s_exponential(lag):
-    """RK4 leaves (STEP/lag)^5/120 of a step: 3e-7 of it at the fastest motor."""
+    """RK4's error is (STEP/lag)^5/120 in each step, 3e-7 for the fastest motor."""
     simulator = Simulator(VEHICLE)
     simulator.put(LEVEL, np.zeros(4))
     simulator.slow_down(lag)
@@ -89,7 +90,8 @@ def test_rotors_end_at_nothing_and_at_their_most():
 
 
 def spinning(integrator, step):
-    """A body that tumbles in a vacuum, without weight: what is left of its energy and angular momentum after 10 s."""
+    """The energy and angular momentum of a body after 10 s of tumbling in a vacuum without weight, relative to their initial
+    values."""
     simulator = Simulator(VEHICLE, integrator=integrator, step=step)
     simulator.model.opt.density, simulator.model.opt.gravity[:] = 0.0, 0.0
     simulator.put(LEVEL._replace(rates=np.array([6.0, 4.0, 2.0])), np.zeros(4))
@@ -112,7 +114,7 @@ def test_what_is_conserved_is_by_the_integrator_that_is_set_and_not_by_the_defau
 
 
 def test_a_slung_mass_hangs_still_below_a_vehicle_that_hovers():
-    """Hooked on at the centre: five quarters of the weight are carried, and nothing swings."""
+    """The mass is attached at the centre, so that the thrust carries five quarters of the weight and nothing swings."""
     slung, simulator = SlungMass(beside=0.0), Simulator(VEHICLE)
     lifting = np.full(4, (VEHICLE.mass + slung.mass) * 9.81 / 4)
     leaning = Rotation.from_euler("xy", [8, -5], degrees=True).as_matrix()
@@ -120,7 +122,7 @@ def test_a_slung_mass_hangs_still_below_a_vehicle_that_hovers():
     simulator.hook_on(slung)
     mass = simulator.data.body("slung")
     hung = mass.xipos - simulator.data.body("vehicle").xpos
-    np.testing.assert_allclose(hung, [0, 0, -slung.cable], atol=1e-12)  # plumb, however the vehicle leans
+    np.testing.assert_allclose(hung, [0, 0, -slung.cable], atol=1e-12)  # vertical, however the vehicle is tilted
     np.testing.assert_allclose(simulator.motion.velocity, [1, 0, 0], atol=1e-12)
     simulator.put(LEVEL, lifting)
     simulator.data.qpos[7:11], simulator.data.qvel[:] = [1, 0, 0, 0], 0
@@ -139,10 +141,10 @@ def test_half_the_step_moves_it_alike(hover):
 
 
 def test_the_attitude_s_error_decays_as_the_theory_says(hover):
-    """Lee, Leok, McClamroch: with the controller's own moments e_R and e_Omega obey, near zero, e'' + k_Omega e' + k_R e = 0.
+    """By Lee, Leok and McClamroch, with the controller's moments, e_R and e_Omega satisfy e'' + k_Omega e' + k_R e = 0 near zero.
 
-    From 5 deg the error is that of the linear loop to its square, and from 170 deg Psi = tr(I - R_d'R)/2 never grows once
-    the rates are at rest: the sublevel set that the proof has. The body is turned here by Euler's equations.
+    From 5 deg the error is that of the linear loop up to its square. From 170 deg Psi = tr(I - R_d'R)/2 never grows after a start
+    with zero rates, in the sublevel set of the proof. Here the body moves by Euler's equations.
     """
     axes = Axes(hover=hover)
     gains = np.array([axis.gain for axis in axes.attitude])
@@ -234,7 +236,7 @@ def test_one_that_is_too_heavy_for_one_rotor_can_t_hover():
 
 
 def test_numbers_that_are_none_stay_so_and_leave_no_file(tmp_path, monkeypatch):
-    """MuJoCo's own answer is a vehicle that stands where it started, and MUJOCO_LOG.TXT in the user's folder."""
+    """MuJoCo itself would reset the vehicle to its initial position and write MUJOCO_LOG.TXT into the user's folder."""
     monkeypatch.chdir(tmp_path)
     simulator = Simulator(Quadrotor())
     simulator.data.qvel[2] = 1e11  # the drag, quadratic in it, overflows

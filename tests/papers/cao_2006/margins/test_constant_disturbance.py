@@ -1,4 +1,4 @@
-"""The loop in closed form against the package's own schemes with phi = 1, and against margins known by hand."""
+"""The loop in closed form, compared with the package's own schemes with phi = 1 and with margins known by hand."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from barbalat.signals import Constant
 
 @pytest.mark.parametrize("kappa", [None, 0.1])
 def test_the_loop_is_that_of_the_schemes_with_a_constant_regressor(kappa):
-    """theta'phi = sigma where phi = 1: the loops linearised with their law inside, by exact Jacobians, at any command."""
+    """With phi = 1, theta'phi = sigma. The loops are linearised with their law by exact Jacobians, at any command."""
     plant = Plant(A_m=[[-loops.A]], b=[loops.B], theta=[0.7], regressor=Terms(("1 + 0*x1",)))
     given = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Constant(2.0))
     w = np.geomspace(1e-2, 1e3, 40)
@@ -25,7 +25,7 @@ def test_the_loop_is_that_of_the_schemes_with_a_constant_regressor(kappa):
 
 
 def test_the_case_has_the_rows_delay_margins():
-    """From the paper's case file by linearisation, and from the loop in closed form."""
+    """The margins from the paper's case file by linearisation equal those of the loop in closed form."""
     (path,) = PAPER.cases
     case = load_case(path)
     found = certify(case.problem, case.controllers, case.simulation)
@@ -36,7 +36,8 @@ def test_the_case_has_the_rows_delay_margins():
 
 
 def test_the_margins_are_those_by_hand():
-    """w^2/(s (s + a)): phase atan(a/w_c), w_c^2 = (sqrt(a^4 + 4 w^4) - a^2)/2; 1/(kappa s): a quarter turn, pi kappa/2."""
+    """w^2/(s (s + a)) has the phase margin atan(a/w_c) with w_c^2 = (sqrt(a^4 + 4 w^4) - a^2)/2. 1/(kappa s) has a quarter turn
+    and the delay margin pi kappa/2."""
     w4 = (loops.GAINS * loops.P) ** 2
     crossing = np.sqrt((np.sqrt(1 + 4 * w4) - 1) / 2)
     np.testing.assert_allclose(loops.over_gains(None).phase, np.arctan(1 / crossing), rtol=1e-6)
@@ -53,11 +54,11 @@ def test_the_findings_and_the_coverage():
     assert {name: row.finding for name, row in rows.items()} == {
         "high-gain-phase": "holds",
         "high-gain-delay": "holds",
-        "phase-independent": "fails",  # only once the resonance no longer crosses |L| = 1 is it that of 1/(kappa s)
+        "phase-independent": "fails",  # it is that of 1/(kappa s) only once the resonance no longer crosses |L| = 1
         "delay-bounded": "holds",
         "high-gain-inside": "holds",
     }
     assert set(rows) == set(SENTENCES) == {one.row for one in COVERAGE if one.row}
     assert "0.04" in rows["phase-independent"].shows
     for name in ("delay-bounded", "high-gain-inside"):
-        assert "0.00049 s" in rows[name].shows and "0.0314 s" in rows[name].shows  # the dip beside what is restored
+        assert "0.00049 s" in rows[name].shows and "0.0314 s" in rows[name].shows  # the dip in addition to the restored margin

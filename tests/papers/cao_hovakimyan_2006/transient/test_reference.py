@@ -17,7 +17,8 @@ def test_every_row_has_its_sentence():
 
 
 def test_theorem_1_bounds_the_state_and_the_input_but_not_its_distance_from_the_ideal_one():
-    """At the start theta_tilde'x is in u before any gain learns: e, which integrates it, falls with the gain, u does not."""
+    """At the start theta_tilde'x is in u before any gain has learnt. e, which integrates it, decreases with the gain, but u does
+    not."""
     claim = reference.mrac()
     assert claim.finding == "fails" and [(one.role, one.holds) for one in claim.readings] == [
         ("literal", False),
@@ -26,7 +27,7 @@ def test_theorem_1_bounds_the_state_and_the_input_but_not_its_distance_from_the_
     ]
     shown, over_gain = claim.listings
     largest = np.array([float(row[2]) for row in shown.rows])
-    assert (largest > 0.05).all() and (largest < 1).all()  # bounds that are no more than twenty times too wide
+    assert (largest > 0.05).all() and (largest < 1).all()  # the bounds are at most twenty times too wide
     state, control = np.array([[float(row[1]), float(row[2])] for row in over_gain.rows]).T
     assert (np.diff(np.log10(state)) < -0.4).all() and np.diff(np.log10(control))[-1] > -0.1
 
@@ -39,7 +40,7 @@ def test_the_ideal_control_is_that_of_the_mrac_with_theta_known():
 
 
 def test_the_case_has_the_rows_runs():
-    """The paper's case file against what the rows have at their lowest gain."""
+    """The runs of the paper's case file equal those of the rows at their lowest gain."""
     (path,) = PAPER.cases
     case = load_case(path)
     runs = simulate(case.problem, case.controllers, case.simulation)
@@ -53,7 +54,7 @@ def test_the_case_has_the_rows_runs():
 
 
 def test_the_distance_falls_with_the_gain_and_with_time():
-    """By V' = -|x_tilde|^2 the prediction error is square integrable; the reference system is stable."""
+    """By V' = -|x_tilde|^2 the prediction error is square integrable, and the reference system is stable."""
     assert {claim.id: claim.finding for claim in reference.l1()} == {
         "gain-enforces-transient": "holds",
         "asymptotic-tracking": "holds",

@@ -1,4 +1,5 @@
-"""The margins of the adapting loop over gain and filter: against linearisations of their own, Pade, and their limits."""
+"""The margins of the adapting loop over gain and filter, compared with independent linearisations, Pade approximations and their
+limits."""
 
 import control
 import numpy as np
@@ -32,7 +33,8 @@ def test_the_loop_is_affine_in_gamma_and_depends_on_gamma_r_squared(kappa):
 
 
 def test_the_line_of_ratio_1_divides_the_plane(effect):
-    """On both sides of it, from linearisations at either command, and by a Pade approximation of a delay in between."""
+    """The test has points on both sides of the line, from linearisations at either command and with a Pade approximation of a
+    delay in between."""
     shown = effect.maps[0]
     line = shown.curves[0]
     for size, kappa in list(zip(line.x, line.y, strict=True))[::3]:
@@ -53,7 +55,7 @@ def is_stable(loop, delay):
 
 
 def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
-    """At gains between those of the map, the factor that MRAC's loop tolerates destabilises the filtered one."""
+    """At gains between those of the map, the factor that MRAC's loop tolerates makes the filtered loop unstable."""
     shown = effect.maps[1]
     assert (shown.values[shown.y.values <= adapting_margins.MODERATE_KAPPA] < 1).all()
     for size in (3e-3, 7.0, 2e5):
@@ -64,7 +66,8 @@ def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
 
 
 def test_the_ends_of_the_curves():
-    """Gamma -> 0: the loop with the estimates at rest. MRAC at high gain: 1/Gamma. L1-AC: the limit loop's margin."""
+    """For Gamma -> 0 the margin is that of the loop with constant estimates. At high gain it is proportional to 1/Gamma for MRAC
+    and that of the limit loop for L1-AC."""
     claim = gain_margins.gain_reduces_margins()
     (chart,) = claim.maps
     assert [reading.holds for reading in claim.readings if reading.literal] == [True]
@@ -81,7 +84,7 @@ def test_the_ends_of_the_curves():
     curves = {curve.label: curve.y for curve in chart.curves}
     plain, filtered = curves["MRAC"], curves["L1-AC, κ = 0.02 s"]
     assert plain[0] == pytest.approx(0.254, rel=0.01) and filtered[0] == pytest.approx(0.234, rel=0.01)
-    assert plain[-1] / plain[-4] == pytest.approx(0.1, rel=1e-3)  # three values to a decade
+    assert plain[-1] / plain[-4] == pytest.approx(0.1, rel=1e-3)  # three values in a decade
     assert filtered[-1] == pytest.approx(0.0328, rel=1e-2)
     assert filtered.min() < filtered[-1] / 100 and filtered.argmin() not in (0, len(filtered) - 1)
 
@@ -108,16 +111,17 @@ def test_the_gain_margin_upwards_is_the_papers_evidence_no_other_is(effect):
 def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_downwards_gets_worse(
     gain, phases, sizes, downwards
 ):
-    """Against the response of linearisations of their own at r = 50 on a grid, and eigenvalues with the gain reduced."""
+    """They are compared with the response of independent linearisations at r = 50 on a grid and with eigenvalues at a reduced
+    gain."""
     for kappa, phase, size, down in zip((None, 0.02), phases, sizes, downwards, strict=True):
         own = linearised(gain / 2500, 50.0, kappa)
         borne = adapting_margins.bears(adapting_margins.loop(kappa)(gain))
-        poles = np.linalg.eigvals(own.A - np.outer(own.B, own.C))  # the peaks of T are as narrow as its poles are slow to decay
+        poles = np.linalg.eigvals(own.A - np.outer(own.B, own.C))  # the slower its poles decay, the narrower the peaks of T
         around = np.abs(poles.imag[:, None] + poles.real[:, None] * np.linspace(-3, 3, 2001)).ravel()
         at = own.response(np.concatenate([np.geomspace(1e-3, 1e6, 20_001), around]))
         assert borne.small_gain == pytest.approx(size, rel=0.01)
         assert 1 / np.abs(at / (1 + at)).max() == pytest.approx(borne.small_gain, rel=1e-4)
-        turned = own.response(np.array(borne.margins.crossovers))  # e^(-+ j phase) brings one of them to -1
+        turned = own.response(np.array(borne.margins.crossovers))  # e^(-+ j phase) moves one of them to -1
         turns = np.exp(1j * phase * np.array([[1], [-1]]))
         assert np.abs(1 + turned * turns).min() < 0.01 * phase + 1e-6
         assert borne.margins.phase == pytest.approx(phase, rel=0.01)
@@ -128,8 +132,8 @@ def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_d
 
 
 def test_the_delay_margin_of_mrac_falls_like_one_over_gamma():
-    """The delay margin falls with the gain and not with its root, as the oscillation's frequency would suggest: ten times the
-    gain, a tenth of the delay."""
+    """The delay margin is inversely proportional to the gain and not to its square root, as the oscillation's frequency would
+    suggest: with ten times the gain it is a tenth."""
     gains = (1e2, 1e3, 1e4, 1e5)
     found = [
         certify(section_v.problem(), [Mrac(gamma=gamma)], Simulation(t_end=1.0, dt=1e-4))["MRAC"].values["delay_margin_adapting"]
@@ -139,7 +143,7 @@ def test_the_delay_margin_of_mrac_falls_like_one_over_gamma():
 
 
 def test_what_l1s_authors_say_of_its_margins():
-    """The phase margin has three values; the delay margin's limit is that of C/(1 - C) (1 + theta'G)."""
+    """The phase margin has three values. The limit of the delay margin is that of C/(1 - C) (1 + theta'G)."""
     claim = gain_margins.l1_margins()
     assert claim.finding == "mixed" and claim.sentence.source.side == "ours"
     phase, delay = claim.readings[:2]

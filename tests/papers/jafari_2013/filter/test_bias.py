@@ -1,4 +1,4 @@
-"""The filter's error beside a sine is |W_b (1 - C) ...|, not a constant; for a constant command it vanishes."""
+"""The filter's error under a sine is |W_b (1 - C) ...| and not a constant. For a constant command it vanishes."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_twice_is_twice_to_within_a_tenth():
 
 
 def test_the_exponents_are_those_of_the_loop_with_theta_known(claim):
-    """With theta_hat = theta the error is (G_C - W_m) r, in closed form at the command's frequency: no adaptation in it."""
+    """With theta_hat = theta the error is (G_C - W_m) r, in closed form at the command's frequency and without adaptation."""
     plant = section_v.problem().plant
     s, k_0 = 0.5j, section_v.problem().known.k_0
 

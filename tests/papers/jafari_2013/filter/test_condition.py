@@ -1,4 +1,4 @@
-"""The range of kappa: the two inequalities against norms in between, the limit against a quadrature."""
+"""The range of kappa: the two inequalities are compared with norms in between, the limit with a quadrature."""
 
 import math
 
@@ -15,7 +15,7 @@ KNOWN = section_v.problem().known
 
 
 def norm_by_trapezoids(kappa: float) -> float:
-    """||W_b (1 - C)||_1 of Section V from 400 000 samples of the impulse response: an error below 1e-6 of it."""
+    """||W_b (1 - C)||_1 of Section V from 400 000 samples of the impulse response, with a relative error below 1e-6."""
     A, B, C, _ = theorem_1.filtered_model(KNOWN, input_filter(kappa).realise())
     h = 2e-4
     step, state = expm(A * h), B[:, 0]
@@ -28,7 +28,7 @@ def norm_by_trapezoids(kappa: float) -> float:
 def test_the_condition_flips_below_the_printed_limit():
     largest, least = theorem_1.kappa_admissible(KNOWN, 10.0), condition.fails_down_to(KNOWN, 0.05)
     assert largest < least < 0.05
-    # d(norm)/d(kappa) is near norm/kappa: 1e-5 either way is far more than the quadrature's error
+    # d(norm)/d(kappa) is near norm/kappa, so that 1e-5 in either direction is far more than the quadrature's error
     assert 10 * norm_by_trapezoids(largest - 1e-5) < 1 < 10 * norm_by_trapezoids(least + 1e-5)
     assert condition.holds_up_to(KNOWN, largest)
     assert not condition.holds_up_to(KNOWN, least)
@@ -36,7 +36,7 @@ def test_the_condition_flips_below_the_printed_limit():
 
 
 def test_what_is_said_between_the_points_holds_there():
-    """N(k)/k does not grow, N(k1) <= (2 - k1/k2) N(k2); both are sharp enough to matter."""
+    """N(k)/k does not grow, and N(k1) <= (2 - k1/k2) N(k2). Both inequalities are sharp enough to be useful."""
     kappas = np.geomspace(1e-3, 0.2, 25)
     norms = [theorem_1.filter_condition(KNOWN, input_filter(float(k)).realise(), 1.0).norm for k in kappas]
     for i in range(len(kappas)):

@@ -1,4 +1,4 @@
-"""The measure of an oscillation on signals that are known, and the ringing of a run against the adaptation's frequency."""
+"""The measure of an oscillation for known signals, and the oscillation of a run compared with the frequency of adaptation."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_tones():
 
 
 def test_the_ringing_of_the_equations():
-    """Without filter and resolved, the strongest frequency lies where sqrt(Gamma b'P b) |x| does."""
+    """Without a filter and with a step that resolves it, the strongest frequency is sqrt(Gamma b'P b) |x|."""
     gamma, given = 100.0, section_v.problem()
     run = simulate(given, [Mrac(gamma=gamma)], Simulation(t_end=4.0, dt=2e-5, record_points=100_000))["MRAC"]
     # P A_m + A_m'P = -I by hand: p_12 = 1/0.6, p_22 = (1 + 2 p_12)/2

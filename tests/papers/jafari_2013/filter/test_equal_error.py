@@ -1,4 +1,4 @@
-"""MRAC and L1-AC at equal error: the matches for made-up numbers are derived by hand, and both sides are drawn by one rule."""
+"""MRAC and L1-AC at equal error: the matches for invented numbers are derived by hand, and both sides are drawn by one rule."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ from barbalat.study.delay_margin import delay_margins_ensemble
 
 
 def side(name: str, *reached: tuple[float, float, float]) -> Side:
-    """Error and delays to onset and loss of each tuning."""
+    """A side, with each tuning's error and its delays to the start of oscillation and to loss."""
     return Side(name, tuple(f"{name} {k}" for k in range(len(reached))), np.array(reached) * [1, -1, -1])
 
 
 MRAC = side("MRAC", (1.0, 0.01, 0.02), (2.0, 0.05, 0.05))
 L1 = side("L1-AC", (1.5, 0.01, 0.01), (1.5, 0.04, 0.01))
-"""The second tolerates four times the delay of MRAC's only tuning with no larger error, until it oscillates."""
+"""The second tuning tolerates four times the delay of MRAC's only tuning until it oscillates, without a larger error."""
 
 
 def test_a_tuning_is_matched_by_one_with_no_larger_error_and_no_shorter_delay():

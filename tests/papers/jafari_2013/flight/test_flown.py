@@ -18,7 +18,7 @@ BETTER = {
     "H-infinity": ("aft-cg",),
     "MRAC": ("hard-over",),
 }
-"""Who has less error than every scheme of the other side, and through what."""
+"""The schemes with a smaller error than every scheme of the other side, and the failures."""
 
 
 def share(count, judged):
@@ -26,8 +26,8 @@ def share(count, judged):
 
 
 def document(best, wins=20, *, also=""):
-    """Two failures that are survived and one that is not; through ``gusts`` ``best`` beats all others on the given number of
-    draws.
+    """A document with two failures that are survived and one that is not. Through ``gusts`` ``best`` beats all others in the
+    given number of draws.
 
     also  the same through ``none``
     """
@@ -72,14 +72,14 @@ def document(best, wins=20, *, also=""):
 def test_an_adaptive_scheme_must_beat_every_linear_one_through_more_than_the_reverse(best, also, follows):
     claim = flown.in_flight([Flights(document(best, also=also))])
     losses, errors, *_ = claim.readings
-    assert (losses.holds, errors.holds) == (False, follows)  # equally many are lost on both sides
+    assert (losses.holds, errors.holds) == (False, follows)  # the same number is lost on both sides
     assert claim.finding == ("mixed" if follows else "fails")
     if best == "LQR with PI":
         assert "a linear design is ahead of every adaptive scheme for 1 (f16-pitch: gusts)" in errors.measured
 
 
 def test_the_losses_are_of_all_stored_flights_together_without_reversed_surfaces():
-    """Of 40 flights each that count: in one document MRAC loses five fewer through ``gusts``, beyond chance by the pairs."""
+    """40 flights count for each. In one document MRAC loses five fewer through ``gusts``, which is beyond chance by the pairs."""
     better = document("MRAC")
     for name, found in better["failures"]["gusts"].items():
         found["lost"]["count"] = 0 if name == "MRAC" else 5
@@ -92,7 +92,7 @@ def test_the_losses_are_of_all_stored_flights_together_without_reversed_surfaces
 
 
 def test_whether_l1_follows_better_than_mrac_depends_on_the_vehicle():
-    """Counted again from the stored documents, each comparison by its own share."""
+    """The wins are counted again from the stored documents, with each comparison's own share."""
     claim = flown.claims()[1]
     assert claim.id == "l1-mrac-in-flight" and claim.finding == "mixed" and claim.sentence.source.side == "ours"
     for (names, holds), reading in zip(((["quadrotor"], True), (["f16-pitch", "f16-roll"], False)), claim.readings, strict=True):
@@ -103,7 +103,7 @@ def test_whether_l1_follows_better_than_mrac_depends_on_the_vehicle():
 
 
 def test_all_comparisons_share_one_confidence():
-    """17 of 20 is beyond chance by itself, P = 0.0026, and not as the best of the 40 that this document has."""
+    """17 of 20 is beyond chance by itself, with P = 0.0026, but not as the best of the 40 comparisons in this document."""
     flights = Flights(document("L1", wins=17))
     assert len(flights.shares) == 2 * 2 * 10
     assert flights.shares["gusts", "LQR with PI", "L1", "less_error_than"].chance == pytest.approx(2 * 1351 / 2**20)
@@ -135,7 +135,7 @@ def flights():
 
 
 def test_who_wins_in_the_guide_wins_in_the_stored_flights(flights):
-    """What docs/laboratory/f16.md says of 200 draws."""
+    """The winners in docs/laboratory/f16.md for 200 draws."""
     assert tuple(flights.document["lost"])[:4] == LEAST_LOST
     for one, other in combinations(LEAST_LOST, 2):
         assert not any(flights.compared(one, other, failure, LOSS) for failure in flights.failures)
@@ -209,7 +209,7 @@ def test_what_the_guide_says_of_rolling_flights_is_what_is_stored():
 
 
 BESIDE = ("H-infinity", "Robust MRAC", "ADRC", "L1 piecewise", "L1 piecewise, as flown", "L1")
-"""Those that remove what acts with the input, the fewest losses first."""
+"""The schemes that compensate disturbances at the input, with the fewest losses first."""
 
 
 def test_what_the_guide_says_of_quadrotors_is_what_is_stored():
@@ -288,7 +288,7 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
 
 
 def test_over_all_campaigns_linear_schemes_are_ahead_through_more_failures():
-    """As docs/laboratory/f16.md counts them: five and nine."""
+    """The numbers are those of docs/laboratory/f16.md, five and nine."""
     every = [Flights.stored(name) for name in stored()]
     assert [one.name for one in every] == ["f16-pitch", "f16-roll", "quadrotor"]
 

@@ -7,7 +7,7 @@ from barbalat.linear.systems import input_filter, two_slopes
 
 
 def test_one_slope_and_two():
-    """|1 - C| over a decade of frequency falls by 10 with (6) and by 100 with C'(0) = 0, and C(0) = 1 in both."""
+    """Over a decade of frequency |1 - C| changes by a factor of 10 with (6) and of 100 with C'(0) = 0. Both have C(0) = 1."""
     w = np.array([1e-3, 1e-2])
     for C, decade in ((input_filter(0.02), 10.0), (two_slopes(0.05), 100.0)):
         response = np.ravel(C.realise().response(w))

@@ -1,4 +1,4 @@
-"""The comparison with linear designs, where the packages of the H-infinity synthesis are not installed."""
+"""The comparison with linear designs if the packages for the H-infinity synthesis are not installed."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Lost samples of a loop without states, stepped by hand, and the effect of a scheme's factors on the row."""
+"""Lost samples of a controller without states, stepped by hand, and the effect of a scheme's factors on the row."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ T = missed_samples.SAMPLE_TIME
 
 
 def by_hand(lost: np.ndarray) -> np.ndarray:
-    """max |e| of known parameters: x' = (A_m + b theta') x + b u with u held, also over a lost sample; exact."""
+    """The exact max |e| with known parameters: x' = (A_m + b theta') x + b u with a held u, also over a lost sample."""
     given = section_v.problem()
     A_m, b, theta, k_0 = given.plant.A_m, given.plant.b, given.plant.theta, given.reference_model.k_0
     amplitude, omega = given.reference.amplitude, given.reference.frequency
@@ -34,7 +34,7 @@ def by_hand(lost: np.ndarray) -> np.ndarray:
 
 
 def test_the_errors_are_those_of_a_loop_stepped_by_hand():
-    """To 1e-6: RK4's error over a step of 1 ms is far below, and the factors are printed with three digits."""
+    """They agree to 1e-6. RK4's error over a step of 1 ms is far smaller, and the factors are printed with three digits."""
     (known,) = [one for one in schemes() if one.name == "known parameters"]
     whole, tail = losses(known, 2)
     t = np.arange(round(missed_samples.T_END / T)) * T

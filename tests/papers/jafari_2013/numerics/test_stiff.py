@@ -14,12 +14,12 @@ from barbalat.solvers.simulation import Simulation
 
 
 def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
-    """CVODES' estimates swing by 2.8 within 10 ms, those of RK4 at h = 1e-6 s by 0.41, of which their drift is a twentieth."""
+    """CVODES' estimates vary by 2.8 within 10 ms, those of RK4 at h = 1e-6 s by 0.41, of which a twentieth is drift."""
     row = stiff.PAPER_SETTING.automatic({}, tolerance=stiff.LOOSE_TOLERANCES[0], t_end=stiff.LOOSE_END)[0]
     assert not row.boxed.lost and row.boxed.reached == stiff.LOOSE_END
     simulation = Simulation(t_end=stiff.LOOSE_END, dt=1e-6, record_points=4000)
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", 1e4)], simulation).values()
-    late = slice(-100, None)  # as many windows of 1 ms; ten of them are one of the row's
+    late = slice(-100, None)  # as many windows of 1 ms, ten of which make one window of the row
     most, least = (
         np.asarray(extremum)[late].reshape(10, 10, 2) for extremum in (run.envelope.theta_hat_max, run.envelope.theta_hat_min)
     )
@@ -32,7 +32,7 @@ SPAN = (0.0, 3.0)
 
 
 def path(*swings: float, lost: bool = False) -> SolverPath:
-    """Rings by so much in each of three seconds, about a middle that drifts by 1 per s."""
+    """A path that oscillates by this much in each of three seconds around a mean that drifts by 1 per s."""
     middle = np.arange(300)[:, None] * 0.01
     swing = np.repeat(swings if len(swings) == 3 else swings * 3, 100)[:, None] + 0.005
     return SolverPath(
@@ -59,7 +59,8 @@ def test_each_second_is_compared():
 
 
 def tried(monkeypatch, fixed: list[list[SolverPath]], *loose: SolverPath) -> SimpleNamespace:
-    """The parts that the readings on all solvers ask for: the methods' paths at two gains; the converged solution rings by 1."""
+    """The parts that the readings on all solvers need: the methods' paths at two gains. The converged solution oscillates by
+    1."""
     gain = SimpleNamespace(right=(path(1.0), path(1.0)), gamma=1.0, span=SPAN)
     monkeypatch.setattr(stiff, "PAPER_SETTING", gain)
     monkeypatch.setattr(stiff, "GAINS", (gain, gain))
@@ -72,8 +73,14 @@ def tried(monkeypatch, fixed: list[list[SolverPath]], *loose: SolverPath) -> Sim
     ("fixed", "holds"),
     [
         ([[path(3.0), path(1.0)], [path(1.0), path(3.0)]], True),  # each fails at one of the gains
-        ([[path(3.0), path(1.0)], [path(1.0), path(1.1)]], False),  # the second fails at none: a counterexample to "no solver"
-        ([[path(3.0), path(0.1)], [path(1.0), path(0.0)]], False),  # a damping method shows no phenomenon of Figure 3
+        (
+            [[path(3.0), path(1.0)], [path(1.0), path(1.1)]],
+            False,
+        ),  # the second fails at neither, which is a counterexample to "no solver"
+        (
+            [[path(3.0), path(0.1)], [path(1.0), path(0.0)]],
+            False,
+        ),  # a method with damping does not show the phenomenon of Figure 3
         ([[path(1.0, 1.0, 2.0), path(1.0, lost=True)], [path(1.0), path(1.0)]], True),
     ],
 )
@@ -93,7 +100,7 @@ def test_a_run_that_is_lost_without_projection_shows_them(monkeypatch):
     ("loose", "every", "some"),
     [
         ((path(3.0), path(3.0)), True, True),
-        ((path(3.0), path(0.1)), False, True),  # some is not every
+        ((path(3.0), path(0.1)), False, True),  # some do, but not all
         ((path(1.0), path(1.0)), False, False),
         ((path(1.0, lost=True), path(3.0)), True, True),
     ],

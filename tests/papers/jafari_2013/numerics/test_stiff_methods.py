@@ -1,4 +1,4 @@
-"""Implicit steps and other people's codes against RK4 where the loop is smooth; their budgets; the compiled functions."""
+"""Implicit steps and other codes compared with RK4 where the loop is smooth; their budgets; the compiled functions."""
 
 import casadi as ca
 import numpy as np
@@ -19,12 +19,12 @@ def l1(gamma: float, *, projection: bool) -> L1Adaptive:
 
 
 def rk4(controller: L1Adaptive, t_end: float) -> np.ndarray:
-    """The last estimates at h = 1e-4 s, where h |lambda| is 0.02 and less."""
+    """The last estimates at h = 1e-4 s, where h |lambda| is at most 0.02."""
     return simulate(GIVEN, [controller], Simulation(t_end=t_end, dt=1e-4))["L1"].theta_hat[-1]
 
 
 def test_implicit_steps_converge_with_their_order():
-    """Halving the step divides the error by 4 for the midpoint rule and by 2 for Euler's method; the gain is low, so that the
+    """Halving the step divides the error by 4 for the midpoint rule and by 2 for Euler's method. The gain is low, so that the
     steps resolve the adaptation."""
     smooth = l1(0.01, projection=False)
     exact, loop = rk4(smooth, 2.0), ClosedLoop.of(GIVEN, smooth)
@@ -39,7 +39,7 @@ def test_implicit_steps_converge_with_their_order():
 
 
 def test_implicit_steps_with_projection_converge_to_the_projected_loop():
-    """From 6.5 s on the first estimate lies on its bound."""
+    """From 6.5 s on the first estimate is at its bound."""
     exact, loop = rk4(l1(1.0, projection=True), 8.0), ClosedLoop.of(GIVEN, l1(1.0, projection=False))
     coarse, fine = (implicit(loop, GIVEN, h, 8.0, 0.5, BOX) for h in (1e-4, 2e-5))
     errors = [np.abs(paths[1].final - exact).max() for paths in (coarse, fine)]
@@ -60,7 +60,7 @@ def test_scipys_codes_agree_with_ours(method):
 def test_cvodes_agrees_with_ours(projection):
     controller = l1(1.0, projection=projection)
     found = cvodes(ClosedLoop.of(GIVEN, controller), GIVEN, tolerance=1e-8, t_end=8.0)
-    # the phase of hundreds of periods adds up the tolerance; with and without projection the estimates end 1.9 apart
+    # the tolerance accumulates in the phase of hundreds of periods; with and without projection the final estimates differ by 1.9
     np.testing.assert_allclose(found.final, rk4(controller, 8.0), atol=2e-3)
 
 
@@ -80,7 +80,8 @@ def test_ringing_is_half_the_largest_swing_of_a_window():
 
 
 def test_ringing_is_free_of_drift():
-    """Estimates that move at 0.7 and 30 per s and ring by 0.02 and 0, slower at last: within 1 % of what rings."""
+    """Estimates that drift at 0.7 and 30 per s, slower at the end, and oscillate by 0.02 and 0. The result is within 1 % of the
+    oscillation."""
     t = np.linspace(0, 4, 400 * 200 + 1)
     theta_hat = np.column_stack([0.7 * t + 0.02 * np.sin(2e4 * t), 30 * t - t**2])
     windows = np.array([theta_hat[200 * k : 200 * (k + 1) + 1] for k in range(400)])
@@ -108,7 +109,7 @@ def test_compiled_functions_are_casadis():
         for _ in range(20):
             at, given = rng.normal(size=3), rng.normal(size=2)
             results.append((compiled(at, given), np.array(function(at, given)).reshape(shape)))
-        for ours, theirs in results:  # each call has an array of its own
+        for ours, theirs in results:  # each call has its own array
             assert ours.shape == shape
             np.testing.assert_allclose(ours, theirs, rtol=1e-14, atol=1e-15)
     with pytest.raises(ValueError, match="dense"):

@@ -1,4 +1,4 @@
-"""Condition (20) over a set, against the loop of the plant with C/((1 - C) G_m) in state space, and against a quadrature."""
+"""Condition (20) over a set, compared with the loop of the plant and C/((1 - C) G_m) in state space and with a quadrature."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,14 @@ from barbalat.papers.jafari_2013.output_feedback import c_of_20
 
 
 def loop_is_stable(C, G) -> bool:
-    """Of G and K = C/((1 - C) G_m) under negative feedback, each realised on its own."""
+    """Whether the negative feedback loop of G and K = C/((1 - C) G_m), each with its own realisation, is stable."""
     K = tf2ss(np.polymul(C.num, [1 / c_of_20.M, 1.0]), np.polysub(C.den, C.num))
     plant = tf2ss(G.num, G.den)
     A = block_diag(plant[0], K[0])
     B, out, D = block_diag(plant[1], K[1]), block_diag(plant[2], K[2]), block_diag(plant[3], K[3])
-    feedback = np.array([[0.0, 1.0], [-1.0, 0.0]])  # u of the plant is y of K, and of K minus that of the plant
+    feedback = np.array(
+        [[0.0, 1.0], [-1.0, 0.0]]
+    )  # the input of the plant is the output of K, and the input of K is minus the output of the plant
     closed = A + B @ feedback @ np.linalg.solve(np.eye(2) - D @ feedback, out)
     return bool(np.linalg.eigvals(closed).real.max() < 0)
 
@@ -41,7 +43,7 @@ def test_the_filters_have_a_unit_dc_gain_and_are_strictly_proper():
 
 
 def test_the_norm_is_that_of_a_quadrature():
-    """Of the worst plant of the set, with the lead at 10 rad/s; from 20 000 samples of the impulse response."""
+    """The norm is that of the worst plant of the set, with the lead at 10 rad/s, from 20 000 samples of the impulse response."""
     C, family = c_of_20.with_lead(10.0), c_of_20.plants()
     t, worst = np.linspace(0, 30, 20_001), 0.0
     for G in family:

@@ -1,4 +1,4 @@
-"""What the SISO row rests on: the degrees and laws that were run, which its condition names."""
+"""The basis of the SISO row: the degrees and laws of its runs, which its condition names."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def test_the_plants_and_models_have_their_degree():
 
 @pytest.mark.parametrize("full", [False, True])
 def test_what_was_run_is_said(full, monkeypatch):
-    """No counterexample among those that were run, which the row names; one of them fails the sentence."""
+    """There is no counterexample among the runs that the row names. A single one would refute the sentence."""
     asked = []
     monkeypatch.setattr(relative_degree, "_peaks", lambda degree, law, taus: asked.append((degree, law)) or taus)
     monkeypatch.setattr(relative_degree, "_last_quarters", lambda degree, law: (1.0, 1.0))

@@ -1,4 +1,5 @@
-"""(17)'s second term: the runs against SciPy's, the norm against a quadrature, and the readings for other numbers."""
+"""The second term of (17): the runs compared with SciPy's, the norm compared with a quadrature, and the readings for other
+numbers."""
 
 from dataclasses import replace
 
@@ -20,12 +21,12 @@ def test_the_runs_are_those_of_scipy(alpha_0):
     path = PlantInput(multiplicative=TransferFunction([-mu, 0.0], [delta_2.DERIVATIVE_POLE, 1.0]))
     controller = replace(delta_2.controller(tau, alpha_0), projection=False)
     found = figures([(variant(input=path, reference=delta_2.COMMAND), controller)], 10.0, delta_2.STEP)
-    # RK4 at half of the realisation's time constant, whose mode is damped: four digits are more than an exponent needs
+    # RK4 at half of the realisation's time constant, whose mode is damped: four digits are enough for an exponent
     np.testing.assert_allclose(found.max_abs_e[0], np.abs(e).max(axis=0), rtol=1e-3)
 
 
 def test_the_norm_of_delta():
-    """||s W_m||_1 = 1 + integral of |c_0'A_m e^(A_m t) b|, c_0'b = 1, by trapezoids."""
+    """||s W_m||_1 = 1 + integral of |c_0'A_m e^(A_m t) b| with c_0'b = 1, by trapezoids."""
     h, state, values = 1e-3, by_hand.B, []
     step = expm(by_hand.A_M * h)
     for _ in range(60_000):
@@ -35,7 +36,7 @@ def test_the_norm_of_delta():
 
 
 def errors(power: float, of_tau: float) -> delta_2.Errors:
-    """As if the tail grew as mu^power, and the peak as tau^of_tau."""
+    """Errors whose tail is proportional to mu^power and whose peak is proportional to tau^of_tau."""
     taus, shape = delta_2.TAUS, (len(delta_2.TAUS), len(delta_2.SIZES))
     peak = taus**of_tau
     return delta_2.Errors(

@@ -1,4 +1,4 @@
-"""Lemma 1 along runs, against identities that no code of the claim contains."""
+"""Lemma 1 along runs, compared with identities that the claim's code does not contain."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def error(mu):
 
 def test_without_modelling_error_eta_is_zero():
     run = along(variant(reference=Constant(5.0)), scheme(projection=False), SIMULATION)
-    assert np.abs(run.eta).max() < 1e-10  # z is theta'phi to rounding
+    assert np.abs(run.eta).max() < 1e-10  # z is theta'phi up to rounding
     assert run.integrals["eta"][-1] < 1e-20
 
 
@@ -33,7 +33,7 @@ def test_the_energy_balance_of_least_squares(mu):
     problem = variant(reference=Constant(5.0), input=error(mu) if mu else None)
     run = along(problem, scheme(projection=False, normalization=Normalization(alpha_0=1.0)), SIMULATION)
     balance = run.V + run.integrals["error"] - run.integrals["eta"]
-    assert np.abs(balance / run.V[0] - 1).max() < 1e-8  # RK4 at h = 1e-3 s; fourth order
+    assert np.abs(balance / run.V[0] - 1).max() < 1e-8  # RK4 of fourth order at h = 1e-3 s
 
 
 def test_the_integrals_are_those_of_the_recorded_quantities():
@@ -41,7 +41,9 @@ def test_the_integrals_are_those_of_the_recorded_quantities():
     run = along(problem, scheme(), Simulation(t_end=10.0, dt=1e-3, record_points=10_000))
     for name, values in (("error", run.error), ("epsilon", run.epsilon), ("rate", run.rate), ("eta", run.eta)):
         trapezoid = np.trapezoid(values**2, dx=1e-3)
-        assert run.integrals[name][-1] == pytest.approx(trapezoid, rel=1e-3)  # the trapezoid rule's own error on a fast start
+        assert run.integrals[name][-1] == pytest.approx(
+            trapezoid, rel=1e-3
+        )  # the trapezoidal rule's own error during a fast start
 
 
 def test_the_constant_is_the_least_one():

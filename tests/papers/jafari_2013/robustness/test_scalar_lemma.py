@@ -1,4 +1,4 @@
-"""The closed forms against the package's own laws, integrated by SciPy; the sums that theory gives."""
+"""The closed forms, compared with the package's own laws integrated by SciPy, and the sums by theory."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ PIECES = (Piece(3.0, 0.4, 1.0), Piece(2.0, 1.5, -0.3), Piece(1.0, 1.0, 0.0))
 
 
 def integrated(law, pieces):
-    """theta_tilde and the integral of (epsilon m)^2 over each piece, of a law of the package with theta = 0."""
+    """theta_tilde and the integral of (epsilon m)^2 over each piece, for a law of the package with theta = 0."""
     memory = law.initial(1)
     state, spent = np.concatenate([[0.0], np.ravel(memory[0]) if memory else []]), []
     for piece in pieces:
@@ -49,7 +49,7 @@ def test_the_closed_forms_are_the_laws(closed, law, theta_tilde):
 
 
 def test_pure_least_squares_spends_what_the_error_has_taught():
-    """phi = 1, m^2 = 2, eta = 1 until T_1: V(T_1) = T_1/2 but for 1/P(0), and all of it is spent afterwards."""
+    """With phi = 1, m^2 = 2 and eta = 1 until T_1, V(T_1) = T_1/2 except for 1/P(0), and all of it is dissipated afterwards."""
     spent = [scalar_lemma.spent_in_the_last(ScalarLeastSquares(), scalar_lemma.biased(T)) for T in (10.0, 100.0, 1000.0)]
     np.testing.assert_allclose(spent, [5.0, 50.0, 500.0], rtol=1e-3)
     by_gradient = scalar_lemma.spent_in_the_last(ScalarGradient(gamma=10.0), scalar_lemma.biased(10.0))
@@ -57,11 +57,12 @@ def test_pure_least_squares_spends_what_the_error_has_taught():
 
 
 def test_no_constant_of_the_papers_definition_serves_all_signals():
-    """LEARNT_BIAS^2 T/4 over mu T + 1 = 2 at T = 1/mu, mu = LEARNT_BIAS^2 phi^2/(1 + phi^2): (1 + phi^2)/(8 phi^2)."""
+    """LEARNT_BIAS^2 T/4 divided by mu T + 1 = 2 at T = 1/mu with mu = LEARNT_BIAS^2 phi^2/(1 + phi^2) is (1 + phi^2)/(8
+    phi^2)."""
     phi = np.array(scalar_lemma.WEAK_REGRESSORS)
     np.testing.assert_allclose(scalar_lemma.constants(ScalarLeastSquares()), (1 + phi**2) / (8 * phi**2), rtol=0.02)
     assert scalar_lemma.constants(ScalarGradient()).max() <= scalar_lemma.LEARNT_BIAS**2 / (4 * scalar_lemma.GRADIENT_GAIN)
     for weak in phi:
         pieces, _ = scalar_lemma.weakly_taught(float(weak))
         p, q = ScalarLeastSquares().over(ScalarLeastSquares().initial(), pieces[0])[0]
-        assert 0 < q / p <= scalar_lemma.LEARNT_BIAS  # inside Section V's set: no bound is met
+        assert 0 < q / p <= scalar_lemma.LEARNT_BIAS  # within Section V's set, so that no bound is reached

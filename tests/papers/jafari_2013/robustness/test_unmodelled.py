@@ -1,4 +1,4 @@
-"""The projected MRAC beside a delay, integrated by plain loops; the exact scaling; the small-gain size; Rohrs' frozen loop."""
+"""The projected MRAC with a delay, integrated by plain loops; the exact scaling; the small-gain size; Rohrs' frozen loop."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ H = 5e-3
 
 
 def by_loops(theta: np.ndarray, gamma: float, delay: float, t_end: float) -> np.ndarray:
-    """|e|_inf at every step of Heun's method, of (3)-(4) with its box and u(t - delay); stops beyond 1e9."""
+    """|e|_inf at every step of Heun's method for (3)-(4) with its box and u(t - delay). It stops above 1e9."""
     Pb = np.array([1 / 0.6, (1 + 2 / 0.6) / 2])  # the second column of P, by hand
     x, x_m, theta_hat = np.ones(2), np.ones(2), np.zeros(2)
     past, found = [0.0] * round(delay / H), []
@@ -43,7 +43,8 @@ def by_loops(theta: np.ndarray, gamma: float, delay: float, t_end: float) -> np.
 
 @pytest.mark.parametrize("delay, grows", [(0.222, False), (0.548, True)])
 def test_without_end_is_so_by_other_code_too(delay, grows):
-    """theta = 0, where u = k_0 r alone tolerates any delay, at delays on both sides of the first that is lost."""
+    """theta = 0, so that u = k_0 r alone tolerates any delay. The delays are on both sides of the first one at which the loop is
+    lost."""
     members = [((0.0, 0.0), 1.0, delay)]
     (lost,), _ = unmodelled.lost(members, "MRAC (3)-(4)")
     e = by_loops(np.zeros(2), 1.0, delay, 80.0)
@@ -52,7 +53,7 @@ def test_without_end_is_so_by_other_code_too(delay, grows):
 
 
 def test_gamma_over_c_squared_is_the_same_motion_c_times_as_large():
-    """c a power of two: to the last bit but for the order of roundings in the law."""
+    """With c a power of two it holds to the last bit, except for the order of roundings in the law."""
     c, gamma, delay = 4.0, 16.0, PlantInput(delay=0.1)
     given = variant(input=delay)
     scaled = replace(variant(input=delay, reference=Sine(50.0 * c, 0.5)), plant=replace(given.plant, x0=c * given.plant.x0))
@@ -62,7 +63,7 @@ def test_gamma_over_c_squared_is_the_same_motion_c_times_as_large():
 
 
 def test_the_size_that_small_gain_bears():
-    """Both norms by trapezoids; at that size the gain is one."""
+    """Both norms are computed by trapezoids. At this size the gain is one."""
     h, states, state = 1e-3, [], B
     step = expm(A_M * h)
     for _ in range(60_000):
@@ -77,13 +78,13 @@ def test_the_size_that_small_gain_bears():
 
 
 def test_rohrs_frozen_loop():
-    """Routh: s^3 + 31 s^2 + 259 s + 229 + 458 k is stable up to 31 x 259 = 229 + 458 k."""
+    """By Routh's criterion s^3 + 31 s^2 + 259 s + 229 + 458 k is stable up to 31 x 259 = 229 + 458 k."""
     assert unmodelled.largest_gain(None) == pytest.approx((31 * 259 - 229) / 458, rel=1e-8)
     assert unmodelled.largest_gain(0.02) < unmodelled.largest_gain(None)
 
 
 def test_rohrs_plant_is_his():
-    """2/(s + 1) 229/(s^2 + 30 s + 229), and the model 3/(s + 3)."""
+    """The plant is 2/(s + 1) 229/(s^2 + 30 s + 229), and the model is 3/(s + 3)."""
     plant = unmodelled.problem(20.0, Sine(1.0, 1.0)).plant
     assert plant.A_m[0, 0] + plant.b[0] * plant.theta[0] == -1.0
     assert plant.b[0] * plant.paths[0].dynamics.dc_gain == pytest.approx(2.0)

@@ -1,4 +1,5 @@
-"""The commands are bounded and of all kinds; their runs are SciPy's; with a modelling error the error would not fall."""
+"""The commands are bounded and of all kinds, their runs are those of SciPy, and with a modelling error the error would not
+decrease."""
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def test_the_runs_are_those_of_scipy(kind):
 
 
 def test_an_error_that_rises_again_is_no_counterexample_to_a_limit():
-    """The standard MRAC's error beside the first sum of sines is twice as large in the last quarter as in the second."""
+    """The standard MRAC's error under the first sum of sines is twice as large in the last quarter as in the second."""
     tried = [one for one in any_command.commands(1, 400.0) if one[0] in ("sum of sines", "constant")]
     robust, standard = any_command.followed(tried, 400.0)
     assert (robust.ratios < 1).all() and standard.ratios.max() > 2
@@ -57,7 +58,7 @@ def test_the_standard_mracs_quarters_and_integral_are_those_of_a_finer_step():
 
 
 def test_with_a_modelling_error_it_stays():
-    """The row's property does not hold for every run: the same controller with a delay and two sines violates it."""
+    """The row's property does not hold for every run. The same controller with a delay and two sines violates it."""
     given, simulation = (
         variant(reference=Sines((30.0, 20.0), (0.5, 1.7)), input=PlantInput(delay=0.03)),
         Simulation(t_end=400.0, dt=any_command.STEP),

@@ -1,4 +1,5 @@
-"""The comparison's runs against SciPy; which tunings count as beaten; that the draws are even and alike on both sides."""
+"""The comparison's runs compared with SciPy's, the tunings that count as beaten, and draws that are even and the same on both
+sides."""
 
 import numpy as np
 
@@ -16,8 +17,8 @@ def side(*reached):
 
 
 def test_who_is_beaten():
-    """A tuning is beaten if another is worse in no objective and better in one; equal tunings are not beaten, and lost ones are
-    discarded."""
+    """A tuning is beaten if another one is worse in no objective and better in one. Equal tunings are not beaten, and lost ones
+    are discarded."""
     one = side((1.0, 5.0), (2.0, 2.0), (np.inf, np.inf))
     every = (0, 1)
     assert list(one.unbeaten(side((2.0, 1.0)), every)) == [0]
@@ -27,14 +28,14 @@ def test_who_is_beaten():
 
 
 def test_the_first_half_of_a_side_is_compared_with_the_first_half_of_the_other():
-    """Else 32 tunings with the paper's filter would be compared with 64 of the robust MRAC."""
+    """Otherwise 32 tunings with the paper's filter would be compared with 64 of the robust MRAC."""
     one, other = side((1.0, 5.0), (2.0, 2.0)), side((9.0, 9.0), (0.5, 0.5))
     assert list(one.unbeaten(other, (0, 1))) == []
     assert list(one.first(1).unbeaten(other.first(1), (0, 1))) == [0]
 
 
 def test_an_advantage_is_a_tuning_that_is_not_beaten():
-    """In combination too: the last tuning of L1-AC is best in no objective, and beaten by nobody."""
+    """This includes combinations: the last tuning of L1-AC is best in no objective, but no other tuning beats it."""
     none = np.ones((4, 5))
     robust = Side("robust MRAC", ("a",) * 4, none * [[1.0], [2.0], [3.0], [4.0]])
     beaten = Side("L1-AC", ("b",) * 4, none * 9.0)
@@ -48,11 +49,12 @@ def test_an_advantage_is_a_tuning_that_is_not_beaten():
 
 
 def test_one_robust_mrac_has_to_beat_every_tuned_l1_ac():
-    """By whatever factors it is ahead of Section V's, which is not tuned, and whose competitors the row counts on both sides."""
+    """Its lead over Section V's L1-AC does not matter, because that one is not tuned and the row counts its competitors on both
+    sides."""
     own = np.array([8.0, 8, 8, 8, -0.1])
     robust = Side("robust MRAC", ("a", "b"), np.array([[4.0, 4, 4, 4, -0.4], [1.0, 1, 1, 9, -0.9]]))
     np.testing.assert_allclose(does_better.factors(robust, own), [[2, 2, 2, 2, 4], [8, 8, 8, 8 / 9, 9]])
-    l1 = Side("L1-AC", ("c", "d"), np.array([[4.0, 9, 9, 9, -0.1], [2.0, 2, 2, 2, -0.3]]))  # c loses to a, d to nobody
+    l1 = Side("L1-AC", ("c", "d"), np.array([[4.0, 9, 9, 9, -0.1], [2.0, 2, 2, 2, -0.3]]))  # c is beaten by a, d by no other
     claim = does_better.better(l1, robust, own)
     assert claim.finding == "holds if" and claim.condition == "L1-AC has the paper's filter (6)"
     assert claim.shows.startswith(
@@ -73,7 +75,7 @@ def test_the_draws_are_even_and_the_time_constants_of_both_sides_have_one_range(
 
 
 def test_the_robust_mracs_numbers_are_scipys():
-    """Nominal, and beside the constant disturbance; projection left out on both sides."""
+    """The runs are nominal and with the constant disturbance, without projection on both sides."""
     t = np.linspace(0, 20, 40_001)
     for d in (0.0, 20.0):
         e, _ = by_hand.robust_mrac(lambda time: 50 * np.sin(0.5 * time), t, tau=0.5, d=lambda _, d=d: d)
@@ -83,7 +85,7 @@ def test_the_robust_mracs_numbers_are_scipys():
 
 
 def test_the_delay_that_is_borne_is_that_of_the_frozen_loop_for_short_time_constants():
-    """The limit of the frozen loop, which is exact, lies within the bisection's last interval."""
+    """The exact limit of the frozen loop is within the bisection's last interval."""
     tau = 0.03
     robust = section_v.robust_mrac("r", tau)
     reached = does_better._reached([robust], 5e-4)

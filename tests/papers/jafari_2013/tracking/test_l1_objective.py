@@ -1,4 +1,4 @@
-"""The reference system's run against SciPy's linear simulation, and the control's bound against a quadrature."""
+"""The reference system's run, compared with SciPy's linear simulation, and the control's bound, compared with a quadrature."""
 
 import numpy as np
 import pytest
@@ -31,11 +31,11 @@ def test_the_distance_does_not_depend_on_the_step():
     gamma = 1e3
     coarse, fine = (l1_reference.run_pair(gamma, h) for h in (2e-5, 1e-5))
     largest = [np.abs(one.x - other.x).max() for one, other in (coarse, fine)]
-    assert largest[0] == pytest.approx(largest[1], rel=0.02)  # the ringing is met at other phases
+    assert largest[0] == pytest.approx(largest[1], rel=0.02)  # the instants fall on other phases of the oscillation
 
 
 def test_gamma_2():
-    """C/(c_0'W_b) = (s^2 + s + 0.3)/((kappa s + 1)(s + 1)), its norm by trapezoids."""
+    """C/(c_0'W_b) = (s^2 + s + 0.3)/((kappa s + 1)(s + 1)), with its norm by trapezoids."""
     A = np.array([[-1 / KAPPA - 1, -1 / KAPPA], [1.0, 0.0]])
     D = 1 / KAPPA
     row = np.array([1.0, 0.3]) / KAPPA + D * A[0]

@@ -1,4 +1,4 @@
-"""The rows on the filtered MRAC, the Lyapunov function and the robust MRAC's numerics, against independent runs."""
+"""The rows on the filtered MRAC, the Lyapunov function and the robust MRAC's numerics, compared with independent runs."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -19,7 +19,7 @@ def test_v_falls_within_the_condition_and_beyond_it_and_the_state_grows_beyond()
 
 
 def test_a_filter_that_is_no_filter_leaves_the_same_tails():
-    """The comparison of both schemes can't be passed trivially by a fast filter and a slow law."""
+    """A fast filter and a slow law do not satisfy the comparison of both schemes trivially."""
     by_e, by_prediction = tracking._filtered_pair(section_v.KAPPA, 10.0, 1e-4)
     same = tracking._same_tails("itself", {10.0: (by_e.tail_max_abs_e / by_e.tail_max_abs_e)[0]})
     other = tracking._same_tails("the other", {10.0: (by_e.tail_max_abs_e / by_prediction.tail_max_abs_e)[0]})
@@ -27,7 +27,8 @@ def test_a_filter_that_is_no_filter_leaves_the_same_tails():
 
 
 def test_the_filtered_error_driven_law_is_that_of_scipy():
-    """(3), (4) and C before the plant, by another integrator, to 4 s and without projection, whose bounds are not reached."""
+    """(3), (4) and C before the plant are integrated by another method up to 4 s. Projection is left out because its bounds are
+    not reached."""
     plant, kappa = section_v.problem().plant, section_v.KAPPA
     P = solve_continuous_lyapunov(plant.A_m.T, -np.eye(2))
 
@@ -59,6 +60,6 @@ def test_what_a_step_changes_is_seen_in_errors_and_control():
 
 
 def test_a_step_that_does_not_resolve_the_gain_is_seen_in_v():
-    """V never rises at a step that resolves it; at the paper's, in Figure 3, it does."""
+    """V never increases with a step that resolves it. With the paper's step, in Figure 3, it does."""
     assert tracking._along(1e4, section_v.KAPPA, 1e-5)[0] < tracking.V_TOLERANCE
     assert tracking._along(1e4, section_v.KAPPA, 1e-4)[0] > tracking.V_TOLERANCE
