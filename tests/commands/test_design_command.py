@@ -163,7 +163,7 @@ def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_
     assert len(noise["std"]) == 2 and 1e-3 <= noise["std"][0] < 1.3e-3
     assert noise["meaning"] in told["reasons"][-1] and "the required noise share of u" in told["reasons"][-1]
     assert 0 < told["candidates"]["Baseline"]["worst"]["noise"] < 0.05
-    assert "the case has no measurement noise" in Path("made/report.html").read_text()
+    assert "The case has no measurement noise" in Path("made/report.html").read_text()
     assert [one.name for one in load_case("made/design.toml").controllers] == ["Baseline"]
     assert Path("made/design_controller.c").exists() and "explorer.html" in Path("made/report.html").read_text()
 
