@@ -1,1 +1,1 @@
-"""Comparison: settings found by search, schemes tuned under one rule, and what tracking costs in robustness."""
+"""Comparison: tuning by search, schemes tuned under one rule, and the trade-off between tracking and robustness."""

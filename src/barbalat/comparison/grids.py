@@ -1,4 +1,4 @@
-"""The schemes that a trade-off compares and the settings that are varied, chosen for a case."""
+"""Chooses for a case the schemes that a trade-off compares, and their varied settings."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ from barbalat.validate import Array, InputError
 def default_knobs(
     problem: Problem, simulation: Simulation, *, density: int = 12, own: Sequence[Controller] = ()
 ) -> tuple[tuple[TuningGrid, ...], tuple[str, ...]]:
-    """The knobs that the registered schemes declare, with ``density`` values for each second one.
+    """Return the knobs that the registered schemes declare, with ``density`` values for each second one, and sentences on
+    omissions.
 
-    Gains go up to the largest that this step resolves, time constants from five steps to the model's slowest one. Also sentences
-    on what is left out: tunings, and schemes that don't support the problem. InputError if no scheme does.
+    Gains go up to the largest that this step resolves, and time constants from five steps to the model's slowest one. The
+    sentences name omitted tunings, and schemes that do not support the problem. InputError if no scheme supports it.
 
-    own  controllers from outside: each joins with its knobs if it declares some, or else unchanged, as one tuning
+    own  controllers from outside; each takes part with its knobs if it declares some, or else unchanged, as one tuning
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain
@@ -59,7 +60,7 @@ def default_knobs(
 
 
 def unresolved(highest: float, how: str, simulation: Simulation) -> str:
-    """The gains beyond the ``highest`` that is tried, in words."""
+    """Return a text on the gains beyond the ``highest`` one that is tried."""
     if simulation.tolerance is None:
         return f"gains above {highest:.3g}, which {simulation.step} does not resolve ({how}: an estimate)"
     steps = STEPS_EACH_RESOLUTION * simulation.t_end / simulation.resolution
@@ -67,23 +68,24 @@ def unresolved(highest: float, how: str, simulation: Simulation) -> str:
 
 
 STEPS_EACH_RESOLUTION = 2
-"""Steps with a tolerance, some 1.5 rad of the fastest oscillation each, in the longest step that RK4 bears, 2.8 rad."""
+"""Number of steps with a tolerance, some 1.5 rad of the fastest oscillation each, per longest step that is stable with RK4,
+2.8 rad."""
 
 
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
-    """The knobs that a controller declares; if it declares none, a single tuning."""
+    """Return the knobs that a controller declares, or a single tuning if it declares none."""
     if isinstance(controller, Tunable):
         return controller.knobs(reach)
     return TuningGrid(scheme=controller.name, values={}, make=lambda: controller)
 
 
 def all_knobs(reach: TuningScale) -> list[TuningGrid]:
-    """The knobs of every registered scheme that has some."""
+    """Return the knobs of every registered scheme that has some."""
     return [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
 
 
 def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[TuningScale, str]:
-    """The ranges of the knobs for a case, and how the largest gain was found."""
+    """Return the ranges of the knobs for a case, and a text on how the largest gain was found."""
     highest, how = largest_gain(problem, simulation)
     reach = TuningScale(
         highest_gain=highest,
@@ -98,7 +100,7 @@ def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> 
 
 
 def start_of(problem: Problem) -> Array | None:
-    """(p,) the middle of a known set that excludes the default start, 0 or a baseline's theta_0; otherwise None."""
+    """Return the middle (p,) of a known set that excludes the default start, 0 or a baseline's theta_0; otherwise None."""
     known_set, theta_0 = problem.known.theta_set, problem.known.theta_0
     if known_set is None or known_set.contains(np.zeros(len(known_set.middle)) if theta_0 is None else theta_0):
         return None
@@ -106,7 +108,7 @@ def start_of(problem: Problem) -> Array | None:
 
 
 def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputTuningScale:
-    """The ranges of the knobs with output feedback, which include no gain."""
+    """Return the ranges of the knobs with output feedback, which include no gain."""
     return OutputTuningScale(
         times=_times(problem.known.W_m.poles, simulation, density),
         known=problem.known,
@@ -116,22 +118,22 @@ def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: 
 
 
 def _times(modes: Array, simulation: Simulation, density: int) -> Array:
-    """Time constants from the shortest to the slowest of the model's modes [s]."""
+    """Return time constants from the shortest one to that of the model's slowest mode [s]."""
     slowest = 1 / float(np.abs(modes.real).min())
     return np.geomspace(SHORTEST_TIME_STEPS * simulation.resolution, slowest, 3 * density)
 
 
 SHORTEST_TIME_STEPS = 5
-"""Solver steps in the shortest time constant, and in a sample of an inherently sampled controller."""
+"""Number of solver steps in the shortest time constant, and in a sample of an inherently sampled controller."""
 
 
 def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
-    """The largest Gamma that the step resolves, and how it was found: an estimate.
+    """Return an estimate of the largest Gamma that the step resolves, and a text on how it was found.
 
-    ``certify``'s gamma_max for phi(x) = x, one input and a known gain. Otherwise the same frozen oscillator with the largest
-    regressor of the loop with known theta, including u if its gain is estimated: certify's bound covers everything that the known
-    set allows, and would exclude gains that cases use. Faults, a shell and an observer are ignored. Raises InputError if the step
-    resolves none.
+    For phi(x) = x, one input and a known gain it is ``certify``'s gamma_max. Otherwise it follows from the same frozen oscillator
+    with the largest regressor of the loop with known theta, including u if its gain is estimated, because certify's bound covers
+    everything that the known set allows and would exclude gains that cases use. Faults, a shell and an observer are ignored.
+    Raises InputError if the step resolves no gain.
     """
     problem = problem.nominal
     if problem.fixed_observer is not None:  # for which no gamma_max is known

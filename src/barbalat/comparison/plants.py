@@ -1,4 +1,4 @@
-"""The plants on which tunings are tried: the case's own, and others from its known set or from its parameters' ranges."""
+"""The plants on which tunings are tried: the case's own plant, and others from its known set or its parameters' ranges."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from barbalat.validate import Array, InputError
 
 
 def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
-    """The case's plant, and others, drawn from its known set and, if the input's gain is unknown, from its interval.
+    """Return the case's plant, and others drawn from its known set and, if the input's gain is unknown, from its interval.
 
-    For a plant with physical parameters the others are drawn from their ranges. InputError if a truth has its own matrix A: no
-    known set then describes similar plants.
+    For a plant with physical parameters the others are drawn from their ranges. InputError if a truth has its own matrix A,
+    because no known set then describes similar plants.
     """
     random = np.random.default_rng(seed)
     if problem.plant.physical is not None:
@@ -40,7 +40,7 @@ def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> 
 
 
 def _of_the_ranges(problem: Problem, physical: PhysicalPlant, plants: int, random: np.random.Generator) -> list[Problem]:
-    """The problem, and others whose truth has parameters drawn from their ranges."""
+    """Return the problem, and others whose truth has parameters drawn from their ranges."""
     uncertain = [one for one in physical.parameters if not one.is_exact]
     drawn = {one.name: spread_of(one).at(random.random(plants - 1)) for one in uncertain}
     values = [{name: float(values[i]) for name, values in drawn.items()} for i in range(plants - 1)]
@@ -48,7 +48,7 @@ def _of_the_ranges(problem: Problem, physical: PhysicalPlant, plants: int, rando
 
 
 def _with_values(problem: Problem, values: Sequence[Mapping[str, float]]) -> list[Problem]:
-    """The problem with the truth's parameters changed."""
+    """Return the problem with changed parameters of the truth."""
     truth = problem.truth or Truth()
     return [replace(problem, truth=replace(truth, parameters={**truth.parameters, **one})) for one in values]
 
@@ -58,9 +58,9 @@ MOST_EXTREMES = 256
 
 
 def extreme_plants(problem: Problem, known_set: KnownSet, count: int, seed: int) -> list[Problem]:
-    """At most ``count`` plants at corners of the parameters' ranges, or else of the known set and the gain's interval: the one
-    that differs most from the case's own, then in turn the one that differs most from those before it.
+    """Return at most ``count`` plants at corners of the parameters' ranges, or else of the known set and the gain's interval.
 
+    The first one differs most from the case's own plant, and each further one differs most from those before it.
     Plants differ in their matrices, input gains and delays, each entry relative to its largest value.
     """
     random = np.random.default_rng(seed)
@@ -78,7 +78,7 @@ def extreme_plants(problem: Problem, known_set: KnownSet, count: int, seed: int)
 
 
 SAME_PLANT = 1e-9
-"""Relative distance within which two plants are the same."""
+"""Relative distance within which two plants count as the same."""
 
 
 def _corners(problem: Problem, known_set: KnownSet, random: np.random.Generator) -> list[Problem]:
@@ -102,7 +102,7 @@ def _corners(problem: Problem, known_set: KnownSet, random: np.random.Generator)
 
 
 def _entries(problem: Problem) -> Array:
-    """The numbers in which plants of one case differ."""
+    """Return the numbers in which plants of one case differ."""
     simulated, paths = problem.simulated, problem.surroundings.paths
     matrices = (problem.plant.theta,) if simulated is None else (simulated.A, simulated.b, *simulated.values.values())
     around = [number for path in paths for number in (path.gain, path.delay)]
@@ -110,7 +110,7 @@ def _entries(problem: Problem) -> Array:
 
 
 def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) -> None:
-    """InputError if one of the drawn plants has a delay that the step can't represent; before any of them is simulated."""
+    """Raise InputError, before any simulation, if one of the drawn plants has a delay that the step cannot represent."""
     if simulation.tolerance is not None:
         return
     for one in (each for each in problems if each.delay > 0):
@@ -124,7 +124,7 @@ def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) 
 
 
 def parameters_of(problem: TrackingProblem) -> Any:
-    """The values with which estimates are compared, or those of the design plant if the truth has none."""
+    """Return the values with which estimates are compared, or those of the design plant if the truth has none."""
     true = problem.true_parameters
     return problem.parameters if true is None else true
 

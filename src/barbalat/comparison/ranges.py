@@ -1,4 +1,4 @@
-"""The fields that a tuning varies: their ranges, and the positions of a scheme's own knobs in a case file."""
+"""The ranges of the fields that a tuning varies, and the positions of a scheme's own knobs in a case file."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.validate import Array, InputError
 
 SIGNIFICANT_DIGITS = 4
-"""Digits of a tuned number: the case file stays readable, and the evaluated value is the one in the file."""
+"""Number of digits of a tuned number. The case file stays readable, and the evaluated value is the one in the file."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """From ``low`` to ``high``, on a logarithmic scale if requested."""
+    """A range from ``low`` to ``high``, on a logarithmic scale if requested."""
 
     low: float
     high: float
@@ -33,7 +33,7 @@ class Range:
 
     @classmethod
     def parse(cls, text: str) -> Range:
-        """A range as START:STOP[:log]; InputError for another text."""
+        """Parse a range such as START:STOP[:log]. InputError for another text."""
         parts = text.split(":")
         if len(parts) not in (2, 3) or (len(parts) == 3 and parts[2] != "log"):
             raise InputError(f"a range must be START:STOP or START:STOP:log, got {validate.show(text)}")
@@ -45,7 +45,7 @@ class Range:
             raise InputError(f"START and STOP must be numbers, got {validate.show(text)}") from None
 
     def at(self, share: Array) -> Array:
-        """The values at these shares of the range, with few digits."""
+        """Return the values at these shares of the range, with few digits."""
         if self.logarithmic:
             found = np.exp(np.log(self.low) + (np.log(self.high) - np.log(self.low)) * share)
         else:
@@ -53,7 +53,7 @@ class Range:
         return np.clip([float(f"{value:.{SIGNIFICANT_DIGITS}g}") for value in found], self.low, self.high)
 
     def share(self, value: float) -> float | None:
-        """The share of the range at which a value lies; None if it is outside."""
+        """Return the share of the range at which a value lies; None if it is outside."""
         if not self.low <= value <= self.high:
             return None
         if self.logarithmic:
@@ -66,7 +66,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Space:
-    """Ranges by the paths of the varied fields."""
+    """The ranges of the varied fields, by their paths."""
 
     ranges: Mapping[FieldPath, Range]
 
@@ -78,11 +78,11 @@ class Space:
         return tuple(self.ranges)
 
     def rows(self, shares: Array) -> Array:
-        """(K, d) numbers for shares of each range."""
+        """Return numbers (K, d) for shares of each range."""
         return np.column_stack([one.at(shares[:, i]) for i, one in enumerate(self.ranges.values())])
 
     def shares(self, row: Array) -> Array | None:
-        """(d,) the shares of a tuning; None outside."""
+        """Return the shares (d,) of a tuning; None if it is outside."""
         found = [one.share(float(value)) for one, value in zip(self.ranges.values(), row, strict=True)]
         return None if any(share is None for share in found) else np.array(found, dtype=float)
 
@@ -92,7 +92,7 @@ BEYOND_GRID = 100.0
 
 
 def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
-    """The scheme's knobs in the controller's table, each at the only position of its name; InputError if there is none."""
+    """Return the scheme's knobs in the controller's table, each at the only position of its name. InputError if there is none."""
     found: dict[FieldPath, Range] = {}
     for name, values in knobs.values.items():
         places = list(_places(tables, name))
@@ -109,7 +109,7 @@ def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
 
 
 def _places(part: object, name: str) -> Iterator[tuple[Key, ...]]:
-    """The positions of numbers with this name."""
+    """Yield the positions of numbers with this name."""
     if isinstance(part, dict):
         for key, value in part.items():
             if key == name and isinstance(value, (int, float)) and not isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""The initial estimates of controllers: the same knowledge for all, or a sentence on those that differ."""
+"""The initial estimates of controllers. All have the same knowledge, or a sentence names those that differ."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from barbalat.validate import Array
 
 
 def initial_estimates(problem: TrackingProblem, controller: Controller) -> Array:
-    """theta_hat at t = 0, whatever it estimates; empty for a controller without estimates."""
+    """Return theta_hat at t = 0, whatever it estimates; empty for a controller without estimates."""
     return estimates_in(bound(problem, controller))
 
 
 def estimates_in(equations: Equations | SampledEquations) -> Array:
-    """The initial estimates of these equations."""
+    """Return the initial estimates of these equations."""
     state = equations.initial()
     return np.asarray(taken_from(state, main_estimates(state_parts(equations, state))), dtype=float)
 
 
 def start_of(problem: Problem, controller: Controller) -> Array | None:
-    """(p,) a controller's initial estimates of theta; None if it has none, or none that are known to be theta's."""
+    """Return a controller's initial estimates of theta (p,); None if it has none, or none that are known to be of theta."""
     start = initial_estimates(problem, controller)
     p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.matched.gain_unknown else 0
     return start[:p] if len(start) in (p, p + gains) else None
 
 
 def different_starts(problem: Problem, controllers: Sequence[Controller]) -> list[str]:
-    """Sentences on controllers that start elsewhere than the first one that estimates theta; none if all start alike."""
+    """Return sentences on controllers whose estimates start at other values than those of the first one that estimates theta."""
     known = {one.name: start for one in controllers if (start := start_of(problem, one)) is not None}
     if not known:
         return []

@@ -1,1 +1,1 @@
-"""The judge of every run: from its signals it decides whether the run follows, oscillates, saturates or is lost."""
+"""The judge of every run. It decides from the signals whether the run follows, oscillates, saturates or is lost."""

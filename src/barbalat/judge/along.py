@@ -16,7 +16,7 @@ from barbalat.validate import Array
 
 
 def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None = None, renewed: bool = False) -> Array:
-    """The memory (rows,) after K samples, each entry of which is (K, size).
+    """Return the memory (rows,) after K samples, each entry of which is (K, size).
 
     start    the memory before these samples; by default its initial value
     renewed  whether the parts for the tail restart with these samples
@@ -33,9 +33,9 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
     return state
 
 
-@lru_cache(maxsize=16)  # all flights of a vehicle share it
+@lru_cache(maxsize=16)  # all flights of a vehicle share the kernel
 def _kernel(memory: Memory, sizes: tuple[int, ...], ranges: tuple[float, ...]) -> Kernel:
-    """The judge's list as machine code, for rows that contain the parts of a sample, which have these sizes."""
+    """Return the judge's operations as machine code, for rows that contain the parts of a sample, which have these sizes."""
     import casadi as ca
 
     row_column, row = symbols("row", sum(sizes))

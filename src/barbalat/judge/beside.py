@@ -1,4 +1,4 @@
-"""The judge's list, appended to the operations of a kernel's step: it reads their results and does not change them."""
+"""The judge's operations, which are appended to those of a kernel's step. They read its results and do not change them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STATE, MEMORY, PARAMETERS, SIGNALS, PAST, NOISE, ERROR, DEMAND = range(8)
-"""Arguments of the judge's list: those of a step, with the memory in place of the accumulators, and values that the step has
-already computed."""
+"""Arguments of the judge's operations: those of a step, with the memory in place of the accumulators, and values that the step
+has already computed."""
 ARRIVED = 1e-3
-"""Share of a control's range: a rate limiter this close to the control's limit counts as having arrived, since it approaches
-the limit exponentially."""
+"""Share of a control's range. A rate limiter that is this close to the control's limit counts as having arrived, because it
+approaches the limit exponentially."""
 
 
 class Given(NamedTuple):
@@ -45,7 +45,7 @@ class Given(NamedTuple):
 
 @dataclass(frozen=True)
 class Watched:
-    """The quantities that are kept of a run, apart from those that depend on the loop; see ``Memory``."""
+    """The settings of the memory of a run that do not depend on the loop; see ``Memory``."""
 
     hysteresis: float
     weighed: bool = False
@@ -55,7 +55,7 @@ class Watched:
     settles: float = 0.05
 
     def memory(self, loop: ClosedLoop) -> Memory:
-        """The memory for this loop."""
+        """Return the memory for this loop."""
         return Memory(
             components=loop.errors,
             inputs=loop.inputs,
@@ -67,7 +67,7 @@ class Watched:
 
 
 def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value, e: Value, steps: Value) -> Sample:
-    """The judge's sample of a loop's state and of the signals that drive it; u and e are already computed."""
+    """Return the judge's sample of a loop's state and of the signals that drive it. u and e are already computed."""
     state, given = loop.unpack(flat), loop.signals.named(signals)
     limited, at_limit, at_rate_limit = [], [], []
     for i, path in enumerate(loop.paths):
@@ -101,13 +101,13 @@ def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value
 
 
 def ranges_of(loop: ClosedLoop) -> Value:
-    """(m,) upper - lower of each input's limits; 1 without limits."""
+    """Return upper - lower of each input's limits (m,); 1 without limits."""
     limits = [None if path is None else path.saturation for path in loop.paths]
     return together([1.0 if found is None else found[1] - found[0] for found in limits])
 
 
 def update_function(loop: ClosedLoop, memory: Memory, given: Given) -> ca.Function:
-    """The list as a CasADi function of (state, memory, parameters, signals, past, noise, e, u) -> memory."""
+    """Return the operations as a CasADi function of (state, memory, parameters, signals, past, noise, e, u) -> memory."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
@@ -125,7 +125,7 @@ def update_function(loop: ClosedLoop, memory: Memory, given: Given) -> ca.Functi
 
 
 def joined(step: Program, loop: ClosedLoop, memory: Memory, given: Given) -> Program:
-    """The step with the memory appended to its states: all its own operations in their order, followed by the judge's."""
+    """Return the step with the memory appended to its states. Its own operations keep their order and precede the judge's."""
     judge = optimize(read(update_function(loop, memory, given)), fused=False)
     first = len(step.outputs[0])
 
@@ -142,7 +142,8 @@ def joined(step: Program, loop: ClosedLoop, memory: Memory, given: Given) -> Pro
 
 
 def unchanged(sample: Program, states: int, rows: int) -> Program:
-    """The operations of a sampled controller before a step, which leave the memory after the states unchanged."""
+    """Return a sampled controller's operations before a step, extended so that they leave the memory after the states
+    unchanged."""
     count = len(sample.operations)
     inputs = tuple(Operation("input", source=(STATE, states + i)) for i in range(rows))
     (state,) = sample.outputs

@@ -15,15 +15,15 @@ from barbalat.validate import Array
 INSTANTS = 2**14
 """Number of instants of the tail at which the signals are evaluated."""
 RIPPLE = 0.025
-"""Share of a signal's range in the tail: smaller movements do not count as a turn, and do not explain a reversal of a control."""
+"""Share of a signal's range in the tail. Smaller movements do not count as a turn and do not explain a reversal of a control."""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
     """The signals of a run's tail.
 
-    values  (k,) the value of each signal where its magnitude is largest, with the sign; NaN for the time itself, which continues
-    turns   how often they jump or turn back
+    values  (k,) the value of each signal with the largest magnitude; NaN for the time itself, which continues
+    turns   the number of their jumps and turns
     swings  their path between these turns, each as a multiple of its range
     """
 
@@ -33,14 +33,16 @@ class Held:
 
     @classmethod
     def of(cls, signals: Sequence[Signal], begin: float, end: float) -> Held:
-        """The signals are held at their largest and not at their last values: a vanishing regressor would end any cycle of
-        adaptation."""
+        """Evaluate the signals between ``begin`` and ``end`` [s].
+
+        Their largest values are held, not their last ones, because a vanishing regressor would end any cycle of adaptation.
+        """
         t = np.linspace(begin, end, INSTANTS)
         return cls.along([None if isinstance(one, Clock) else np.asarray(one(t), dtype=float) for one in signals])
 
     @classmethod
     def along(cls, signals: Iterable[Array | None]) -> Held:
-        """From the values (K,) of signals in the tail; None stands for the time itself."""
+        """Evaluate signals from their values (K,) in the tail. None stands for the time itself."""
         found, turns, swings = [], 0, 0.0
         for values in signals:
             if values is None:
@@ -53,14 +55,14 @@ class Held:
 
 
 def _turns(values: Array) -> tuple[int, float]:
-    """How often a signal jumps or turns back, and its path as a multiple of its range."""
+    """Return the number of a signal's jumps and turns, and its path as a multiple of its range."""
     full = float(np.ptp(values))
     width = RIPPLE * full
     steps = np.diff(values)
     jumps = int(((np.abs(steps[1:]) > width) & (steps[:-1] == 0)).sum())
     moving = np.flatnonzero(steps)
     back = moving[1:][np.sign(steps[moving[1:]]) != np.sign(steps[moving[:-1]])]
-    extremes = values[[0, *back, len(values) - 1]]  # between two of them the signal with backlash is monotonic
+    extremes = values[[0, *back, len(values) - 1]]  # between two of these the signal with backlash is monotonic
     moves = np.diff(_without_ripple(extremes.tolist(), 0.5 * width))
     ways = np.sign(moves[moves != 0])
     turns = int((ways[1:] != ways[:-1]).sum())
@@ -69,7 +71,7 @@ def _turns(values: Array) -> tuple[int, float]:
 
 
 def _without_ripple(values: list[float], half: float) -> list[float]:
-    """The output of a backlash of this half width driven by the values."""
+    """Return the output of a backlash of this half width that is driven by the values."""
 
     def followed(last: float, value: float) -> float:
         low, high = value - half, value + half

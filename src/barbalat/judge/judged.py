@@ -1,4 +1,4 @@
-"""The verdicts on M runs, from the judge's memory of them."""
+"""The verdicts on M runs, which follow from the judge's memory."""
 
 from __future__ import annotations
 
@@ -13,46 +13,47 @@ from barbalat.judge.verdict import Class, Cycle, Deviation, Figures, Response, V
 from barbalat.validate import Array
 
 CLASSES = tuple(Class)
-"""The classes, by their numbers in ``Judged.kinds``; the class of a run is the first that applies."""
+"""The classes, by their numbers in ``Judged.kinds``. The class of a run is the first that applies."""
 TIE = 1e-9
-"""Components whose errors relative to their bands differ by less count as equal, because the difference is rounding."""
+"""Components whose errors relative to their bands differ by less than this count as equal, because the difference is rounding."""
 LEAST_BESIDE = 1e-3
-"""Share of its band below which only the worst error is reported, whichever state is declared to follow."""
+"""If the worst error is below this share of its band, only this component is reported, whichever state is declared to follow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """The judge's memory of M runs: (rows, M) before the tail and for the whole run."""
+    """The judge's memory of M runs (rows, M), before the tail and for the whole run."""
 
     memory: Memory
     before_tail: Array
     whole: Array
 
     def of(self, name: str) -> Array:
-        """(M, entries) of the whole run, or of the tail if the quantity has separate rows for it."""
+        """Return a quantity (M, entries) of the whole run, or of the tail if it has separate rows for the tail."""
         return self.whole[self.memory.places[name]].T
 
     def in_tail(self, name: str) -> Array:
-        """(M, entries) the increase of a count in the tail."""
+        """Return the increase of a count in the tail (M, entries)."""
         rows = self.memory.places[name]
         return np.asarray((self.whole[rows] - self.before_tail[rows]).T)
 
     @property
     def ranges(self) -> Array:
-        """(M, m) range of each control, relative to which swings are judged."""
+        """The range of each control (M, m), relative to which swings are judged."""
         return np.maximum(self.of("range"), self._roundings)
 
     @property
     def reversals(self) -> Array:
-        """(M, m) reversals in the tail; 0 for a control that moves only by rounding."""
+        """The reversals in the tail (M, m); 0 for a control that moves only by rounding."""
         return np.where(self.of("range") > self._roundings, self.in_tail("reversals"), 0.0)
 
     @property
     def swings(self) -> Array:
-        """(M, m) path of the control between its turns in the tail, as a multiple of its range, with an error of at most one.
+        """The path of each control between its turns in the tail (M, m), as a multiple of its range, with an error of at most
+        one.
 
-        In the direction of each turn, the farthest points of two successive turns add up to the path between them. If the number
-        of turns is odd, the middle of the range is used twice, for the first and the last one.
+        The farthest points of two successive turns, each in the direction of its turn, add up to the path between them. If the
+        number of turns is odd, the middle of the range is used twice, for the first and the last one.
         """
         direction = self.before_tail[self.memory.places["direction"]].T
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -61,13 +62,13 @@ class Kept:
 
     @property
     def _roundings(self) -> Array:
-        """(M, m) size of rounding errors over the whole run."""
+        """The size of rounding errors over the whole run (M, m)."""
         extrema = [part[self.memory.places[name]] for part in (self.before_tail, self.whole) for name in ("low", "high")]
         magnitudes = np.abs(np.where(np.isfinite(extrema), extrema, 0.0))
         return np.asarray(LEAST_RANGE * magnitudes.max(axis=0).T)
 
     def of_inputs(self, name: str, which: tuple[bool, ...], *, in_tail: bool = False) -> Array:
-        """(M, m) the values for inputs that have this quantity, and 0 for the others."""
+        """Return the values (M, m) for inputs that have this quantity, and 0 for the others."""
         found = np.zeros((self.whole.shape[1], self.memory.inputs))
         found[:, np.flatnonzero(which)] = self.in_tail(name) if in_tail else self.of(name)
         return found
@@ -75,9 +76,8 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Cycles:
-    """The results for suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) which members are
-    suspects, whose oscillation still grows at the end of the windows, with or without a limit cycle ahead, and which are lost
-    there."""
+    """The results for suspects: which controls cycle (M, m), with their amplitudes and frequencies [rad/s]; which members (M,)
+    are suspects, which oscillate more and more until the end of the windows, and which are lost there."""
 
     which: Array
     amplitude: Array
@@ -97,11 +97,11 @@ class Judged:
     """Verdicts on M runs of n components and m inputs.
 
     kinds          (M,) numbers of CLASSES
-    error          (M, n) the tail's largest |e|, against ``bands``
-    at_limit       (M, n) the largest |e| of the tail, compared with ``bands``
-    lost_at        (M, m) shares of the time; likewise ``at_rate_limit``
-    lost_within    (M,) [s], NaN if it is unknown or the run was not lost
-    dt, steps      of the runs
+    error          (M, n) the tail's largest |e|, which is compared with ``bands``
+    at_limit       (M, m) the share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
+    lost_at        (M,) the time by which each run was lost [s]; NaN if it was not
+    lost_within    (M,) how much earlier that may have been [s]
+    dt, steps      the step [s] and the number of steps of the runs
     """
 
     kinds: Array
@@ -131,7 +131,7 @@ class Judged:
         steps: int,
         input_units: tuple[str, ...] = (),
     ) -> Judged:
-        """``diverged`` (M,): whether each run did."""
+        """Return the verdicts. ``diverged`` (M,) is whether each run diverged."""
         error, memory, instants = kept.of("largest e"), kept.memory, steps + 1
         with np.errstate(invalid="ignore"):
             lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
@@ -154,7 +154,7 @@ class Judged:
 
     @classmethod
     def together(cls, parts: Sequence[Judged]) -> Judged:
-        """The verdicts on all members of these parts, which share one structure and one simulation."""
+        """Return the verdicts on all members of these parts, which share one structure and one simulation."""
         if len(parts) == 1:
             return parts[0]
         first = parts[0]
@@ -178,16 +178,17 @@ class Judged:
         return len(self.kinds)
 
     def count(self, kind: Class) -> int:
-        """The number of runs of this class."""
+        """Return the number of runs of this class."""
         return int((self.kinds == CLASSES.index(kind)).sum())
 
     @property
     def worst(self) -> Array:
-        """(M,) the component that is worst relative to its band: the first of those that are equal up to rounding."""
+        """The component of each run (M,) that is worst relative to its band, or the first of those that are equal up to
+        rounding."""
         return _worst(self.error, self.bands.follows)
 
     def verdict(self, i: int, settled: bool | None = None) -> Verdict:
-        """The verdict on one run."""
+        """Return the verdict on one run."""
         kind = CLASSES[self.kinds[i]]
         component, other = self._told(i, kind)
         lost_at, error = float(self.lost_at[i]), float(self.error[i, component])
@@ -213,7 +214,7 @@ class Judged:
         )
 
     def _told(self, i: int, kind: Class) -> tuple[int, int | None]:
-        """The component of a verdict and the one beside it, if there is one."""
+        """Return the component that a verdict names first and the one that it adds, if any."""
         worst, declared = int(self.worst[i]), list(self.bands.declared)
         if not declared or kind is Class.LOST:
             return worst, None
@@ -232,7 +233,7 @@ class Judged:
         )
 
     def _cycling(self, i: int) -> int:
-        """The input whose cycle is largest relative to its range."""
+        """Return the input whose cycle is largest relative to its range."""
         share = np.where(self.cycles.which[i], self.cycles.amplitude[i] / self.kept.ranges[i], -1.0)
         return int(share.argmax())
 
@@ -254,7 +255,7 @@ class Judged:
         )
 
     def _responses(self, i: int) -> dict[str, Response]:
-        """The responses of the components that the command's steps move."""
+        """Return the responses of the components that the command's steps move."""
         found = {}
         for j, name in enumerate(self.bands.names):
             if not any(self.kept.memory.gains[j]):
@@ -278,7 +279,7 @@ def _joined(parts: Sequence[Array], axis: int = 0) -> Array:
 
 
 def _worst(error: Array, bands: Array) -> Array:
-    """(M,) of errors and bands (M, k): the first of the largest ratios that are equal up to rounding."""
+    """Return the index (M,) of the largest ratio of errors to bands (M, k), the first of those that are equal up to rounding."""
     with np.errstate(divide="ignore", invalid="ignore"):
         against = np.where(error > 0, error / bands, 0.0)
     against = np.nan_to_num(against, nan=np.inf)

@@ -1,8 +1,7 @@
-"""The judge's operation list: the quantities that it keeps of a run, and their update by one sample. The run need not be
-recorded.
+"""The judge's operations: the quantities that it keeps of a run, and their update by one sample. The run need not be recorded.
 
 The same lines are evaluated on CasADi's arrays, from which kernels, C and pages are generated, and on NumPy's. The memory is a
-flat vector with named rows; it contains extrema, counts and sums, and the verdict follows from it alone.
+flat vector with named rows of extrema, counts and sums. The verdict follows from it alone.
 """
 
 from __future__ import annotations
@@ -18,13 +17,13 @@ import numpy as np
 from barbalat.protocols import Value
 
 LEAST_RANGE = 1e-6
-"""A control without limits counts as moving if it covers at least this share of its largest magnitude; less is rounding."""
+"""A control without limits counts as moving if it covers at least this share of its largest magnitude. Less is rounding."""
 RISES_FROM, RISES_TO = 0.1, 0.9
 """The shares of a step between which the rise time is measured, as in python-control's ``step_info``."""
 
 
 class Sample(NamedTuple):
-    """The judge's input at an instant; n components of the error, m inputs, q commands.
+    """The judge's input at an instant, for n components of the error, m inputs and q commands.
 
     y, y_m         (n,) the state x or the measured output, and the model's
     e              (n,) y - y_m
@@ -49,7 +48,7 @@ class Sample(NamedTuple):
 
 
 class Begins(IntEnum):
-    """When a quantity restarts: only with the run, also with each window of a continuation, or also with the tail."""
+    """The event at which a quantity restarts: only the run, also each window of a continuation, or also the tail."""
 
     RUN = 0
     WINDOW = 1
@@ -96,7 +95,7 @@ class Memory:
 
     @cached_property
     def layout(self) -> tuple[Rows, ...]:
-        """All quantities in their order."""
+        """All quantities in the order of the memory."""
         n, m, q, inf = self.components, self.inputs, self.commands, np.inf
         found = [
             Rows("largest y_m", n), Rows("largest y", n), Rows("largest e", n, renewed=Begins.TAIL),
@@ -132,17 +131,17 @@ class Memory:
         return tuple(rows.begins for rows in self.layout for _ in range(rows.size))
 
     def renewed(self, at: Begins) -> list[int]:
-        """The rows that restart there."""
+        """Return the rows that restart at this event."""
         return [i for rows in self.layout if rows.renewed >= at for i in range(*self.places[rows.name].indices(1 << 30))]
 
     @property
     def responses(self) -> slice:
-        """The rows on steps of the command: a step at the very end of a run is not counted."""
+        """The rows on steps of the command. A step at the very end of a run is not counted."""
         return slice(self.places["command"].start if self.gains else len(self.begins), None)
 
     def update(self, memory: Value, sample: Sample, ranges: Value) -> Value:
-        """The memory after one more sample, (rows,). ``ranges`` (m,): upper - lower for inputs with limits; ignored for
-        others."""
+        """Return the memory (rows,) after one more sample. ``ranges`` (m,) are upper - lower for inputs with limits, and are
+        ignored for others."""
         old = {name: memory[rows] for name, rows in self.places.items()}
         new = {
             "largest y_m": np.maximum(old["largest y_m"], np.abs(sample.y_m)),
@@ -159,7 +158,7 @@ class Memory:
         return np.concatenate([new[rows.name] for rows in self.layout])
 
     def _counted(self, old: dict[str, Value], sample: Sample) -> dict[str, Value]:
-        """The number of steps for which the limits constrain the control."""
+        """Return the number of steps for which the limits constrain the control."""
         at_limit = _chosen(sample.at_limit, self.limited)
         at_rate_limit = _chosen(sample.at_rate_limit, self.rate_limited)
         return {
@@ -168,10 +167,11 @@ class Memory:
         }
 
     def _reversed(self, old: dict[str, Value], new: dict[str, Value], sample: Sample, ranges: Value) -> dict[str, Value]:
-        """The limited control reverses when its distance from its farthest point exceeds the hysteresis.
+        """Return the rows on reversals. The limited control reverses when its distance from its farthest point exceeds the
+        hysteresis.
 
-        Everything is measured in the direction of motion: a farther point has a larger value. A decrease at the start also
-        counts as a reversal.
+        Everything is measured in the direction of motion, so that a farther point has a larger value. A decrease at the start
+        also counts as a reversal.
         """
         free = tuple(not limited for limited in self.limited)
         moved, far = _chosen(new["high"] - new["low"], free), _chosen(np.abs(sample.limited), free)
@@ -189,7 +189,8 @@ class Memory:
         }
 
     def _responses(self, old: dict[str, Value], sample: Sample, scale: Value) -> dict[str, Value]:
-        """Overshoot [share of the step], rise and settling time [steps]: the worst over all steps of the command so far."""
+        """Return overshoot [share of the step], rise and settling time [steps], the worst over all steps of the command so
+        far."""
         now, begun = old["steps"], old["steps"] > 0
         given = np.array(self.bands)
         bands = np.where(np.isnan(given), 0.0, given) + np.where(np.isnan(given), self.settles, 0.0) * scale
@@ -206,7 +207,7 @@ class Memory:
         waiting = np.where(jumped > 0, steps, old["rising"])
         risen = waiting * np.where(passed >= RISES_TO - 1, 1.0, 0.0)
         outside = steps * np.where(np.abs(sample.y - target) > bands, 1.0, 0.0)
-        over = np.where(begun, jumped, 0.0)  # the previous target is no longer awaited
+        over = np.where(begun, jumped, 0.0)  # the previous target no longer matters
         return {
             "command": sample.r,
             "jumped at": np.where(jumped > 0, now, old["jumped at"]),
@@ -224,7 +225,7 @@ class Memory:
 
 
 def _detailed(old: dict[str, Value], sample: Sample) -> dict[str, Value]:
-    """Integrals in units of a step: rectangles from the left."""
+    """Return integrals in units of a step, by rectangles from the left."""
     begun = old["steps"] > 0
     absolute = sample.steps * np.abs(sample.e)
     return {
@@ -237,12 +238,12 @@ def _detailed(old: dict[str, Value], sample: Sample) -> dict[str, Value]:
 
 
 def _chosen(values: Value, which: Sequence[bool]) -> Value:
-    """The entries for which ``which`` is true."""
+    """Return the entries for which ``which`` is true."""
     return values[[i for i, wanted in enumerate(which) if wanted]]
 
 
 def _merged(some: Value, others: Value, which: Sequence[bool]) -> Value:
-    """The entries of ``some`` where ``which`` is true, otherwise those of ``others``."""
+    """Return the entries of ``some`` where ``which`` is true, otherwise those of ``others``."""
     if all(which):
         return some
     rest = iter(range(len(which)))

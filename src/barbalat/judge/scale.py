@@ -1,4 +1,4 @@
-"""The scale of each component of the error: the default bands are shares of it, the same for all controllers."""
+"""The scale of each component of the error. The default bands are shares of it and are the same for all controllers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from barbalat.protocols import Signal
 from barbalat.validate import Array
 
 ROUNDING = 1e-9
-"""A model's component that moves by less than this share of the largest one is at rest; its motion is rounding."""
+"""A component of the model that moves by less than this share of the largest one is at rest, and its motion is rounding."""
 RESTING = 0.01
-"""It is also at rest if it moves by less than this share of its response to initial state, noise and disturbances: a
-negligible command counts as none."""
+"""A component is also at rest if it moves by less than this share of its response to initial state, noise and disturbances, so
+that a negligible command counts as none."""
 INSTANTS = 2**12
 """Number of instants of a run at which disturbances and the model's free motion are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Uncommanded:
-    """The motion of the n components without a command, independent of the controller.
+    """The motion of the n components without a command, which does not depend on the controller.
 
     answer  (n,) their largest response to the disturbances alone in the model, which is the loop with known parameters; an output
-            disturbance of a fed-back output takes the place of the command
+            disturbance of a fed-back output replaces the command
     spread  (n, n) the largest value of each component in the model's free motion from an initial value of 1 of another
+            component
     """
 
     answer: Array
@@ -33,7 +34,7 @@ class Uncommanded:
 
     @classmethod
     def of(cls, problem: TrackingProblem, t_end: float) -> Uncommanded:
-        """The scale for a run from 0 to t_end [s]."""
+        """Return the motion for a run from 0 to t_end [s]."""
         A, B, C = problem.model.matrices
         C = np.atleast_2d(C)
         step = t_end / INSTANTS
@@ -52,7 +53,7 @@ class Uncommanded:
 
 
 def _sampled(A: Array, inputs: Array, step: float) -> tuple[Array, Array]:
-    """Phi and Gamma of x' = A x + inputs' d, with d held for a step, by one exponential (Van Loan 1978, IEEE TAC 23(3))."""
+    """Return Phi and Gamma of x' = A x + inputs' d with d held for a step, by one exponential (Van Loan 1978, IEEE TAC 23(3))."""
     from scipy.linalg import expm
 
     n, k = len(A), len(inputs)
@@ -63,7 +64,7 @@ def _sampled(A: Array, inputs: Array, step: float) -> tuple[Array, Array]:
 
 
 def _powers(ahead: Array, count: int) -> Array:
-    """(count, n, n) Phi^0, Phi^1, ...: multiplying the known ones by the next power doubles their number."""
+    """Return Phi^0, Phi^1, ... (count, n, n). Multiplying the known ones by the next power doubles their number."""
     found = np.eye(len(ahead))[None]
     while len(found) < count:
         found = np.concatenate([found, found @ (found[-1] @ ahead)])
@@ -71,7 +72,7 @@ def _powers(ahead: Array, count: int) -> Array:
 
 
 def _added_up(powers: Array, forced: Array) -> Array:
-    """(K, n) x_1, x_2, ... of x_{k+1} = Phi x_k + forced_k from x_0 = 0, by repeatedly doubling the number of summed terms."""
+    """Return x_1, x_2, ... (K, n) of x_{k+1} = Phi x_k + forced_k from x_0 = 0, by repeatedly doubling the number of terms."""
     x, terms = np.array(forced), 1
     while terms < len(x):
         x[terms:] += x[:-terms] @ powers[terms].T
@@ -80,20 +81,21 @@ def _added_up(powers: Array, forced: Array) -> Array:
 
 
 def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Array]:
-    """The signals that move the simulated state, and (k, n) their directions in the plant's state."""
+    """Return the signals that move the simulated state, and their directions in the plant's state (k, n)."""
     b, acting = getattr(problem.plant, "b", None), problem.surroundings
     matched = [] if acting.disturbance is None else [(acting.disturbance, B if b is None else b)]
-    measured = problem.dynamics.output  # for a truth with other states those of the plant
+    measured = problem.dynamics.output  # converts a truth's other states to those of the plant
     every = [*matched, *((one.signal, measured(np.asarray(one.direction, dtype=float))) for one in acting.unmatched)]
     rows = [np.pad(np.reshape(direction, -1), (0, len(B) - np.size(direction))) for _, direction in every]
     return [signal for signal, _ in every], np.array(rows).reshape(-1, len(B))  # no disturbance enters a baseline's own states
 
 
 def scale_of(model: Array, initial: Array, noise: Array | None, beside: Uncommanded) -> Array:
-    """The scale of each component, (M, n): the largest |y_m| of the run.
+    """Return the scale of each component (M, n), which is the largest |y_m| of the run.
 
-    If the model is at rest: the largest of |y| at t = 0, the noise's standard deviation, and the response to the disturbances; if
-    these vanish too, the free response of the model to the other components' scales; 0 if nothing moves at all.
+    If the model is at rest, it is the largest of |y| at t = 0, the noise's standard deviation, and the response to the
+    disturbances. If these vanish too, it is the free response of the model to the other components' scales. It is 0 if nothing
+    moves at all.
     """
     moves = np.where(model > ROUNDING * model.max(axis=-1, keepdims=True, initial=0.0), model, 0.0)
     other = np.maximum(np.maximum(np.abs(initial), 0.0 if noise is None else noise), beside.answer)

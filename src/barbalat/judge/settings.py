@@ -1,4 +1,4 @@
-"""The judge's settings: bands in the plant's units, given or derived from the model's motion."""
+"""The judge's settings, with bands in the plant's units that are given or derived from the model's motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from barbalat.validate import Array, InputError
 LOST_SHARE = 100.0
 """Default multiple of its scale beyond which a component is lost: 40 dB above everything that was requested."""
 CYCLE_SHARE = 0.025
-"""Default hysteresis, as a share of the control's range. On the flexible joint with noise, every hysteresis from 1 to 5 %
+"""Default hysteresis as a share of the control's range. On the flexible joint with noise, every hysteresis from 1 to 5 %
 separates cycles from other runs."""
 
 
@@ -58,10 +58,10 @@ class Judge(Settings):
         object.__setattr__(self, "closely", bool(self.closely))
 
     def named(self, problem: TrackingProblem) -> Judge:
-        """The same settings with each band under its component's label; InputError for a component that the problem does not
-        have.
+        """Return the same settings with each band under its component's label. InputError for a component that the problem does
+        not have.
 
-        In addition to labels, x_1, x_2, ..., or y with output feedback, are accepted names of components.
+        Components may be named by their labels, or as x_1, x_2, ..., or y with output feedback.
         """
         names = component_names(problem)
         numbered = tuple(f"x_{i + 1}" for i in range(len(names))) if problem.feedback == "state" else ("y",)
@@ -80,7 +80,7 @@ class Judge(Settings):
         return replace(self, follows=found["follows"], lost=found["lost"])
 
     def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array, declared: tuple[int, ...] = ()) -> Bands:
-        """The bands for components with these names and units; ``scale`` (..., n); ``declared`` as in ``Bands``."""
+        """Return the bands for components with these names and units. ``scale`` is (..., n), and ``declared`` as in ``Bands``."""
         given = [
             np.array([found.get(name, np.nan) for name in names]) * np.ones_like(scale) for found in (self.follows, self.lost)
         ]
@@ -93,7 +93,7 @@ class Judge(Settings):
 class Bands:
     """The bands of n components in the plant's units; each array is (..., n).
 
-    scale     of each component
+    scale     the scale of each component
     follows   bands of the tail's error within which a run follows
     lost      magnitudes beyond which the run is lost
     declared  numbers of the components that are declared to follow a command, which verdicts name first
@@ -107,7 +107,7 @@ class Bands:
     declared: tuple[int, ...] = ()
 
     def said(self, i: int) -> str:
-        """The text for the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
+        """Return the text for the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
         each = zip(self.names, self.units, self.follows[i], self.lost[i], strict=True)
         return "; ".join(
             f"{name} follows within {follows:.3g}{_unit(unit)} and "
@@ -121,5 +121,5 @@ def _unit(bracketed: str) -> str:
 
 
 def component_names(problem: TrackingProblem) -> tuple[str, ...]:
-    """The names of the error's components: their labels, or x_1, x_2, ..., or y."""
+    """Return the names of the error's components, which are their labels, or x_1, x_2, ..., or y."""
     return problem.followed_names

@@ -1,4 +1,4 @@
-"""The judge's verdict on one run: a value that prints as a sentence."""
+"""The judge's verdict on one run, a value that prints as a sentence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOLLOWS_SHARE = 0.05
 
 
 class Class(StrEnum):
-    """The class of a run: the first of these that applies."""
+    """The class of a run, which is the first of these that applies."""
 
     LOST = "lost"
     CYCLE = "limit cycle"
@@ -38,17 +38,17 @@ class Cycle:
 
     @property
     def number(self) -> int:
-        """The input's number, from 0."""
+        """The index of the input, counted from 0."""
         return int(self.signal.partition("[")[2].rstrip("]"))
 
     def as_json(self) -> dict[str, Any]:
-        """The fields under the names of the JSON contract."""
+        """Return the fields under the names of the JSON contract."""
         return {"signal": self.signal, "amplitude": self.amplitude, "frequency": self.frequency}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """A component's response to the command's steps, the worst over all of them, under the names of python-control's
+    """A component's response to the command's steps, the worst over all of them. The names are those of python-control's
     ``step_info``.
 
     RiseTime      [s] from 10 to 90 % of the step; None if the response does not reach it
@@ -91,7 +91,8 @@ class Figures:
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """The largest |error| of a component in the tail and its band, in the plant's unit, by default a share of the scale."""
+    """The largest |error| of a component in the tail, and its band, both in the plant's unit. The default band is a share of the
+    scale."""
 
     component: str
     error: float
@@ -100,7 +101,7 @@ class Deviation:
     unit: str = ""
 
     def said(self, *, named: bool) -> str:
-        """The error as a share of the scale, or in the plant's unit if the band was given in it or there is no scale."""
+        """Return the error as a share of the scale, or in the plant's unit if the band was given in it or there is no scale."""
         unit, where = f" {self.unit}" if self.unit else "", f" in {self.component}"
         if self.band != FOLLOWS_SHARE * self.scale:
             return f"{self.error:.3g}{unit}{where if named else ''} (band {self.band:.3g}{unit})"
@@ -109,7 +110,7 @@ class Deviation:
         return percent(self.error / self.scale) + (where if named else "")
 
     def as_json(self) -> dict[str, Any]:
-        """The fields under the names of the JSON contract."""
+        """Return the fields under the names of the JSON contract."""
         return {"component": self.component, "error": self.error, "band": self.band, "scale": self.scale}
 
 
@@ -120,8 +121,8 @@ class Verdict:
     kind           lost, limit cycle, off (bounded, but outside the band), or follows
     component      the name of the component that is worst relative to its band; of a run that is not lost, among the states that
                    are declared to follow a command, unless the run is off and only others are outside their bands
-    beside         the worst component if that is another one; or, where that is ``component``, the declared state that is worst
-    error, band    of that component in the plant's unit: the tail's largest |error|, and the band
+    beside         the worst component if that is another one; if it is ``component``, the worst of the declared states
+    error, band    the tail's largest |error| of ``component``, and its band, in the plant's unit
     scale          the scale of which the component's band is a share by default
     settled        whether the verdict belongs to the plant and not to the solver; None if that was not examined
     cycle          the limit cycle; None if there is none
@@ -132,7 +133,8 @@ class Verdict:
     figures        IAE and similar ones; None if they were not requested
     bands          the bands of all components, as text
     of_the_solver  whether a finer step gives the same class without the oscillation that the run shows
-    suspect        what looks like a limit cycle if the run can't be continued, as with a flight model; else empty
+    suspect        a description of what looks like a limit cycle if the run cannot be continued, as with a flight model; else
+        empty
     """
 
     kind: Class
@@ -156,7 +158,7 @@ class Verdict:
     beside: Deviation | None = None
 
     def __str__(self) -> str:
-        """The verdict in words, such as "follows within 3 %, at its limits 12 % of the time"."""
+        """Return the verdict in words, such as "follows within 3 %, at its limits 12 % of the time"."""
         said = [self._said, *self._limits, *([self.suspect] if self.suspect else [])]
         if self.of_the_solver:
             said.append("also at a finer step, but its oscillation is due to the solver")
@@ -194,7 +196,7 @@ class Verdict:
         return said
 
     def as_json(self) -> dict[str, Any]:
-        """The fields under the names of the JSON contract."""
+        """Return the fields under the names of the JSON contract."""
         return {
             "class": str(self.kind),
             "error": self.error,

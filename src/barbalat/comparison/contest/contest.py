@@ -1,4 +1,4 @@
-"""The contest: entrants, the rule's search for each, then all of them on validation plants, commands and noise."""
+"""The contest: the entrants, the rule's search for each, and the validation of all on new plants, commands and noise."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ from barbalat.targets import CONTEST
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
-"""Number of validation runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
+"""Number of validation runs. The interval of the median of a ratio then extends over 7 % of the runs to either side."""
 TUNING_SHARE = 0.85
-"""Approximate share of the time for the search; the validation runs take the rest."""
+"""Approximate share of the time that the search takes. The validation runs take the rest."""
 
 
 def contest(
@@ -103,7 +103,7 @@ def contest(
 
 
 def posed(problem: TrackingProblem) -> Problem:
-    """The problem, if a contest can be held on it; InputError otherwise."""
+    """Return the problem if a contest can be held on it. InputError otherwise."""
     CONTEST.require(problem)
     assert isinstance(problem, Problem)
     return problem
@@ -123,7 +123,7 @@ def compete(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Contest:
-    """Tune every entrant on the problem under the rule, then measure those that meet it on ``members`` validation runs.
+    """Tune every entrant on the problem under the rule, and measure those that meet it on ``members`` validation runs.
 
     judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
     left_out  sentences on schemes that do not take part, which are passed on
@@ -168,15 +168,15 @@ def compete(
 
 
 class _Shared:
-    """The rule's plants, with the motion of the model and of the loop with known theta; computed once for all entrants that
-    read the plants in the same way."""
+    """The rule's plants, with the motion of the model and of the loop with known theta. They are computed once for all entrants
+    that take the plants in the same form."""
 
     def __init__(self, family: Sequence[Problem], rule: Rule, simulation: Simulation) -> None:
         self.family, self.rule, self.simulation = family, rule, simulation
         self.found: list[Plants] = []
 
     def read_by(self, entrant: Entrant) -> Plants:
-        """The plants in the form that this entrant accepts."""
+        """Return the plants in the form that this entrant accepts."""
         problems = [entrant.reads(problem) for problem in self.family]
         for one in self.found:
             if all(a is b for a, b in zip(one.problems, problems, strict=True)):
@@ -201,23 +201,23 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
 
 
 RUNS_EACH_PLANT = 12
-"""Runs of a tuning on one plant, including modelling errors: 6 for the template's case, 18 with an observer and a specification
-of delay and gain."""
+"""Number of runs of a tuning on one plant, including modelling errors. It is 6 for the template's case, and 18 with an observer
+and a specification of delay and gain."""
 RUN_SECONDS = 2e-3
-"""Seconds for the equations of a run, in addition to its steps: 1 ms for a small loop, 3 ms with an observer."""
+"""Seconds for the equations of a run, in addition to its steps. It is 1 ms for a small loop and 3 ms with an observer."""
 STEP_SECONDS = 1e-8
-"""Seconds per step of a member: 3 ns for a small loop; most loops are larger."""
+"""Seconds per step of a member. A small loop takes 3 ns; most loops are larger."""
 HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
 """Seconds for the plant and command of a validation run, in addition to its steps."""
 
 
 def search_seconds(steps: float, entrants: int, trials: int, plants: int) -> float:
-    """The time of one core [s] for a search over this number of tunings of each entrant on this number of plants."""
+    """Return the time of one core [s] for a search over this number of tunings of each entrant on this number of plants."""
     return entrants * trials * plants * RUNS_EACH_PLANT * (RUN_SECONDS + steps * STEP_SECONDS)
 
 
 def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: int) -> None:
-    """InputError if the plants, the trials on them or the validation runs exceed the budget."""
+    """Raise InputError if the plants, the trials on them or the validation runs exceed the budget."""
     steps = entrants * steps_of(simulation) * STEP_SECONDS
     searched = Estimate(seconds=search_seconds(steps_of(simulation), entrants, 1, 1))
 
@@ -241,7 +241,7 @@ def _rank(one: Qualified, held: dict[str, Validation]) -> tuple[bool, int, float
 def _notes(
     problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Remeasured], rule: Rule
 ) -> list[str]:
-    """Sentences on the limits of the result."""
+    """Return sentences on the limits of the result."""
     said, own = [], "the step" if simulation.tolerance is None else "the tolerance"
     for one in tuned:
         if not one.meets:
@@ -266,7 +266,7 @@ def _notes(
 
 
 def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
-    """Sentences on entrants whose initial knowledge differs from that of the others."""
+    """Return sentences on entrants whose initial knowledge differs from that of the others."""
     said = []
     for one in tuned:
         read = one.entrant.reads(problem)

@@ -1,4 +1,4 @@
-"""Entrants of a contest: schemes with the settings that are tuned."""
+"""Entrants of a contest, which are schemes with tuned settings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 SAMPLED_GAINS_BEYOND = 100.0
-"""The gain of a sampled law is not limited by the solver's step; its range must end somewhere."""
+"""Factor that ends the range of a sampled law's gain, which the solver's step does not limit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,8 +34,8 @@ class Entrant(Settings):
     """A scheme in a contest.
 
     knobs  the tuned settings, each searched over its range on a logarithmic scale; ``make`` builds the controller. Without knobs
-           the controller takes part as it is
-    reads  the contest's problem as the scheme reads it, the same plant with another regressor; by default unchanged
+           the controller is not tuned
+    reads  the form of the contest's problem for the scheme, the same plant with another regressor; by default unchanged
     """
 
     knobs: TuningGrid
@@ -50,7 +50,7 @@ class Entrant(Settings):
 
     @property
     def space(self) -> Space:
-        """The ranges in which the entrant's numbers are searched."""
+        """The ranges of the search for the entrant's numbers."""
         found = {}
         for name, values in self.knobs.values.items():
             beyond = BEYOND_GRID if name in self.knobs.open else 1.0
@@ -58,13 +58,13 @@ class Entrant(Settings):
         return Space(found)
 
     def controller(self, row: Sequence[float] | Array) -> Controller:
-        """The controller with these numbers for the knobs."""
+        """Return the controller with these numbers for the knobs."""
         return self.knobs.make(**dict(zip(self.knobs.values, map(float, row), strict=True)))
 
     def starting_at(self, theta_hat0: Array) -> Entrant:
-        """The entrant with its estimates starting at ``theta_hat0`` (p,), if its class has a field of that name.
+        """Return the entrant with estimates that start at ``theta_hat0`` (p,), if its class has a field of that name.
 
-        If ``knobs`` has set another value than the field's default, that value stays.
+        If ``knobs`` has set another value than the field's default, that value is kept.
         """
         make = self.knobs.make
 
@@ -76,11 +76,11 @@ class Entrant(Settings):
 
     @classmethod
     def as_set(cls, controller: Controller) -> Entrant:
-        """A controller that takes part as it is."""
+        """Return an entrant for a controller that is not tuned."""
         return cls(knobs=TuningGrid(scheme=controller.name, values={}, make=lambda: controller))
 
     def sampled(self, sample_time: float, discretization: str = DISCRETIZATIONS[0]) -> Entrant:
-        """The entrant as a flight computer runs it."""
+        """Return the entrant in the form that a flight computer runs."""
         make = self.knobs.make
 
         def made(**tuning: float) -> Controller:
@@ -91,7 +91,7 @@ class Entrant(Settings):
 
 @dataclass(frozen=True, eq=False)
 class VariedEntrant(Varied):
-    """An entrant's tunings, as cases with only its controller."""
+    """The tunings of an entrant as cases that contain only its controller."""
 
     entrant: Entrant
     problem: Problem
@@ -118,18 +118,18 @@ def entrants_of(
     sample_time: float | None = None,
     ours: bool = True,
 ) -> tuple[list[Entrant], list[str]]:
-    """The registered schemes that declare tuned settings and support the problem; and sentences on those that are left out.
+    """Return the registered schemes that declare tuned settings and support the problem, and sentences on omitted ones.
 
     schemes      their names in case files; by default all
     own          controllers from outside: those that declare tuned settings take part too
-    sample_time  all run sampled [s], in midpoint form, or by Euler steps if a scheme has none; by default continuous ones stay
-                 continuous
+    sample_time  sample time of all [s], in midpoint form, or with Euler steps if a scheme has none; by default continuous ones
+                 stay continuous
     ours         whether the registered schemes take part
 
-    All start with the same knowledge: estimates in the middle of the known set, or at a baseline's, which linear designs assume
-    as well; a baseline takes part alone. If the input saturates, each scheme uses its remedy against windup. A controller from
-    outside starts there if its class has a field ``theta_hat0``, or if its ``knobs`` pass on ``reach.theta_hat0``; for any other,
-    ``starts.start_of`` reports its start.
+    All start with the same knowledge. Their estimates start in the middle of the known set, or at a baseline's parameters, which
+    linear designs assume as well. A baseline also takes part without adaptation. If the input saturates, each scheme uses its
+    remedy against windup. A controller from outside starts at the same estimates if its class has a field ``theta_hat0``, or if
+    its ``knobs`` pass on ``reach.theta_hat0``. For any other, ``starts.start_of`` reports the start.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be one of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
@@ -169,7 +169,7 @@ def entrants_of(
 
 
 def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
-    """The entrant's midpoint form, or Euler steps if it has none."""
+    """Return the entrant's midpoint form, or Euler steps if it has none."""
     of_its_own = isinstance(bound(problem, _first(entrant)), Discretizable)
     found = entrant.sampled(sample_time, DISCRETIZATIONS[0 if of_its_own else 1])
     bound(problem, _first(found))
@@ -177,7 +177,8 @@ def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
 
 
 def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entrant:
-    """The entrant from outside with its estimates there, or unchanged if its class uses ``theta_hat0`` in another sense."""
+    """Return the entrant from outside with its estimates in the middle, or unchanged if its ``theta_hat0`` means something
+    else."""
     moved = entrant.starting_at(middle)
     try:
         bound(problem, _first(moved))
@@ -187,7 +188,7 @@ def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entra
 
 
 def _with_start(controller: Any, theta_hat0: Array) -> Any:
-    """The controller with this field, if its class has it and its value is the default."""
+    """Return the controller with this field changed, if its class has the field and its value is the default."""
     if not is_dataclass(controller) or isinstance(controller, type):
         return controller
     found = next((one for one in fields(controller) if one.name == "theta_hat0" and one.init), None)
@@ -200,5 +201,5 @@ def _with_start(controller: Any, theta_hat0: Array) -> Any:
 
 
 def _first(entrant: Entrant) -> Controller:
-    """The controller with the smallest value of each knob."""
+    """Return the controller with the smallest value of each knob."""
     return entrant.controller([values[0] for values in entrant.knobs.values.values()])

@@ -1,4 +1,4 @@
-"""The picture of a contest: a line for each entrant, from its best validation run to its worst, with the failures beside it."""
+"""Draws a contest, with a line for each entrant from its best validation run to its worst, and its failures."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from barbalat.comparison.contest.validation import Validation
 
 EACH_HEIGHT = 0.42
-"""Height [in] of an entrant's line with its name above it."""
+"""Height of an entrant's line with its name above it [in]."""
 
 
 def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Errors of all validation runs of the entrants that meet the rule, the first on top; a cross marks the error on the worst of
-    the tuning's plants."""
+    """Draw the errors of all validation runs of the entrants that meet the rule, the first one at the top. A cross marks the
+    error on the worst tuning plant."""
     if not found.held_out:
         raise InputError("no entrant satisfies the rule, so there are no validation runs to draw")
     theme, names = Theme.current(), [one.name for one in found.entrants if one.name in found.held_out]

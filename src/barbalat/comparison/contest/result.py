@@ -1,4 +1,4 @@
-"""The result of a contest: which entrants meet the rule and with what slack, their failures in validation, and significant
+"""The result of a contest: the entrants that meet the rule, their slack, their failures in validation, and significant
 differences."""
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Paired:
-    """Two entrants on the same plants, commands and noise.
+    """The comparison of two entrants on the same plants, commands and noise.
 
-    Plants and noise are independent draws and the commands a fixed set with equally many plants each: the number below a value is
-    then a sum of independent draws of unequal chances, of which a binomial interval covers at least as often (Hoeffding, 1956).
+    Plants and noise are independent draws. The commands are a fixed set with the same number of plants each. The number of runs
+    below a value is then a sum of independent draws of unequal probability, which a binomial interval covers at least as often
+    (Hoeffding, 1956).
 
-    ratio     median of the first's error over the second's; infinite or 0 if half of the runs failed for only one of the two
-    interval  of the ratio
+    ratio     median of the first's error divided by the second's; infinite or 0 if half of the runs failed for only one of them
+    interval  the interval of the ratio
     better, worse  share of the runs in which the first has the smaller, or the larger, error; a failed run counts as larger
     both_failed    number of runs in which both failed, which count for neither
     """
@@ -66,7 +67,7 @@ class Paired:
 
 
 def paired(first: tuple[str, Validation], second: tuple[str, Validation]) -> Paired:
-    """The comparison of two entrants, each with its name, that were measured on the same draws."""
+    """Compare two entrants, each with its name, that were measured on the same draws."""
     (one, a), (other, b) = first, second
     ratios = log_ratios(a.error, b.error)
     middle = Median.of(ratios)
@@ -83,7 +84,7 @@ def paired(first: tuple[str, Validation], second: tuple[str, Validation]) -> Pai
 
 
 def log_ratios(a: Array, b: Array) -> Array:
-    """(M,) log(a/b); 0 if both failed, infinite if one did."""
+    """Return log(a/b) (M,), which is 0 if both failed and infinite if one did."""
     both = np.isinf(a) & np.isinf(b)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(both, 0.0, np.log(a) - np.log(b))
@@ -94,7 +95,7 @@ class Contest(Plotted):
     """All entrants: those that meet the rule first, ordered by validation failures, then by the median of their error.
 
     problem   the problem, including its noise
-    thetas    (P, p) of the tuning's plants
+    thetas    (P, p) theta of the tuning plants
     held_out  by name, for those that meet the rule
     pairs     pairs of these, each with every one ranked below it
     again     by name, some validation runs repeated with a finer step
@@ -126,24 +127,25 @@ class Contest(Plotted):
 
     @cached_property
     def motion(self) -> float:
-        """RMS of |x_m| under the problem's own command."""
+        """The RMS of |x_m| under the problem's own command."""
         return ReferenceMotion.of(self.problem, self.simulation).rms
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The error of every validation run of every entrant, as a Matplotlib figure; InputError if no entrant meets the rule.
+        """Draw the error of every validation run of every entrant as a Matplotlib figure. InputError if no entrant meets the
+        rule.
 
-        shown  whether it is displayed at once, if pyplot is in use
+        shown  whether the figure is displayed at once, if pyplot is in use
         """
         from barbalat.comparison.contest.picture import draw
 
         return draw(self, shown=shown)
 
     def __getitem__(self, name: str) -> Qualified:
-        """The entrant of this name; KeyError for an unknown one."""
+        """Return the entrant with this name. KeyError for an unknown one."""
         return Named.of("entrant", {one.name: one for one in self.entrants})[name]
 
     def as_json(self) -> dict[str, Any]:
-        """The document of ``contest --json``."""
+        """Return the document of ``contest --json``."""
         noise = self.problem.noise
         return {
             "case": self.problem.name,

@@ -1,4 +1,4 @@
-"""The rule under which every scheme is tuned, and defaults for what a case lacks: a required delay margin, measurement noise."""
+"""The rule under which every scheme is tuned, and defaults for a missing delay margin or missing measurement noise."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from barbalat.study.verdicts import Criterion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
-"""Factor: flight control systems require 6 dB, a factor of 2, which often excludes every scheme on the plants of a known
-set; many schemes can satisfy 3.5 dB."""
+"""Default gain margin as a factor. Flight control systems require 6 dB, a factor of 2, which often excludes every scheme on the
+plants of a known set. Many schemes can satisfy 3.5 dB."""
 DEFAULT_PLANTS, DEFAULT_TRIALS = 4, 384
-"""The same numbers as in ``tune``."""
+"""The defaults, which are the same as in ``tune``."""
 OBJECTIVE_FIGURE = "rms_e"
 DELAY_KEYS = {Criterion.ONSET: "delay_margin_measured", Criterion.LOSS: "delay_margin_simulated"}
 GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_margin_simulated"}
@@ -33,15 +33,15 @@ GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_marg
 
 @dataclass(frozen=True, kw_only=True, init=False)
 class Rule(Settings):
-    """A scheme's tuning is the one with the smallest RMS |e| on the worst of the plants, among those that keep both margins
-    there.
+    """The rule of a contest. A scheme takes the tuning with the smallest RMS |e| on the worst of the plants, among those that
+    keep both margins on all plants.
 
     delay_margin  additional delay at the plant's input [s]
-    gain_margin   factor above 1: the input's effectiveness is multiplied and divided by it
-    until         what a loop that tolerates them must not do: "onset", begin to oscillate, or "loss", lose its motion
-    plants        number of plants: the problem's own and others from its known set
+    gain_margin   factor above 1 by which the input's effectiveness is multiplied and divided
+    until         end of a margin: "onset", where the loop begins to oscillate, or "loss", where it loses its motion
+    plants        number of plants, the problem's own and others from its known set
     trials        number of tunings tried for each scheme
-    seed          of the plants, the searches, the validation plants, commands and noise
+    seed          seed of the plants, the searches, the validation plants, commands and noise
     also          further constraints of the tuning, such as "max_abs_u <= 10"
     """
 
@@ -93,7 +93,7 @@ class Rule(Settings):
         return Aim(quantity=quantity, constraints=constraints, plants=self.plants, seed=self.seed)
 
     def require_steps(self, simulation: Simulation, called: str = "delay_margin") -> None:
-        """InputError for a delay, which the user knows as ``called``, that can't be simulated."""
+        """Raise InputError for a delay that cannot be simulated. ``called`` is its name in the user's input."""
         shortest, delay = SHORTEST_DELAY_STEPS * simulation.resolution, self.delay_margin
         if delay < shortest:
             raise InputError(f"{called} must be at least {shortest_delay(simulation)}, got {delay:g} s")
@@ -117,10 +117,10 @@ MOST_CORNERS = 1024
 
 
 def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
-    """A tenth of the fastest time constant of the model and, for phi(x) = x, of the corners of the known set [s], rounded to
-    two digits.
+    """Return a tenth of the fastest time constant of the model and, for phi(x) = x, of the corners of the known set [s], rounded
+    to two digits.
 
-    Unmodelled dynamics are then assumed to begin a decade above those of the equations. At least four solver steps.
+    This assumes that unmodelled dynamics begin a decade above those of the equations. The result is at least four solver steps.
     """
     plant, known = problem.plant, problem.known.theta_set
     matrices = [plant.A_m]
@@ -133,11 +133,12 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
 
 
 DEFAULT_NOISE_SHARE = 1e-3
-"""Share of the model's largest motion, for each state: about one bit of ten, as for a simple sensor."""
+"""Default noise of each state as a share of the model's largest motion, about one bit of ten, as for a simple sensor."""
 
 
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
-    """The problem, with Gaussian noise added if it has neither noise nor a quantised measurement; ``share`` 0 adds none.
+    """Return the problem, with added Gaussian noise if it has neither noise nor a quantised measurement. A ``share`` of 0 adds
+    none.
 
     sample_time  approximate time for which a value is held [s]: the nearest whole number of solver steps
     """
@@ -152,7 +153,7 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
 
 
 def added_noise(problem: Problem, noisy: Problem, share: float) -> str | None:
-    """A sentence on the noise that ``with_noise`` has added; None if the case has its own, or none was requested."""
+    """Return a sentence on the noise that ``with_noise`` has added; None if the case has its own, or none was requested."""
     if problem.noise is not None or noisy.noise is None:
         return None
     each = ", ".join(f"{float(std):.3g}" for std in np.atleast_1d(noisy.noise.std))

@@ -1,4 +1,4 @@
-"""One entrant tuned under the rule: the search, the choice, its margins, and by how much they exceed the requirement."""
+"""Tunes one entrant under the rule: the search, the choice, its margins, and the factor by which they exceed the requirement."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from barbalat.study.verdicts import Criterion, verdict_of
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
-"""Share of a parameter's range: a tuning this close to an end might be better beyond it."""
+"""Share of a parameter's range. A tuning that is this close to an end might be better beyond it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Probed:
     gain_down: float
 
     def slack(self, rule: Rule) -> dict[str, float]:
-        """The factor by which each margin exceeds its requirement."""
+        """Return the factor by which each margin exceeds its requirement."""
         return {
             "delay": self.delay / rule.delay_margin,
             "gain_up": self.gain_up / rule.gain_margin,
@@ -57,17 +57,17 @@ class Qualified:
 
     tuning       numbers of the knobs; those of the nearest tuning if none meets the rule
     meets        whether the tuning keeps both margins
-    error        RMS |e| on the worst of the tuning's plants; infinite if it diverged
-    margins      by each criterion, on the worst of these plants
+    error        RMS |e| on the worst tuning plant; infinite if a run diverged
+    margins      the margins by each criterion, on the worst tuning plant
     own          the values of its certificate that its designers examine, by key, as far as the certificate claims them
     settled      the share of the error that the second half of the trials has removed, from 0 to 1; None if the first half
-                 found nothing that meets the rule
+                 found no tuning that meets the rule
     at_edge      knobs that lie at an end of their range beyond which other values exist
-    sample_time  with which it runs [s]; None for a continuous one
-    start        (p,) of its estimates of theta; None if it has none, or none that are known to be theta's
+    sample_time  the sample time [s]; None for a continuous controller
+    start        (p,) the start of its estimates of theta; None if it has none, or none that are known to be of theta
     step         the result of a finer step for the tuning; None if it does not meet the rule at the case's step either
-    refused      the same of better tunings, which meet the rule only at the case's own step
-    verdict      the judge's on the tuning's run, on the case's own plant
+    refused      the same for better tunings, which meet the rule only at the case's own step
+    verdict      the judge's verdict on the tuning's run on the case's own plant
     """
 
     entrant: Entrant
@@ -89,12 +89,12 @@ class Qualified:
 
     @property
     def delay_margin_measured(self) -> float:
-        """[s] on the worst of the tuning's plants: up to the delay at which it is lost or in a limit cycle."""
+        """The delay margin [s] on the worst tuning plant, up to the delay at which the run is lost or in a limit cycle."""
         return self.margins[Criterion.ONSET].delay
 
     @property
     def gain_margin_measured(self) -> float:
-        """The factor by which the input's gain may be multiplied and divided, on the worst of these plants."""
+        """The factor by which the input's gain may be multiplied and divided, on the worst tuning plant."""
         found = self.margins[Criterion.ONSET]
         return min(found.gain_up, found.gain_down)
 
@@ -103,7 +103,7 @@ class Qualified:
         return self.entrant.name
 
     def as_json(self, rule: Rule) -> dict[str, object]:
-        """The fields of the JSON document without the measurements on validation plants."""
+        """Return the fields of the JSON document, without the measurements on validation plants."""
         return {
             "meets": self.meets,
             "verdict": self.verdict.as_json(),
@@ -136,7 +136,7 @@ def qualify(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Qualified:
-    """Search under the rule; ``plants`` are those of the rule in the form that this entrant accepts."""
+    """Search under the rule. ``plants`` are those of the rule, in the form that this entrant accepts."""
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths, judge)
@@ -169,7 +169,7 @@ def qualify(
 
 
 def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | None) -> None:
-    """Try as many tunings as the rule says, but at least as many as the search needs; without a knob, only one."""
+    """Try as many tunings as the rule allows, but at least as many as the search needs, and without a knob only one."""
     if not len(space):
         trials.judged(np.zeros((1, 0)), np.inf)
         return
@@ -180,7 +180,7 @@ def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | 
 def _probed(
     trials: Trials, plants: Plants, controller: Controller, rule: Rule, simulation: Simulation, judge: Judge
 ) -> dict[Criterion, Probed]:
-    """All margins of the tuning, by both criteria, on the worst of the plants."""
+    """Return all margins of the tuning, by both criteria, on the worst plant."""
     members = [(problem, controller) for problem in plants.problems]
     probing = Probing(members, simulation, np.arange(len(members)), plants, Judging(judge), trials.threads)
     delays, gains = (PROBES[one.quantity.name] for one in rule.constraints)
@@ -198,7 +198,7 @@ def _probed(
 
 
 def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation: Simulation) -> dict[str, float]:
-    """The examined values of the certificate on the problem's own plant, if there are any."""
+    """Return the examined values of the certificate on the problem's own plant, if there are any."""
     if not entrant.knobs.aims:
         return {}
     certificate = certify(problem, (controller,), simulation)[controller.name]
@@ -213,7 +213,7 @@ def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation:
 
 
 def _settled(trials: list[Trial], rule: Rule) -> float | None:
-    """The share by which the best trial improves on the best of the first half."""
+    """Return the share by which the best trial improves on the best of the first half."""
     scores = [trial.score if trial.meets(rule.aim) else np.inf for trial in trials]
     half, all_of_them = min(scores[: max(len(scores) // 2, 1)]), min(scores)
     return float(1 - all_of_them / half) if np.isfinite(half) and half > 0 else None

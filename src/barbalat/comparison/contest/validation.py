@@ -1,4 +1,4 @@
-"""Tuned entrants on validation plants, commands and noise; a failure is counted as worse than any error."""
+"""Runs tuned entrants on validation plants, commands and noise. A failure counts as worse than any error."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 
 VALIDATION_COMMANDS = 8
-"""Number of commands, each with the same number of plants: enough to fill the kernel's lanes."""
+"""Number of commands. Each has the same number of plants, enough to fill the kernel's lanes."""
 AMPLITUDE_FACTORS = (0.5, 1.5)
-"""Factors of the case's command: a neutral comparison must test a tuning with other command sizes."""
+"""Range of the factors of the case's command, because a neutral comparison must test a tuning with other sizes."""
 PACE_FACTORS = (0.5, 2.0)
-"""Factors of the case's frequency, an octave to either side."""
+"""Range of the factors of the case's frequency, an octave to either side."""
 
 
 @dataclass(frozen=True)
 class Paced:
-    """size times the signal, ``pace`` times as fast."""
+    """A signal that is ``size`` times as large and ``pace`` times as fast."""
 
     signal: Signal
     size: float
@@ -55,13 +55,13 @@ class Paced:
 
 
 def with_command(problem: Problem, size: float, pace: float) -> Problem:
-    """The problem with each of its commands changed; disturbances are unchanged."""
+    """Return the problem with each of its commands changed. Disturbances are unchanged."""
     commands = tuple(Paced(command, size, pace) for command in problem.commands)
     return replace(problem, reference=commands if isinstance(problem.reference, tuple) else commands[0])
 
 
 def drawn_commands(count: int, seed: int) -> Array:
-    """(count, 2) sizes and paces, a Latin hypercube over both: uniform in the size and in the logarithm of the pace."""
+    """Return sizes and paces (count, 2) from a Latin hypercube, uniform in the size and in the logarithm of the pace."""
     from scipy.stats import qmc
 
     shares = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(count)
@@ -71,9 +71,9 @@ def drawn_commands(count: int, seed: int) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Draws:
-    """The draws: ``members`` runs, grouped by command.
+    """The draws of ``members`` runs, grouped by command.
 
-    problems  (M,) each with its plant and its command; streams (M,) of the noise
+    problems  (M,) each with its plant and its command; ``streams`` (M,) are those of the noise
     commands  (C, 2) size and pace
     """
 
@@ -83,7 +83,7 @@ class Draws:
 
     @classmethod
     def drawn(cls, problem: Problem, members: int, rule: Rule) -> Draws:
-        """New plants of the known set, new commands, new noise."""
+        """Draw new plants of the known set, new commands and new noise."""
         assert problem.uncertainty is not None
         seed = rule.seed + VALIDATION_SEED
         plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
@@ -104,19 +104,21 @@ class Draws:
 
 
 VALIDATION_SEED = 1
-"""Added to the rule's seed, so that no plant of the tuning occurs again."""
+"""Number that is added to the rule's seed, so that no tuning plant occurs again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Validation:
-    """One entrant on all draws.
+    """The results of one entrant on all draws.
 
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
-    unsound   (M,) truth values: the judge calls the run lost or a limit cycle
-    diverged  (M,) truth values; lost: the judge calls the run lost or, if the rule ends margins at the onset, a limit cycle, or
-    it follows its model in no component
-    delay, gain_up, gain_down  (M,) whether it does not tolerate what the rule requires, on these plants and commands
-    effort    (M,) largest |u|, NaN if it diverged
+    unsound   (M,) whether the judge calls the run lost or a limit cycle
+    diverged  (M,) whether the run diverged
+    lost      (M,) whether the judge calls the run lost or, if the rule ends margins at the onset, a limit cycle, or the run
+        follows its model in no component
+    delay, gain_up, gain_down  (M,) whether the run does not tolerate the delay and gains of the rule, on these plants
+        and commands
+    effort    (M,) the largest |u|; NaN if the run diverged
     """
 
     error: Array
@@ -141,7 +143,7 @@ class Validation:
         return {name: Share.of(values) for name, values in found.items()}
 
     def as_json(self) -> dict[str, object]:
-        """Shares of failures first, then quantiles of the error."""
+        """Return the shares of failures and the quantiles of the error."""
         return {
             "failures": {name: share.as_json() for name, share in self.failures.items()},
             "error": {name: finite(value) for name, value in self.quantiles.items()},
@@ -151,12 +153,12 @@ class Validation:
 
     @property
     def largest_control(self) -> float:
-        """The median of max |u|; infinite if half of the runs diverged."""
+        """The median of max |u|, which is infinite if half of the runs diverged."""
         return Median.of(np.where(self.diverged, np.inf, self.effort)).value
 
     @property
     def quantiles(self) -> dict[str, float]:
-        """Quantiles of the errors of all runs; infinite if too many runs failed."""
+        """The quantiles of the errors of all runs, which are infinite if too many runs failed."""
         ordered = np.sort(self.error)
         upper = float(ordered[min(int(np.ceil(0.9 * len(ordered))), len(ordered)) - 1])
         return {"median": Median.of(self.error).value, "upper_tenth": upper, "worst": float(ordered[-1])}
@@ -175,7 +177,7 @@ class Remeasured:
     errors: int
 
     def sentence(self, name: str, fine: Simulation) -> str:
-        """The finding as a sentence."""
+        """Return the finding as a sentence."""
         again = f"{name}: of {counted(self.runs, 'validation run')} repeated at {fine.step}"
         if not (self.verdicts or self.errors):
             return f"{again} none changes its verdict or its error"
@@ -196,7 +198,7 @@ def measured_again(
     judge: Judge | None = None,
     threads: int | None = None,
 ) -> dict[str, Remeasured]:
-    """The first run of each command, by the entrants' names."""
+    """Repeat the first run of each command with a finer step. Return the results by the entrants' names."""
     fine, first = refined(simulation), [which[:1] for which in trials.groups]
     changed = {one.name: [0, 0] for one in entrants}
     for which in first:
@@ -223,7 +225,7 @@ def measure(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Validation]:
-    """All entrants on the same plants, commands and noise, by their names."""
+    """Measure all entrants on the same plants, commands and noise. Return the results by their names."""
     parts: dict[str, list[Validation]] = {one.name: [] for one in entrants}
     groups = trials.groups
     for g, which in enumerate(groups):
@@ -262,9 +264,9 @@ class _Asked:
 def _measured(
     members: Sequence[Member], streams: Array, asked: _Asked, simulation: Simulation, threads: int | None
 ) -> Validation:
-    """Errors with the noise, verdicts, and whether the requirements are tolerated."""
+    """Return errors with the noise, verdicts, and whether the requirements are tolerated."""
     found, until = Undelayed.run(members, simulation, asked.by.judge, streams, threads), asked.rule.until
-    motion = ReferenceMotion.of(members[0][0], simulation)  # one command, one model
+    motion = ReferenceMotion.of(members[0][0], simulation)  # all members have one command and one model
     metrics, lost = found.noisy.metrics, found.noisy.lost | ~found.noisy.tracks
     if until is Criterion.ONSET:
         lost = lost | found.noisy.oscillates | found.quiet.oscillates

@@ -1,4 +1,4 @@
-"""The case file with the designed controller in place of its own ones; it is read back before it is returned."""
+"""Writes the case file with the designed controller in place of its own ones, and reads it back before returning it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 NEGATIVE_ZERO = re.compile(r"-0\.(?![0-9])")
-"""A value that a transfer function does not distinguish from 0."""
+"""A value that is indistinguishable from 0 in a transfer function."""
 
 
 def with_controller(text: CaseText, controller: Controller) -> str:
-    """The text with only this controller.
+    """Return the text with only this controller.
 
-    Raises InputError if one of its settings can't be written in a case file or is read back differently.
+    Raises InputError if one of its settings cannot be written in a case file or is read back differently.
     """
     document = tomlkit.parse(text.text)
     tables = tomlkit.aot()
@@ -49,7 +49,7 @@ def _table(controller: Any) -> dict[str, Any]:
 
 
 def _given(settings: Any) -> dict[str, Any]:
-    """The fields that differ from their defaults."""
+    """Return the fields that differ from their defaults."""
     found = {}
     for one in fields(settings):
         value = getattr(settings, one.name)
@@ -66,7 +66,7 @@ def _same(value: Any, default: Any) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """The value in a form that TOML can represent."""
+    """Return the value in a form that TOML can represent."""
     if isinstance(value, StateSpace):
         value = value.transfer_function()
     if isinstance(value, TransferFunction):

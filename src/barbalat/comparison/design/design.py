@@ -1,4 +1,5 @@
-"""A guided design: every scheme and the fixed loop tuned under a specification and measured, with at most one recommendation."""
+"""A guided design. Every scheme and the fixed loop are tuned under a specification and measured, and at most one is
+recommended."""
 
 from __future__ import annotations
 
@@ -34,25 +35,26 @@ from barbalat.validate import Array, InputError, counted
 
 DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 4, 288, 64
 LEAST_GAIN = 1.001
-"""The rule's gain margin if the specification requires none: almost none."""
+"""The rule's gain margin if the specification requires none. It is almost no margin."""
 STEP_MEMBERS, EXTREME_MEMBERS = 12, 6
-"""Random plants of the validation, and extreme ones in addition to those of the tuning; each takes three recorded runs."""
+"""Numbers of random plants of the validation, and of extreme ones in addition to those of the tuning. Each takes three recorded
+runs."""
 SEARCH_SHARE, FIRST_ROUND_SHARE = 0.85, 0.4
 """Approximate shares of the time that the search, and the first round of it, take."""
 ROUNDS = 2
-"""The validation plants on which an entrant fails join the tuning, once, unless one with a smaller error on the tuning's plants
-meets everything."""
+"""Number of validation plants with failures that join the tuning. They join it once, unless an entrant with a smaller error on
+the tuning plants meets everything."""
 ASKED_IN_WORDS = {
     "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} % of the step", "u_max": "demands |u| up to {:.4g}",
     "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
 LOST = "lost"
-"""The requirement, always made, that no validation run is lost or in a limit cycle."""
+"""The requirement, which always applies, that no validation run is lost or in a limit cycle."""
 
 
 class NobodyTakesPart(InputError):
-    """No entrant supports the case; ``left_out`` are sentences with the reasons."""
+    """No entrant supports the case. ``left_out`` are sentences with the reasons."""
 
     def __init__(self, left_out: Sequence[str]) -> None:
         super().__init__(f"no scheme takes part: {'; '.join(left_out)}")
@@ -63,10 +65,10 @@ class NobodyTakesPart(InputError):
 class Candidate:
     """A tuned entrant compared with the specification.
 
-    worst     by requirement, the value on the worst of the tuning's plants
-    factor    by requirement, the used share of the admissible value: above 1 it is not met
+    worst     by requirement, the value on the worst tuning plant
+    factor    by requirement, the used share of the admissible value; above 1 the requirement is not met
     held_out  by requirement, the share of the validation plants on which it is not met
-    step      by requirement on a step, the worst of the judged ones; empty if there is only one
+    step      by requirement on a step, the worst of the judged steps; empty if there is only one
     """
 
     tuned: Qualified
@@ -81,13 +83,13 @@ class Candidate:
 
     @property
     def misses(self) -> dict[str, float]:
-        """The factors of the requirements that it misses."""
+        """The factors of the requirements that the candidate violates."""
         return {name: value for name, value in self.factor.items() if not value <= 1}
 
     @property
     def distance(self) -> float:
-        """How far it is from the specification: the root of the sum of the squared logarithms of the factors by which it misses
-        requirements, without those that it misses beyond any factor."""
+        """The distance from the specification: the root of the sum of the squared logarithms of the factors by which requirements
+        are violated, without those that are violated beyond any factor."""
         return math.hypot(*(math.log(value) for value in self.misses.values() if math.isfinite(value)))
 
     @property
@@ -101,7 +103,7 @@ class Candidate:
 
     @property
     def sentence(self) -> str:
-        """What it meets, or what it misses and by how much."""
+        """A sentence on what the candidate meets, or on the requirements that it violates and by how much."""
         if not self.misses:
             said = ", ".join(self._said(name) for name in self.worst if name != LOST)
             return said if self.tuned.meets else f"{said}; but no tuning of it meets every constraint of the search"
@@ -143,7 +145,7 @@ class Design:
     """The result of ``design``: candidates, those that meet the specification first, and the contest that tuned them.
 
     added_noise  a sentence on the measurement noise that the design adds because the case has none; None if it has its own
-    tried        the numbers of plants, for tuning and for validation, on which everything was measured
+    tried        the numbers of plants for tuning and for validation on which everything was measured
     """
 
     case: Case
@@ -158,17 +160,17 @@ class Design:
 
     @property
     def recommended(self) -> Candidate | None:
-        """The first candidate that meets everything; None if none does."""
+        """The first candidate that meets everything, or None."""
         return self.candidates[0] if self.candidates[0].meets else None
 
     @property
     def controller(self) -> Controller:
-        """The recommended controller, or the one that misses the specification least."""
+        """The recommended controller, or the one that is closest to the specification."""
         return self.candidates[0].tuned.controller
 
     @property
     def reasons(self) -> list[str]:
-        """Plain sentences: the recommendation and its reasons, the tightest requirement, and what no scheme can change."""
+        """Sentences on the recommendation and its reasons, on the tightest requirement, and on what no scheme can change."""
         first = self.candidates[0]
         said = []
         if first.meets:
@@ -212,11 +214,12 @@ class Design:
 
     @property
     def baseline(self) -> Candidate | None:
-        """The fixed loop without adaptation; None if it does not take part."""
+        """The fixed loop without adaptation, or None if it does not take part."""
         return next((one for one in self.candidates if isinstance(_unsampled(one.tuned.controller), BaselineAlone)), None)
 
     def _of_the_baseline(self) -> list[str]:
-        """A sentence if the loop without adaptation misses the specification, and which requirements no scheme meets either."""
+        """Return a sentence if the loop without adaptation violates the specification, and one on the requirements that no scheme
+        meets either."""
         found = self.baseline
         if found is None or found.meets:
             return []
@@ -230,11 +233,11 @@ class Design:
         return said
 
     def as_json(self) -> dict[str, Any]:
-        """The document of ``design --json``."""
+        """Return the document of ``design --json``."""
         asked = {name: value for name, value in vars(self.specification).items() if value is not None}
         first = self.recommended
         contest = self.contest.as_json()
-        contest.pop("seconds")  # the rest is bit for bit the same when the command is repeated
+        contest.pop("seconds")  # the rest is the same, bit for bit, when the command is repeated
         return {
             "case": self.case.name, "specification": asked, "sample_time": self.sample_time,
             "judged": {
@@ -247,7 +250,7 @@ class Design:
         }  # fmt: skip
 
     def _added_as_json(self) -> dict[str, Any] | None:
-        """The noise that the design added, in the plant's units."""
+        """Return the noise that the design added, in the plant's units."""
         noise = self.contest.problem.noise
         if self.added_noise is None or noise is None:
             return None
@@ -273,22 +276,23 @@ def design(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Design:
-    """Let every scheme and the fixed loop compete under a specification, and recommend one or none.
+    """Compare every scheme and the fixed loop under a specification, and recommend one or none.
 
-    All are tuned for the smallest RMS error on the worst of some plants, the case's own and the extremes of its ranges, among the
-    tunings that tolerate the specified delay and gain factors and demand no more than ``u_max``. Then everything that is
-    specified is measured on these plants and on validation plants, further extremes and random ones: a controller meets the
-    specification if it does so on all of them.
+    Each is tuned for the smallest RMS error on the worst of some plants, which are the case's own and extremes of its ranges.
+        Only
+    tunings that tolerate the specified delay and gain factors and demand no more than ``u_max`` are admitted. Then everything in
+    the specification is measured on these plants and on validation plants, which are further extremes and random ones. A
+    controller meets the specification if it does so on all of them.
 
     specification  by default the case's ``[specification]``
     sample_time    sample time of all controllers [s]; by default that of the case's first sampled controller, or else a tenth of
                    the fastest time constant of model and known set
     noise          share of the model's largest motion, added and reported if the case has no noise of its own
     schemes        of the registered ones, by their names in case files; by default all
-    baseline       whether the fixed loop without adaptation takes part whatever ``schemes`` are: [baseline], or without one the
-                   nominal state feedback
+    baseline       whether the fixed loop without adaptation takes part in any case: [baseline], or without one the nominal state
+                   feedback
     own            controllers from outside that are tuned too, by their declared settings
-    as_set         controllers that take part as they are
+    as_set         controllers that take part without tuning
     ours           whether the registered schemes take part
     validated      whether extreme plants take part in the tuning, the specification must hold on validation plants too, and
                    validation runs are repeated with a finer step
@@ -359,15 +363,15 @@ def design(
 
 
 def _failed_by_better(candidates: Sequence[Candidate], missed: Sequence[Array]) -> Array:
-    """How many candidates fail on each validation plant, of those with a smaller error in the tuning than all that meet
-    everything."""
+    """Return how many candidates fail on each validation plant, among those with a smaller error in the tuning than all
+    candidates that meet everything."""
     least = min((one.tuned.error for one in candidates if one.meets), default=np.inf)
     better = np.array([one.tuned.error < least for one in candidates])
     return np.asarray(np.array(missed)[better].sum(axis=0))
 
 
 def _plants(problem: Problem, known_set: KnownSet, count: int, seed: int, validated: bool) -> tuple[list[Problem], list[Problem]]:
-    """The plants for tuning and for validation; the case's own and its extremes come first."""
+    """Return the plants for tuning and for validation. The case's own plant and its extremes come first."""
     if not validated:
         return plants_of(problem, known_set, count, seed), []
     extremes = extreme_plants(problem, known_set, count - 1 + EXTREME_MEMBERS, seed)
@@ -389,8 +393,8 @@ def _sample_time(case: Case, problem: Problem) -> float:
 
 
 def _rank(one: Candidate, place: int) -> tuple[bool, int, float, int]:
-    """The key for sorting: candidates that meet everything come first, in the contest's order. The others follow by the number
-    of requirements that no factor expresses, and then by their distance from the remaining ones."""
+    """Return the key for sorting. Candidates that meet everything come first, in the contest's order. The others are sorted by
+    the number of requirements that they violate beyond any factor, and then by their distance from the remaining ones."""
     beyond = sum(math.isinf(value) for value in one.misses.values())
     return not one.meets, 0 if one.meets else beyond, 0.0 if one.meets else one.distance, place
 
@@ -404,7 +408,8 @@ def _candidate(
     case: Case,
     asked: Specification,
 ) -> tuple[Candidate, Array]:
-    """The candidate; and on which of the unseen plants it misses something, if it meets the specification on the tuning's."""
+    """Return the candidate and, if it meets the specification on the tuning plants, the validation plants on which it violates
+    something."""
     reads = one.entrant.reads
     figures, steps = measured([reads(problem) for problem in (*tuning, *unseen)], one.controller, test, case.judge)
     worst, factor, shares, which = {}, {}, {}, {}
@@ -431,7 +436,7 @@ def _candidate(
         asked_of = {"delay": borne.delay, "gain": borne.gain_up | borne.gain_down}
         for name in [one for one in asked_of if one in factor]:
             shares[name], missed = Share.of(asked_of[name]), missed | asked_of[name]
-            if shares[name].count:  # the size that they do tolerate is not searched
+            if shares[name].count:  # the tolerated size is not searched for
                 factor[name] = max(factor[name], 1 + shares[name].share)
         shares[LOST], missed = Share.of(borne.unsound), missed | borne.unsound
         worst[LOST], factor[LOST] = shares[LOST].share, np.inf if shares[LOST].count else 0.0
@@ -439,5 +444,5 @@ def _candidate(
 
 
 def _used(value: float, limit: float) -> float:
-    """The used share of the admissible value; for an admissible value of zero, infinite if anything is used."""
+    """Return the used share of the admissible value. If that is zero, the share is infinite as soon as anything is used."""
     return value / limit if limit > 0 else 0.0 if value == 0 else np.inf

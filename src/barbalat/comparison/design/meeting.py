@@ -1,4 +1,4 @@
-"""How well a controller meets a specification on one plant: the steps that the command makes, with and without noise."""
+"""Measures on one plant how well a controller meets a specification, by the command's steps, with and without noise."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OF_A_STEP = FIGURES[:2]
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """One step of the judged state between two rests of the model, ``begin`` to ``finish`` [s]."""
+    """One step of the judged state between two rests of the model, from ``begin`` to ``finish`` [s]."""
 
     begin: float
     finish: float
@@ -39,12 +39,12 @@ class Stage:
     text: str
 
     def of(self, t: Array, y: Array) -> tuple[Array, Array]:
-        """The times since the step, and the values."""
+        """Return the times since the step, and the values."""
         first, last = np.searchsorted(t, [self.begin * (1 - 1e-12), self.finish * (1 - 1e-12)])
         return t[first:last] - self.begin, y[first:last]
 
     def settled_after(self, t: Array, y: Array, band: float) -> float:
-        """The time [s] from which y stays in the band to the end; infinite if it does not."""
+        """Return the time [s] from which y stays in the band until the end; infinite if it does not."""
         t, y = self.of(t, y)
         outside = np.flatnonzero(~(np.abs(y - self.end) <= band))
         if not len(outside):
@@ -58,11 +58,11 @@ class Stage:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StepTest:
-    """The steps that the command makes: the first, from rest, and the largest; each is held until the model is at rest.
+    """The judged steps of the command: the first, from rest, and the largest. Each is held until the model is at rest.
 
-    own        how the case's own command is simulated
-    commands   with these steps
-    component  the state that is judged, ``name`` its label; ``band`` is the judge's
+    own        the simulation of the case's own command
+    commands   the commands with these steps
+    component  the judged state, with ``name`` as its label; ``band`` is the judge's
     stages     the judged steps of that state
     """
 
@@ -76,7 +76,7 @@ class StepTest:
 
     @classmethod
     def of(cls, problem: Problem, simulation: Simulation, judge: Judge, asked: Specification) -> StepTest:
-        """InputError if the command does not move the model."""
+        """Return the test. InputError if the command does not move the model."""
         A, B, _ = problem.model.matrices
         slowest = 1 / float(np.abs(np.linalg.eigvals(A).real).min())
         steps = max(int(np.ceil(max(SETTLINGS * (asked.settling or 0.0), DECAYS * slowest) / simulation.dt)), 1)
@@ -106,7 +106,8 @@ class StepTest:
         )  # fmt: skip
 
     def at(self, problem: Problem) -> Problem:
-        """The problem with the steps as its command; disturbances act during the first, and are held from its end on."""
+        """Return the problem with the steps as its command. Disturbances act during the first step and are held from its end
+        on."""
         found = replace(problem, reference=self.commands if isinstance(problem.reference, tuple) else self.commands[0])
         if len(self.commands[0].times) == 1:
             return found
@@ -126,7 +127,7 @@ class StepTest:
 
     @property
     def sentence(self) -> str:
-        """Which steps are judged."""
+        """A sentence on the judged steps."""
         if len(self.stages) == 1:
             return f"settling and overshoot are judged on the step of {self.name} {self.stages[0].text}"
         first, largest = (one.text for one in self.stages)
@@ -136,16 +137,16 @@ class StepTest:
         )
 
     def worst(self, t: Array, y: Array) -> dict[str, tuple[float, str]]:
-        """The figures of single steps on the worst of them, and which one that is."""
+        """Return the figures of the worst of the steps, and a text that identifies this step."""
         settling = max(((one.settled_after(t, y, self.band), one.text) for one in self.stages), key=lambda one: one[0])
         overshoot = max(((one.overshoot(t, y), one.text) for one in self.stages), key=lambda one: one[0])
         return dict(zip(OF_A_STEP, (settling, overshoot), strict=True))
 
 
 def _levels(command: Signal, t_end: float) -> list[float]:
-    """The values that a command takes from rest to the end of its largest jump; for one without jumps its largest value.
+    """Return the values of a command from rest to the end of its largest jump, or its largest value if it has no jumps.
 
-    Values between the first and those of the largest jump are approached in steps that are not larger than it.
+    Values between the first one and those of the largest jump are approached in steps that are not larger than this jump.
     """
     instants = [0.0, *(command.breaks(0.0, t_end) if isinstance(command, BreakingSignal) else ())]
     after, before = (np.asarray(side(np.array(instants)), dtype=float) for side in (command, command.before))
@@ -189,8 +190,10 @@ class HeldFrom:
 def measured(
     problems: Sequence[Problem], controller: Controller, test: StepTest, judge: Judge
 ) -> tuple[dict[str, Array], dict[str, list[str]]]:
-    """The figures on each plant, (K,) by name, ``u_max`` under its own command too, infinite if a run diverged; and for those of
-    a single step which one is the worst."""
+    """Return the figures on each plant (K,), by name, and for figures of single steps the worst step.
+
+    ``u_max`` also includes the case's own command. Figures are infinite if a run diverged.
+    """
     found: dict[str, list[float]] = {name: [] for name in FIGURES}
     steps: dict[str, list[str]] = {name: [] for name in OF_A_STEP}
     for problem in problems:
@@ -222,8 +225,8 @@ def _on_one(problem: Problem, controller: Controller, test: StepTest, judge: Jud
 
 
 def model_settling(problem: Problem, test: StepTest) -> float:
-    """The settling time of the reference model itself [s]; a controller that follows it can be faster only by the effect of the
-    band."""
+    """Return the settling time of the reference model itself [s]. A controller that follows it can be faster only by the effect
+    of the band."""
     A, B, _ = problem.model.matrices
     count = test.simulation.record_points
     t = test.simulation.t_end / count * np.arange(count + 1)

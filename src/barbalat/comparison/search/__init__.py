@@ -1,1 +1,1 @@
-"""The search for settings: the aim, the trials, the plants on which they are judged, and the choice of the best."""
+"""The search for settings: the aim, the trials, the plants on which they are judged, and the search method."""

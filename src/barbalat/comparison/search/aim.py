@@ -1,4 +1,4 @@
-"""The aim of a tuning: one quantity, under constraints, over plants of the known set; and the results of one trial."""
+"""The aim of a tuning, which is one quantity under constraints over plants of the known set, and the results of one trial."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
 
 DEFAULT_PLANTS = 4
-"""Number of plants: the case's own and three more, as in a trade-off."""
+"""Default number of plants: the case's own and three more, as in a trade-off."""
 
 
 HELD_OUT_PLANTS = 32
-"""Number of validation plants: if one in ten fails, the probability that none of these fails is 3 %."""
+"""Number of validation plants. If one plant in ten fails, the probability that none of these fails is 3 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aim:
-    """the quantity is minimised, or with ``maximize`` maximised, under the constraints.
+    """The aim of a tuning. The quantity is minimised, or maximised with ``maximize``, under the constraints.
 
-    plants    the case's own and ``plants`` - 1 others from its known set, drawn by ``seed``; only its own without a set
-    quantile  share of the plants on which a constraint is met and the quantity is reached: by default 1, the worst of them
+    plants    number of plants, the case's own and others from its known set, drawn with ``seed``; only its own without a set
+    quantile  share of the plants on which a constraint is met and the quantity is reached; by default 1, the worst plant
     """
 
     quantity: TunedQuantity
@@ -64,7 +64,7 @@ class Aim:
         seed: int,
         labels: Labels | None = None,
     ) -> Aim:
-        """The aim from text as users write it; components may have their ``labels``."""
+        """Parse the aim from a user's text. Components may be named by their ``labels``."""
         return cls(
             quantity=TunedQuantity(by_index(objective, labels), larger_is_worse=not maximize),
             maximize=maximize,
@@ -80,7 +80,7 @@ class Aim:
 
     @property
     def keys(self) -> frozenset[str]:
-        """The keys of a certificate that are needed."""
+        """The required keys of a certificate."""
         return frozenset(one.key for one in self.quantities if one.origin is Origin.CERTIFICATE)
 
     @property
@@ -93,7 +93,7 @@ class Aim:
 
     @property
     def asks_linear_delays(self) -> bool:
-        """Whether a delay margin of a linear loop is needed, which ignores limits."""
+        """Whether a delay margin of a linear loop, which ignores limits, is required."""
         return any(key in LINEAR_DELAYS for key in self.keys)
 
     @property
@@ -104,18 +104,18 @@ class Aim:
         return max([0.0, *asked])
 
     def signed(self, value: float) -> float:
-        """The quantity with the sign for minimisation."""
+        """Return the quantity with the sign for minimisation."""
         return -value if self.maximize else value
 
     def family(self, case: Case) -> list[TrackingProblem]:
-        """The case's problem with each of the plants."""
+        """Return the case's problem with each of the plants."""
         problem = case.problem
         if self.plants == 1 or not isinstance(problem, Problem) or problem.uncertainty is None:
             return [problem]
         return list(plants_of(problem, problem.uncertainty, self.plants, self.seed))
 
     def unseen(self, problem: TrackingProblem) -> list[Problem]:
-        """The problem with plants drawn by another seed, which no tuning uses; none without a known set."""
+        """Return the problem with validation plants, drawn with another seed; none without a known set."""
         if not isinstance(problem, Problem) or problem.uncertainty is None:
             return []
         return plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, self.seed + 1)[1:]
@@ -125,11 +125,11 @@ class Aim:
 class Trial:
     """One tuning.
 
-    value     the quantity; None if it was not evaluated or the case can't be built
-    found     the value of each constraint that was evaluated
+    value     the quantity; None if it was not evaluated or the case cannot be built
+    found     the value of each evaluated constraint
     complete  whether everything was evaluated
-    refused   why no case can be built
-    undelayed  its runs without a modelling error, on the plants
+    refused   the reason why no case can be built
+    undelayed  the runs without a modelling error on the plants
     """
 
     row: Array
@@ -142,7 +142,7 @@ class Trial:
     undelayed: Undelayed | None = None
 
     def meets(self, aim: Aim) -> bool:
-        """Whether every constraint is met and the quantity has a value."""
+        """Return whether every constraint is met and the quantity has a value."""
         whole = self.complete and self.value is not None and bool(np.isfinite(self.value))
         return whole and all(one.holds(self.found[one]) for one in aim.constraints)
 
@@ -163,7 +163,7 @@ class Plants:
         problems: Sequence[TrackingProblem] | None = None,
         sizes: Mapping[ModellingError, Array] | None = None,
     ) -> Plants:
-        """The plants of the aim, or others; for modelling errors of any size, or only of these ``sizes``."""
+        """Return the plants of the aim, or others, for modelling errors of any size or only of these ``sizes``."""
         given, simulation = aim.family(case) if problems is None else list(problems), case.simulation
         longest = max(aim.longest, longest_delay(simulation))
         if sizes is None:
@@ -174,7 +174,7 @@ class Plants:
 
 
 def sizes_of(error: ModellingError, simulation: Simulation, longest: float) -> Array:
-    """The sizes that are tried first: delays up to ``longest``, or factors on the gain."""
+    """Return the sizes that are tried first, which are delays up to ``longest`` or factors on the gain."""
     return scanned(simulation, longest, SCANNED_DELAYS) if error == DelayError() else gains_scanned()
 
 
@@ -187,11 +187,11 @@ def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Id
 
 @dataclass(frozen=True, kw_only=True)
 class StepCheck:
-    """One tuning with the ``refined`` simulation.
+    """The results of one tuning with the ``refined`` simulation.
 
-    value    the aim's figure there; None if no run gives it
-    broken   sentences on constraints that it does not meet there
-    changed  sentences on figures that differ there
+    value    the aim's figure with the finer step; None if no run gives it
+    broken   sentences on constraints that are violated with the finer step
+    changed  sentences on figures that differ with the finer step
     plain    the tuning's run without a modelling error at the step of the case
     """
 
@@ -208,7 +208,7 @@ class StepCheck:
 
     @property
     def sentences(self) -> list[str]:
-        """Sentences on the limits of the result; if nothing has changed, that comes first."""
+        """Sentences on the limits of the result. If nothing has changed, the first one says so."""
         said = [*self.broken, *self.changed]
         if not said and self.plain.settles:
             said = [f"{finer(self.simulation)} confirms it"]

@@ -1,4 +1,4 @@
-"""Runs of a search's members with modelling errors: whether they tolerate a requirement, and how much they tolerate."""
+"""Runs the members of a search with modelling errors, to find whether they tolerate a requirement, and how much they tolerate."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from barbalat.validate import Array
 
 @dataclass(eq=False)
 class Question:
-    """Whether these loops tolerate ``limit`` of the modelling error of ``ideals``, for example a delay [s], by one criterion.
+    """The question whether loops tolerate ``limit`` of the modelling error of ``ideals``, such as a delay [s], by one criterion.
 
-    Those of ``sizes`` below it are tried, and ``limit`` itself: if ``sizes`` are those of ``margins_ensemble``, a loop that
-    tolerates ``limit`` by that function tolerates it here. ``undelayed`` are the runs without an error; ``numbers`` as there.
+    All ``sizes`` below ``limit``, and ``limit`` itself, are tried. With the ``sizes`` of ``margins_ensemble``, a loop that
+    tolerates ``limit`` by that function tolerates it here. ``undelayed`` are the runs without an error, and ``numbers`` are those
+    of that function.
     """
 
     members: Sequence[Member]
@@ -42,11 +43,11 @@ class Question:
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
     def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
-        """(M,) the largest tolerated size, up to ``limit``; 0 if there is none, or if it is not searched for.
+        """Return the largest tolerated size (M,), up to ``limit``; 0 if there is none, or if it is not searched for.
 
-        group   (M,) members with the same number are decided together: if one is lost at ``limit``, the others are not run again
-        graded  whether the size is searched for if ``limit`` is not tolerated: from there down, in the steps of the scan
-        below   whether those that tolerate ``limit`` are also tried with less: they may be lost in between
+        group   (M,) members with the same number are decided together; if one is lost at ``limit``, the others are not run again
+        graded  whether the size is searched for, from ``limit`` down in the steps of the scan, if ``limit`` is not tolerated
+        below   whether members that tolerate ``limit`` are also tried with less, because they may be lost in between
         among   (M,) whether a member is examined; by default all are
         """
         found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
@@ -62,16 +63,16 @@ class Question:
 
     @property
     def runs(self) -> int:
-        """Number of simulations."""
+        """The number of simulations."""
         return self.judged.runs
 
     def _usable(self) -> Array:
-        """The members that follow their model without a delay, and don't oscillate if that is required."""
+        """Return the members that follow their model without a delay and, if it is required, do not oscillate."""
         well = self.judged.tracks
         return np.flatnonzero(well & ~self.judged.oscillates if self.criterion is Criterion.ONSET else well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
-        """Try members that tolerate ``limit`` with less, from the smallest size on."""
+        """Try members that tolerate ``limit`` with less, beginning with the smallest size."""
         for before, size in zip([0.0, *self.smaller], self.smaller, strict=False):
             lost = self._lost(chosen, size)
             found[chosen[lost]] = before
@@ -84,7 +85,7 @@ class Question:
             chosen = chosen[lost]
 
     def _lost(self, chosen: Array, size: float) -> Array:
-        """Truth values for these members, each run with an error of that size."""
+        """Return whether these members are lost when each runs with an error of that size."""
         if not len(chosen):
             return np.zeros(0, dtype=bool)
         by_onset, by_loss = self.judged.lost(chosen, np.full(len(chosen), size), asked=self.criterion)
@@ -93,7 +94,7 @@ class Question:
 
 @dataclass(eq=False)
 class Probing:
-    """Members on plants, each with a stream of noise; runs made are counted."""
+    """Members on plants, each with a stream of noise. Their runs are counted."""
 
     members: Sequence[Member]
     simulation: Simulation
@@ -104,7 +105,7 @@ class Probing:
     runs: int = 0
 
     def bears(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
-        """(M,) the tolerated size of the probe's errors, up to ``limit``; further arguments as in ``Question.bears``.
+        """Return the tolerated size of the probe's errors (M,), up to ``limit``. Further arguments as in ``Question.bears``.
 
         undelayed  the members' runs without an added delay or gain error
         """
@@ -125,18 +126,18 @@ class Probing:
             borne = question.bears(group, graded=graded, below=below, among=among)
             self.runs += question.runs
             found = np.where(among, np.minimum(found, borne), found)
-            among &= ~np.isin(group, group[found < limit])  # members lost by one error are not tried with the next
+            among &= ~np.isin(group, group[found < limit])  # members that one error loses are not tried with the next
         return found
 
     def margins(self, probe: Probe, asked: float | None) -> Array:
-        """(M,) the tolerated size of the probe's errors, without a limit; the ``asked`` size is among those tried."""
+        """Return the tolerated size of the probe's errors (M,), without a limit. The ``asked`` size is among the tried ones."""
         found = []
         for each in self.each_margin(probe, asked):
             found.append((each.onset if probe.criterion is Criterion.ONSET else each.loss).bears)
         return np.asarray(np.min(found, axis=0))
 
     def each_margin(self, probe: Probe, asked: float | None) -> list[DelayMargins]:
-        """The margins for each of the probe's errors, by both criteria."""
+        """Return the margins for each of the probe's errors, by both criteria."""
         found = []
         for error in probe.errors:
             sizes = sizes_of(error, self.simulation, self.plants.longest)

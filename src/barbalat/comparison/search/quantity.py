@@ -1,4 +1,4 @@
-"""The quantities of a tuning: figures of its runs, tolerated delays in simulation, values of its certificate."""
+"""The quantities of a tuning: figures of its runs, tolerated delays in simulation, and values of its certificate."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FIGURE_NAMES = tuple(field.name for field in fields(Metrics) if field.name != "d
 
 @dataclass(frozen=True)
 class Probe:
-    """The quantity from runs with a modelling error: for several errors, the one that is tolerated least.
+    """A quantity from runs with a modelling error. Of several errors, the one that is tolerated least counts.
 
-    none  the value that represents no error: the size is measured from there
+    none  the value that represents no error, from which the size is measured
     """
 
     errors: tuple[ModellingError, ...]
@@ -60,7 +60,7 @@ LINEAR_SENTENCE = (
 
 
 class Origin(Enum):
-    """How a value is found, from the cheapest to the most expensive way."""
+    """The way in which a value is found, from the cheapest to the most expensive."""
 
     RUN = "run"
     CERTIFICATE = "certificate"
@@ -71,7 +71,7 @@ class Origin(Enum):
 class TunedQuantity:
     """A figure of ``run --json``, with an index or for all components, or a key of ``certify --json``.
 
-    larger_is_worse  which side of several components, plants, or of an enclosure counts
+    larger_is_worse  whether the largest value of several components or plants, or of an enclosure, counts
     """
 
     name: str
@@ -89,12 +89,12 @@ class TunedQuantity:
 
     @property
     def key(self) -> str:
-        """The key of a certificate that contains it, alone or as a part."""
+        """The key of a certificate that contains the quantity, alone or as a part."""
         return self.name.partition(".")[0]
 
     @property
     def errors(self) -> tuple[ModellingError, ...]:
-        """The modelling errors of the runs needed to find it."""
+        """The modelling errors of the runs that are needed to find the quantity."""
         return PROBES[self.name].errors if self.name in PROBES else ()
 
     @property
@@ -102,8 +102,12 @@ class TunedQuantity:
         return inf if self.larger_is_worse else -inf
 
     def of_runs(self, metrics: Metrics) -> Array:
-        """(M,); the worst of several components, for ``rms_e`` the root of their squares' sum; the worst value if a run
-        diverged."""
+        """Return the quantity of M runs (M,).
+
+        Of several components the worst counts, and for ``rms_e`` the root of the sum of their squares. A run that diverged has
+            the
+        worst value.
+        """
         columns = columns_of(metrics)
         if self.name in columns:
             found = columns[self.name]
@@ -121,14 +125,15 @@ class TunedQuantity:
         return np.asarray(parts.max(axis=0) if self.larger_is_worse else parts.min(axis=0))
 
     def over_plants(self, values: Array, quantile: float) -> Array:
-        """(K,) from (K, P): the value that a share ``quantile`` of the plants keeps; for 1 the worst of them."""
+        """Return from (K, P) the value (K,) that a share ``quantile`` of the plants keeps, which is that of the worst plant for
+        1."""
         ordered = np.sort(values, axis=1) if self.larger_is_worse else -np.sort(-values, axis=1)
         place = max(int(np.ceil(quantile * values.shape[1])) - 1, 0)
         return np.asarray(ordered[:, place])
 
     def of_certificate(self, certificate: Certificate) -> float | None:
-        """The value if the certificate claims it for this case; for an enclosure the side that counts, for several inputs the
-        worst."""
+        """Return the value if the certificate claims it for this case: the relevant side of an enclosure, or the worst of several
+        inputs."""
         key, part = self.key, self.name.partition(".")[2]
         values = certificate.values
         if key in values.get("unlimited", ()):
@@ -144,7 +149,7 @@ class TunedQuantity:
         return float(found) if isinstance(found, (int, float)) and not isinstance(found, bool) else None
 
     def require_known(self, certificates: Mapping[str, Certificate]) -> None:
-        """InputError if one of the controllers' certificates for the unchanged case has no such key."""
+        """Raise InputError if one of the controllers' certificates for the unchanged case has no such key."""
         having = [name for name, one in certificates.items() if one.entry(self.key) is not None]
         lacking = [name for name in certificates if name not in having]
         if having and lacking:
@@ -173,7 +178,7 @@ class Constraint:
 
     @classmethod
     def parse(cls, text: str) -> Constraint:
-        """Parse a requirement; InputError for an invalid text, or one that a search can't satisfy."""
+        """Parse a requirement. InputError for an invalid text, or for one that a search cannot satisfy."""
         requirement = Requirement.parse(text)
         quantity = TunedQuantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
         if quantity.origin is Origin.PROBE:
@@ -190,7 +195,7 @@ class Constraint:
         return value is not None and not self.requirement.broken(np.array(value))
 
     def violation(self, value: float | None) -> float:
-        """0 if it holds, up to 1: the distance from that, relative to both numbers; 1 if there is no value."""
+        """Return 0 if the constraint holds, else its distance from that, relative to both numbers, up to 1; 1 without a value."""
         if self.holds(value):
             return 0.0
         if value is None or not np.isfinite(value):

@@ -1,4 +1,5 @@
-"""The search for the best tuning: points spread over all, SciPy's differential evolution, over all and around the best, stars."""
+"""The search for the best tuning: points spread over the whole space, SciPy's differential evolution over the whole space and
+around the best point, and stars."""
 
 from __future__ import annotations
 
@@ -11,36 +12,39 @@ from barbalat.budget import Progress
 from barbalat.validate import Array, InputError
 
 POPULATION = 32
-"""Tunings of a generation, for up to three numbers; twice as many for more numbers. A generation is an ensemble."""
+"""Number of tunings of a generation for up to three numbers. For more numbers it is twice as large. A generation is an
+ensemble."""
 SPREAD_GENERATIONS = 4
-"""Generations of points spread over all ranges, so that some meet the constraints even if few tunings do."""
+"""Number of generations of points spread over all ranges, so that some meet the constraints even if few tunings do."""
 OVERSHOOT_SHARE = 0.15
-"""Share of a range beyond either end in which a point counts as the end itself, because many best tunings are at an end."""
+"""A point that is beyond an end by up to this share of the range counts as the end itself, because many best tunings are at an
+end."""
 REFINED_SHARES = (0.1, 0.02)
-"""Share of a range, to either side of the best tuning so far, in which the search continues: active constraints leave no
-more room."""
+"""Share of a range, to either side of the best tuning so far, in which the search continues. Active constraints leave no more
+room."""
 STAR_GENERATIONS = 3
-"""Generations at the end, if enough trials remain: they step from the best tuning along each number to either side, each half
-as far as the previous one. An active constraint leaves only one side of the best; evolution comes within a hundredth of it, and
-each star
-halves the remaining distance."""
+"""Number of generations at the end, if enough trials remain. They step from the best tuning along each number to either side,
+each half as far as the previous one. An active constraint leaves only one side of the best tuning. Evolution comes within a
+hundredth of it, and each star halves the remaining distance."""
 SETTLED_SPREAD = 5e-3
-"""Relative spread at which the generations stop evolving; the best tuning is even closer to the optimum."""
+"""Relative spread at which the generations stop evolving. The best tuning is even closer to the optimum."""
 BROKEN_CONSTRAINT_SCORE = 1e100
-"""Scores from here on belong to tunings that violate a constraint, and grow with the violation and with how early it
-appeared."""
+"""Smallest score of a tuning that violates a constraint. The score grows with the violation, and is larger the earlier the
+violation was found."""
 
 Judged = Callable[[Array, float], Array]
-"""Scores (K,) of points (K, d) of the unit cube, the smaller the better; one above the number needs no exact score."""
+"""A function that returns scores (K,) for points (K, d) of the unit cube. Smaller is better, and a score above the given number
+need not be exact."""
 
 
 def least_trials(dimensions: int) -> int:
-    """The smallest number of trials: the initial spread, one generation over the whole cube, and two around each best point."""
+    """Return the smallest number of trials: the initial spread, one generation over the whole cube, and two around each best
+    point."""
     return (SPREAD_GENERATIONS + 1 + 2 * len(REFINED_SHARES)) * _size(dimensions)
 
 
 def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Array | None, progress: Progress | None) -> None:
-    """Spend ``trials`` on the unit cube; the judging function keeps the results. ``start`` is among the first."""
+    """Use ``trials`` on the unit cube. The judging function keeps the results. ``start`` is among the first points."""
     from scipy.stats import qmc
 
     size, random = _size(dimensions), np.random.default_rng(seed)
@@ -64,7 +68,7 @@ def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Ar
 
 
 def _star(best: Array, size: int) -> Array:
-    """(size, d) points around the best."""
+    """Return points (size, d) around the best one."""
     steps = REFINED_SHARES[-1] / 2.0 ** np.arange(-(-size // (2 * len(best))))
     along = np.concatenate([sign * step * np.eye(len(best)) for step in steps for sign in (1, -1)])
     return np.asarray(best + along[:size])
@@ -92,7 +96,7 @@ class _Spent:
     def evolve(
         self, points: Array, scores: Array, low: Array, high: Array, generations: int, random: np.random.Generator
     ) -> None:
-        """Some generations from points whose scores are known."""
+        """Evolve some generations from points whose scores are known."""
         from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
         to_beat, known = float(scores.max()), [scores]
@@ -102,7 +106,7 @@ class _Spent:
                 return known.pop()
             try:
                 return self.score(columns.T, to_beat)
-            except InputError as error:  # a ValueError, which SciPy would report as a malformed function
+            except InputError as error:  # it is a ValueError, which SciPy would report as a malformed function
                 raise _RefusedError(error) from None
 
         def told(intermediate_result: OptimizeResult) -> None:
@@ -126,7 +130,7 @@ def _size(dimensions: int) -> int:
 
 
 class _RefusedError(Exception):
-    """An error of the judging function, passed through SciPy."""
+    """An error of the judging function that is passed through SciPy."""
 
     def __init__(self, reason: InputError) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The tunings tried and their results, evaluated from the cheapest to the most expensive quantity, and only as far as needed."""
+"""The tried tunings and their results. The cheapest quantity is evaluated first, and each tuning only as far as necessary."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from barbalat.validate import Array, InputError
 class Looking:
     """How completely tunings are evaluated.
 
-    fully   also with errors beyond the required ones
-    graded  for those that do not tolerate the requirement, how close they are to it
-    below   whether those that tolerate it are also tried with less
-    each    every plant, whatever the results for the others
+    fully   whether errors beyond the required ones are also tried
+    graded  whether the tolerated size of a tuning that does not tolerate the requirement is found
+    below   whether tunings that tolerate the requirement are also tried with less
+    each    whether every plant is evaluated, whatever the results for the others
     """
 
     fully: bool = False
@@ -41,7 +41,7 @@ class Looking:
 
 
 def in_one_kernel(varied: Varied, space: Space) -> bool:
-    """Whether tunings differ only in numbers of the kernel, so that they run together."""
+    """Return whether tunings differ only in numbers of the kernel, so that they can run together."""
     ends = tuple(np.array([one.low, one.high]) for one in space.ranges.values())
     middle = space.rows(np.full((1, len(space)), 0.5))[0]
     return all(kind.is_number for kind in kinds_of(varied, Tried(middle, ends)))
@@ -49,7 +49,7 @@ def in_one_kernel(varied: Varied, space: Space) -> bool:
 
 @dataclass(eq=False)
 class Trials:
-    """The tunings of one controller of a case that were tried.
+    """The tried tunings of one controller of a case.
 
     together  whether they run together
     shared    the plants, if the tuned settings change none of them
@@ -65,11 +65,11 @@ class Trials:
     runs: int = 0
 
     def scoring(self, space: Space) -> Judged:
-        """The scores of tunings at points of the space, from 0 to 1 in each number."""
+        """Return a function that scores tunings at points of the space, from 0 to 1 in each number."""
         return lambda points, to_beat: np.array([trial.score for trial in self.judged(space.rows(points), to_beat)])
 
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
-        """The trials of these tunings; one whose quantity is above ``to_beat`` is not evaluated further."""
+        """Return the trials of these tunings. One whose quantity is above ``to_beat`` is not evaluated further."""
         trials = [self._made(row) for row in rows]
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
@@ -84,7 +84,7 @@ class Trials:
         return trials
 
     def _verified(self, trials: Sequence[Trial], to_beat: float) -> list[Trial]:
-        """The trials without those that would be the best so far, but are lost with less than they must tolerate."""
+        """Return the trials without those that would be the best so far but are lost with less than they must tolerate."""
         scores = [trial.score for trial in self.all if trial.complete]
         least = min(scores, default=np.inf)
         better = [trial for trial in trials if trial.value is not None and self.aim.signed(trial.value) < least]
@@ -93,7 +93,7 @@ class Trials:
         return [trial for trial in trials if trial not in better or self._goes_on(trial, len(Origin) - 1, to_beat)]
 
     def whole(self, row: Array, case: Case | None = None) -> Trial:
-        """The complete evaluation of one tuning, whatever it violates; the case may be given."""
+        """Evaluate one tuning completely, whatever it violates. The case may be given."""
         trial = self._made(row) if case is None else Trial(row, case)
         if trial.case is not None:
             for origin in Origin:
@@ -103,7 +103,7 @@ class Trials:
         return trial
 
     def measure(self, trials: Sequence[Trial], constraint: Constraint) -> None:
-        """Evaluate a constraint's quantity in full for earlier trials: certificates, delays beyond the required one."""
+        """Evaluate a constraint's quantity completely for earlier trials: certificates, and delays beyond the required one."""
         if constraint.quantity.origin is Origin.CERTIFICATE:
             for trial in trials:
                 self._certify(trial)
@@ -114,12 +114,12 @@ class Trials:
                 trial.found[constraint] = float(value)
 
     def measured_delay(self, trial: Trial) -> float:
-        """The delay [s] that a tuning tolerates in simulation, on the plant that tolerates the least."""
+        """Return the delay [s] that a tuning tolerates in simulation, on the plant that tolerates the least."""
         quantity = TunedQuantity("delay_margin_measured", larger_is_worse=False)
         return float(self._values(quantity, [trial], None, Looking(fully=True)).min())
 
     def on_other_plants(self, case: Case, plants: Plants, quantity: TunedQuantity, limit: float | None) -> Array:
-        """(P,) a quantity of one case on these plants."""
+        """Return a quantity of one case on these plants (P,)."""
         others = replace(self, shared=plants, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
         others._run([trial])
@@ -128,7 +128,7 @@ class Trials:
         return np.asarray(found)
 
     def at_finer_step(self, trial: Trial) -> StepCheck:
-        """The results of a fully evaluated tuning with the ``refined`` simulation: its figures and requirements.
+        """Return the figures and requirements of a fully evaluated tuning with the ``refined`` simulation.
 
         Certificates involve no simulation and stay the same.
         """
@@ -152,7 +152,7 @@ class Trials:
         )
 
     def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
-        """The runs of ``finer``, a tuning at a finer step, and their consequences for ``trial``."""
+        """Return the runs of ``finer``, a tuning at a finer step, and their consequences for ``trial``."""
         found, at = _Again(None, [], []), f"at {_case(finer).simulation.step}"
         self._run([finer])
         if self.aim.quantity.origin is Origin.RUN:
@@ -174,16 +174,16 @@ class Trials:
         return found
 
     def _over_plants(self, quantity: TunedQuantity, trial: Trial, asked: float | None) -> float:
-        """A quantity of one tuning from runs; for a modelling error only whether the requirement is tolerated."""
+        """Return a quantity of one tuning from runs, or for a modelling error only whether the requirement is tolerated."""
         values = self._values(quantity, [trial], asked, Looking(graded=False, below=False))
         return float(quantity.over_plants(values, self.aim.quantile)[0])
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
-        """The trials in groups that run together."""
+        """Return the trials in groups that run together."""
         return [trials] if self.together else [[trial] for trial in trials]
 
     def _asked(self, origin: Origin) -> bool:
-        """Delays are judged relative to the run without one."""
+        """Return whether quantities of this origin are required. Delays are judged relative to the run without one."""
         return self.aim.asks(origin) or (origin is Origin.RUN and self.aim.asks(Origin.PROBE))
 
     def _made(self, row: Array) -> Trial:
@@ -193,7 +193,7 @@ class Trials:
             return Trial(row, score=BROKEN_CONSTRAINT_SCORE * (len(Origin) + 1), refused=str(error))
 
     def _goes_on(self, trial: Trial, stage: int, to_beat: float) -> bool:
-        """Whether it can still be the best; otherwise it has its score."""
+        """Return whether the trial can still be the best. Otherwise it has its final score."""
         broken = [one.violation(trial.found[one]) for one in self.aim.constraints if one in trial.found]
         missed = trial.value is not None and not np.isfinite(trial.value)
         if any(broken) or missed:
@@ -205,8 +205,7 @@ class Trials:
         return True
 
     def _look(self, trials: Sequence[Trial], origin: Origin, looking: Looking) -> None:
-        """Evaluate all quantities of one origin; none further for a trial that violates a constraint, unless it is evaluated
-        fully."""
+        """Evaluate all quantities of one origin. A trial that violates a constraint is not evaluated further unless ``fully``."""
         if origin is Origin.CERTIFICATE:
             for trial in trials:
                 self._certify(trial)
@@ -230,7 +229,7 @@ class Trials:
                     trial.value = float(value)
 
     def _members(self, group: Sequence[Trial]) -> tuple[Plants, list[Member]]:
-        """Every tuning on every plant, with those of one tuning together."""
+        """Return every tuning on every plant, grouped by tuning."""
         members: list[Member] = []
         plants = self.shared or Plants.of(_case(group[0]), self.aim)
         for i, trial in enumerate(group):
@@ -239,7 +238,7 @@ class Trials:
         return plants, members
 
     def _run(self, group: Sequence[Trial]) -> None:
-        """Run without a modelling error."""
+        """Run the trials without a modelling error."""
         plants, members = self._members(group)
         count, case, streams = len(plants.problems), _case(group[0]), _streams(members, plants)
         twin = self.aim.asks(Origin.PROBE)
@@ -249,7 +248,7 @@ class Trials:
             trial.undelayed = found.of(slice(i * count, (i + 1) * count))
 
     def _values(self, quantity: TunedQuantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
-        """(K, P); for probes up to the requirement, or the whole tolerated size."""
+        """Return a quantity (K, P). For probes it is found up to the requirement, or completely."""
         plants, members = self._members(group)
         known = [trial.undelayed for trial in group if trial.undelayed is not None]
         if quantity.origin is Origin.RUN:
@@ -291,7 +290,7 @@ class _Again:
 Asked = tuple[TunedQuantity, Constraint | None, float, float]
 """A quantity, its constraint, the required or found value, and the share by which a finer step may fall short."""
 SAME_SHARE = 0.02
-"""Share of a constraint's limit by which a finer step may fall short; the search itself resolves delays to this accuracy."""
+"""Share of a constraint's limit by which a finer step may fall short. The search itself resolves delays to this accuracy."""
 
 
 def _case(trial: Trial) -> Case:
@@ -300,5 +299,5 @@ def _case(trial: Trial) -> Case:
 
 
 def _streams(members: Sequence[Member], plants: Plants) -> Array:
-    """Every tuning has the same noise on a plant."""
+    """Return the streams of noise. Every tuning has the same noise on a plant."""
     return np.arange(len(members)) % len(plants.problems)

@@ -1,1 +1,1 @@
-"""A frozen public suite of design problems, on which anybody's controller is measured by one rule."""
+"""A frozen public suite of design problems, on which any controller is measured by one rule."""

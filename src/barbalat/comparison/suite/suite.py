@@ -1,4 +1,4 @@
-"""The suite: a file of cases with its hash, submissions to it, and the rows of its table, compared with stored ones."""
+"""The suite, which is a file of cases with its hash, submissions to it, and the rows of its table, compared with stored ones."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ RULE_KEYS = ("plants", "trials", "members", "noise", "seed")
 TABLE_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """The packages whose versions may affect the last bits of a row."""
 SAME_DIGITS = 1e-9
-"""Relative difference up to which numbers of two rows count as equal: the rounding of a processor's linear algebra is far
-smaller, and the effect of another tuning or search decision far larger."""
+"""Relative difference up to which numbers of two rows count as equal. The rounding of a processor's linear algebra is far
+smaller, and the effect of another tuning or another decision in the search is far larger."""
 BY_THE_RULE, SUBMITTED_LAW, AS_SUBMITTED = "by the rule", "by the rule, submitted", "as submitted"
 """The origins of the settings of a registered scheme, a submitted law and a submitted case file."""
 Row = dict[str, Any]
 
 
 def sha256(text: str) -> str:
-    """The SHA-256 of a text in UTF-8, in hexadecimal digits."""
+    """Return the SHA-256 of a text in UTF-8, in hexadecimal digits."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -55,8 +55,8 @@ def sha256(text: str) -> str:
 class Suite:
     """Cases without controllers, each with a specification, and the rule by which all entries are tuned and measured.
 
-    tables  the case tables as the file has them, by name; sha256: of the file's text
-    rule    plants, trials, members, noise, seed, as in ``design``
+    tables  the case tables of the file, by name; ``sha256`` is that of the file's text
+    rule    plants, trials, members, noise and seed, as in ``design``
     quick   names of the cases of ``--quick``
     """
 
@@ -69,7 +69,7 @@ class Suite:
 
     @classmethod
     def read(cls, path: str | Path | None = None) -> Suite:
-        """The public suite, or a file; InputError for a file with a public suite's name but another hash."""
+        """Read the public suite, or a file. InputError for a file with a public suite's name but another hash."""
         source = "the public suite" if path is None else str(path)
         if path is None:
             file = resources.files("barbalat.comparison.suite") / "public.toml"
@@ -110,7 +110,7 @@ class Suite:
         return float(self.tables[name]["sample_time"])
 
     def case(self, name: str, controllers: Sequence[Mapping[str, Any]] = ()) -> Case:
-        """The case of this name with these controllers' tables; by default with a placeholder that runs at its sample time."""
+        """Return the case with this name and these controllers' tables, by default with a placeholder at its sample time."""
         if name not in self.tables:
             raise InputError(
                 f"the suite {self.name} has the cases {', '.join(self.tables)}, got {name!r}{hint(name, self.tables)}"
@@ -127,7 +127,7 @@ class Submission:
     """A submission: controllers with fixed settings on one case, or laws that the rule tunes on every case.
 
     case   the name of the suite's case on which ``as_set`` take part
-    tuned  laws that declare what is tuned
+    tuned  laws that declare tuned settings
     """
 
     case: str = ""
@@ -136,7 +136,7 @@ class Submission:
 
     @classmethod
     def read(cls, given: str, suite: Suite) -> Submission:
-        """A case file (.toml), a file of laws (.py), or a scheme that an installed package has registered."""
+        """Read a case file (.toml), a file of laws (.py), or a scheme that an installed package has registered."""
         if given.endswith(".toml"):
             return cls._of_case(given, suite)
         if given.endswith(".py"):
@@ -170,7 +170,7 @@ class Submission:
 
 
 def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -> None:
-    """InputError for a controller that does not run at the common sample time of this case of the suite."""
+    """Raise InputError for a controller that does not run at the common sample time of this case of the suite."""
     equations = bound(case.problem, one)
     own = equations.sample_time if isinstance(equations, SampledEquations) else None
     if own != held:
@@ -179,7 +179,7 @@ def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -
 
 
 def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
-    """An entry's row of the table on one case; no number of it depends on the other entries."""
+    """Return an entry's row of the table on one case. None of its numbers depends on the other entries."""
     held = found.contest.held_out.get(one.name)
     measured = None if held is None else held.as_json()
     return {
@@ -204,7 +204,7 @@ def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
 class Standings:
     """The table: newly measured rows, in the order of each case's contest, and the stored ones of the public suite.
 
-    left_out  sentences by cases on who does not take part
+    left_out  sentences on entries that do not take part, by case
     stored    the stored table; without rows if the suite is not the public one
     """
 
@@ -215,7 +215,7 @@ class Standings:
 
     @cached_property
     def compared(self) -> dict[str, list[str]]:
-        """Measured rows that are also stored, by whether they agree; those that agree bit for bit are listed separately.
+        """The measured rows that are also stored, by whether they agree. Those that agree bit for bit are also listed separately.
 
         Rows agree if their choices and counts are equal and their numbers agree to ``SAME_DIGITS``.
         """
@@ -231,17 +231,17 @@ class Standings:
 
     @property
     def beside(self) -> list[Row]:
-        """Stored rows of the measured cases that were not measured now."""
+        """The stored rows of the measured cases that were not measured now."""
         cases, measured = {row["case"] for row in self.rows}, {_place(row) for row in self.rows}
         return [row for row in self.stored.get("rows", ()) if row["case"] in cases and _place(row) not in measured]
 
     @property
     def empty(self) -> list[str]:
-        """Cases without any entry."""
+        """The cases without any entry."""
         return [name for name in self.left_out if name not in {row["case"] for row in self.rows}]
 
     def as_json(self) -> dict[str, Any]:
-        """The document of ``contest --suite --json``."""
+        """Return the document of ``contest --suite --json``."""
         known = {key: self.stored[key] for key in ("date", "commit") if key in self.stored}
         return {
             "suite": {"name": self.suite.name, "sha256": self.suite.sha256, "public": self.suite.is_public},
@@ -256,7 +256,7 @@ def _place(row: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _agree(a: Any, b: Any) -> bool:
-    """Whether two parts of rows are equal, numbers with a fraction to SAME_DIGITS."""
+    """Return whether two parts of rows are equal, where numbers with a fraction are compared to SAME_DIGITS."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(_agree(value, b[key]) for key, value in a.items())
     if isinstance(a, float) and isinstance(b, float):
@@ -265,7 +265,7 @@ def _agree(a: Any, b: Any) -> bool:
 
 
 def stored_table() -> dict[str, Any]:
-    """The public suite's table that is part of the package."""
+    """Return the public suite's table, which is part of the package."""
     found: dict[str, Any] = json.loads((resources.files("barbalat.comparison.suite") / "table.json").read_text("utf-8"))
     return found
 
@@ -284,8 +284,8 @@ def standings(
 
     schemes    names of registered schemes; all by default, or none if there are submissions, which are compared with stored rows
     quick      whether to measure only the suite's quick cases
-    processes  number of cases measured at once, each in its own process, if there are no submissions; a new process must be
-               able to import the program, which is then started below ``if __name__ == "__main__"``
+    processes  number of cases that are measured at once, each in its own process, if there are no submissions; new processes
+               import the program, so it must start its work below ``if __name__ == "__main__"``
     Raises InputError.
     """
     suite, given = suite or Suite.read(), list(submissions)
@@ -345,7 +345,7 @@ def _on_case(
 def _side_by_side(
     suite: Suite, names: Sequence[str], schemes: Sequence[str], count: int, progress: Progress | None
 ) -> list[Part]:
-    """The registered schemes on each case, in this number of processes."""
+    """Measure the registered schemes on each case, in this number of processes."""
     with own_processes(count) as pool:
         with deaf_children():
             parts = [pool.submit(_on_case, suite, name, (), True, schemes, 1) for name in names]

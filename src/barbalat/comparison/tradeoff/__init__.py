@@ -1,1 +1,1 @@
-"""Tracking against robustness over all tunings of several schemes."""
+"""The trade-off between tracking and robustness, over all tunings of several schemes."""

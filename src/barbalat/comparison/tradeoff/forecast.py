@@ -1,4 +1,4 @@
-"""How long a trade-off will take: from small ensembles before it starts, from its own pace once it runs."""
+"""Forecasts the duration of a trade-off, from small ensembles before it starts and from its own pace while it runs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from barbalat.study.ideal_benchmark import SIZES_TRIED, with_error
 from barbalat.study.verdicts import Member
 
 RUNS_EACH = 16.5
-"""Simulations per member, measured on Section V: many are lost early in the scan; bisections follow."""
+"""Simulations per member, measured on Section V. Many are lost early in the scan, and bisections follow."""
 ENSEMBLES_EACH = 20
-"""Ensembles per scheme: the scan, the bisections, and the first without a delay."""
+"""Number of ensembles per scheme: the scan, the bisections, and the first one without a delay."""
 TIMED_MEMBERS = 64, 16
-"""Number of members that are timed."""
+"""Number of timed members."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of an ensemble: ``call`` + members (``member`` + steps ``step``)."""
+    """The cost of an ensemble in seconds, ``call`` + members (``member`` + steps ``step``)."""
 
     call: float
     member: float
@@ -36,17 +36,18 @@ class Cost:
 
     @classmethod
     def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
-        """Fitted to three ensembles: many members over two lengths, few over the shorter one; with a tolerance few are timed."""
+        """Fit the cost to three ensembles: many members over two lengths, and few over the shorter one. With a tolerance only few
+        are timed."""
         many, few = (list(members[:: max(len(members) // size, 1)][:size]) for size in TIMED_MEMBERS)
         if simulation.tolerance is not None:
             return cls(0.0, _timed(few, simulation, simulation.steps) / len(few), 0.0)
         least = _fewest_steps(members[0], simulation)
         long = min(simulation.steps, max(2 * CHUNK_STEPS, 2 * least))
         short = max(long // 2, least)
-        if long <= short or len(few) == len(many):  # too little of it to tell the parts apart
+        if long <= short or len(few) == len(many):  # too little work to distinguish the parts
             whole = _timed(many, simulation, short)
             return cls(0.0, 0.0, whole / (len(many) * short))
-        _timed(many, simulation, least)  # compiles
+        _timed(many, simulation, least)  # the first call includes compilation
         at_short, at_long, of_few = (
             _timed(*run) for run in ((many, simulation, short), (many, simulation, long), (few, simulation, short))
         )
@@ -55,26 +56,27 @@ class Cost:
         return cls(max(at_short - len(many) * (member + short * step), 0.0), member, step)
 
     def seconds(self, members: int, problems: int, steps: int) -> float:
-        """The time of all rounds of a scheme with this number of members and plants, including the loops that know theta."""
+        """Return the time of all rounds of a scheme with this number of members and plants, including the loops with known
+        theta."""
         runs = RUNS_EACH * members + 2 * SIZES_TRIED * problems
         return ENSEMBLES_EACH * self.call + runs * (self.member + steps * self.step)
 
 
 def _fewest_steps(member: Member, simulation: Simulation) -> int:
-    """The steps of a run in which events at fixed instants, a controller's samples or new noise, occur once."""
+    """Return the number of steps in which events at fixed instants, such as a controller's samples or new noise, occur once."""
     problem, controller = member
     rhythm = Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation)
     return max(3, rhythm.sample_every, rhythm.noise_hold)
 
 
 def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> float:
-    """Seconds, with delays from two steps up to what the later rounds use."""
+    """Return the seconds of a run with delays from two steps up to those of the later rounds."""
     delays = np.geomspace(4, max(steps, 5), len(members)) * simulation.resolution
     added, error = zip(members, delays, strict=True), DelayError()
     delayed = [(with_error(problem, error, float(d)), controller) for (problem, controller), d in added]
     part = simulation if steps == simulation.steps else replace(simulation, t_end=steps * simulation.dt)
     taken = []
-    for _ in range(2):  # the machine may be busy with something else for a moment
+    for _ in range(2):  # twice, because the machine may be busy for a moment
         started = time.perf_counter()
         simulate_ensemble(delayed, part, estimated=True)
         taken.append(time.perf_counter() - started)
@@ -82,32 +84,32 @@ def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> flo
 
 
 OWN_PACE_FRACTION = 0.1
-"""Fraction of the work after which only its own pace gives the remaining time: the timing of small ensembles may be
-unrepresentative, or most runs may be lost early."""
+"""Fraction of the work after which the remaining time follows only from its own pace. The timing of small ensembles may not be
+representative, or most runs may be lost early."""
 
 
 @dataclass
 class Forecast:
-    """The total seconds of several parts of one task, refined while they run."""
+    """The total seconds of several parts of one task, which are refined while the parts run."""
 
     expected: dict[str, float]  # of each part, before it started
     finished: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, schemes: Mapping[str, Sequence[Member]], plants: int, simulation: Simulation) -> Forecast:
-        """The forecast for each scheme's members on this number of plants."""
+        """Return the forecast for each scheme's members on this number of plants."""
         costs = {name: Cost.measured(members, simulation) for name, members in schemes.items()}
         return cls({name: cost.seconds(len(schemes[name]), plants, simulation.steps) for name, cost in costs.items()})
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
-        """The work done inside belongs to that part."""
+        """Count the work done inside this block as work of the part."""
         begun = time.perf_counter()
         yield
         self.finished[part] = time.perf_counter() - begun
 
     def total(self, part: str, fraction: float, seconds: float) -> float:
-        """The total seconds, if a fraction of ``part`` is done after the given seconds.
+        """Return the total seconds, if a fraction of ``part`` is finished after the given seconds.
 
         The parts' estimates determine each part's share of the work; the actual pace gradually replaces the estimate of the
         total.

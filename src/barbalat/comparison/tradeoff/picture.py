@@ -1,5 +1,4 @@
-"""The picture of a trade-off: tracking error against the tolerated delay, by two criteria; a cloud and a front for each
-scheme."""
+"""Draws a trade-off: tracking error against the tolerated delay by two criteria, with a cloud and a front for each scheme."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ SYMBOLS = {"gamma": "Γ", "kappa": "κ", "slope_ratio": "κ₂/κ", "tau": "τ",
 
 
 def criteria(found: TradeOff) -> dict[str, str]:
-    """What each criterion requires, in one line."""
+    """Return one line on each criterion."""
     return {
         "onset": "onset: until it is lost or in a limit cycle",
         "loss": f"loss: error grown by less than {found.by.lost.share:g} max |x$_m$|, with or without oscillation",
@@ -29,14 +28,14 @@ def criteria(found: TradeOff) -> dict[str, str]:
 
 
 def panels(found: TradeOff) -> list[str]:
-    """The case's plant and, if there is a sample, the worst over it."""
+    """Return the names of the panels: the case's plant and, if there is a sample, the worst plant in it."""
     return ["plant", "worst"] if len(found.thetas) > 1 else ["plant"]
 
 
 def draw(found: TradeOff, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """A row of panels for each criterion, on a phone one below the other.
+    """Draw a row of panels for each criterion, or on a phone one panel below the other.
 
-    shown  to a person at once, by pyplot where that is in use
+    shown  whether the figure is displayed at once, if pyplot is in use
     """
     columns = panels(found)
     size = (NARROW, 7.2 * len(columns) + 0.8) if narrow else (6.4 * len(columns), 10.4)
@@ -59,7 +58,7 @@ def draw(found: TradeOff, *, narrow: bool = False, shown: bool = False) -> Figur
     figure.legend(
         handles, labels, loc="outside lower center", ncols=1 if narrow else len(labels), frameon=False, fontsize="small"
     )
-    figure.draw_without_rendering()  # lays the panels out: labels are placed in pixels
+    figure.draw_without_rendering()  # computes the layout, because labels are placed in pixels
     for axes, which, criterion in drawn:
         _label_ends(axes, found, which, criterion)
     return figure
@@ -90,14 +89,14 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
 
 
 def _front(cloud: Cloud, which: str, criterion: str) -> Array:
-    """(K, 2): margin, error."""
+    """Return margins and errors (K, 2) of the front."""
     error, margin = cloud.at(which, criterion)
     front = cloud.front(which, criterion)
     return np.column_stack([margin[front], error[front]])
 
 
 def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
-    """The tunings at both ends of each front, and an arrow in the direction of improvement."""
+    """Label the tunings at both ends of each front, and draw an arrow in the direction of improvement."""
     theme = Theme.current()
     lines = [_front(cloud, which, criterion) for cloud in found.clouds]
     labels = LabelPlaces(axes, lines, 6.5)
@@ -112,6 +111,6 @@ def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None
 
 
 def tuning_text(tuning: dict[str, float]) -> str:
-    """A tuning in a few characters: Γ 1400, κ 0.02, P(0) 4.3·10⁶."""
+    """Return a tuning in a few characters: Γ 1400, κ 0.02, P(0) 4.3·10⁶."""
     two_digits = {name: in_symbols(f"{float(f'{value:.2g}'):g}") for name, value in tuning.items()}
     return ", ".join(f"{SYMBOLS.get(name, name)} {text}" for name, text in two_digits.items())

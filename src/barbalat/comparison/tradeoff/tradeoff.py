@@ -1,4 +1,4 @@
-"""Tracking and robustness: the results over each scheme's own knobs, with the Pareto front of each scheme in one plane."""
+"""Tracking and robustness over each scheme's own knobs, with the Pareto front of each scheme in one plane."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Cloud:
 
     tunings  K settings by name
     error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|; NaN if the loop does not follow its model
-             without a delay: its tail's error is above the model's motion in every component, or it is lost
+             without a delay because the tail's error is above the model's motion in every component, or because it is lost
     onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 if there is none, or if it
              is too short to be simulated
     loss     (K, P) the largest added delay before the loop is lost [s], see ``Lost``
-    The P plants are the case's own first, then those of the seeded sample of the known set.
+    The first of the P plants is the case's own. The others are those of the seeded sample of the known set.
     """
 
     scheme: str
@@ -55,20 +55,22 @@ class Cloud:
     loss: Array
 
     def at(self, which: str, criterion: str) -> tuple[Array, Array]:
-        """(error, margin), (K,) each: for the case's "plant", or for the "worst" plant, each separately; "onset" or "loss"."""
+        """Return error and margin, (K,) each, for the case's "plant" or for the "worst" plant, which may differ between the two,
+        by the "onset" or the "loss"."""
         margin = {"onset": self.onset, "loss": self.loss}[criterion]
         if which == "plant":
             return self.error[:, 0], margin[:, 0]
-        return self.error.max(axis=1), margin.min(axis=1)  # a NaN among the errors stays one
+        return self.error.max(axis=1), margin.min(axis=1)  # a NaN among the errors gives NaN
 
     def front(self, which: str, criterion: str) -> Array:
-        """Indices of the Pareto front, by increasing margin: no other tuning has at least as much margin and less error."""
+        """Return the indices of the Pareto front by increasing margin. No other tuning has at least as much margin and less
+        error."""
         return pareto_front(*self.at(which, criterion))
 
     def bears(self, which: str, criterion: str, error: float) -> float:
-        """The largest margin among the tunings with at most this error [s]; NaN if there is none."""
+        """Return the largest margin [s] among the tunings with at most this error; NaN if there is none."""
         errors, margins = self.at(which, criterion)
-        good = errors <= error  # not where the error is NaN
+        good = errors <= error  # false where the error is NaN
         return float(margins[good].max()) if good.any() else float("nan")
 
 
@@ -77,7 +79,7 @@ class TradeOff(Plotted):
     """The clouds of all schemes on one problem.
 
     by      the judge, and the criterion for the loss of the motion
-    notes   sentences on what was left out and what was not examined
+    notes   sentences on omissions and on what was not examined
     checks  results of a finer step for some tunings on each scheme's fronts
     """
 
@@ -93,7 +95,7 @@ class TradeOff(Plotted):
 
     @property
     def shortest(self) -> float:
-        """The shortest delay that was tried [s]."""
+        """The shortest delay tried [s]."""
         return SHORTEST_DELAY_STEPS * self.simulation.resolution
 
     def __repr__(self) -> str:
@@ -101,9 +103,9 @@ class TradeOff(Plotted):
         return f"<TradeOff of {self.problem.name!r}: {schemes} on {len(self.thetas)} plants, {self.runs} runs>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The clouds and the front of each scheme, by both criteria, as a Matplotlib figure.
+        """Draw the clouds and the front of each scheme, by both criteria, as a Matplotlib figure.
 
-        shown  whether it is displayed at once, if pyplot is in use
+        shown  whether the figure is displayed at once, if pyplot is in use
         """
         from barbalat.comparison.tradeoff.picture import draw
 
@@ -111,7 +113,7 @@ class TradeOff(Plotted):
 
 
 def pareto_front(error: Array, margin: Array) -> Array:
-    """Indices of the tunings that no other one beats in both, by increasing margin; a lost tuning is on no front."""
+    """Return the indices of the tunings that no other beats in both, by increasing margin. A lost tuning is on no front."""
     usable = np.flatnonzero(np.isfinite(error) & (margin > 0))
     order = usable[np.lexsort((-margin[usable], error[usable]))]  # smallest error first, and among equal ones the larger margin
     kept: list[int] = []
@@ -181,7 +183,7 @@ def trade_off(
 
 
 FRONT_CHECKED = 4
-"""Number of tunings of each front, evenly spread from end to end, that are repeated."""
+"""Number of repeated tunings of each front, evenly spread from end to end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,8 +191,8 @@ class FrontCheck:
     """Some tunings on one scheme's fronts on the case's own plant, repeated with the ``refined`` simulation.
 
     tunings    their indices in the cloud
-    changed    those whose results differ with the finer step, with the differences
-    unsettled  those that leave the solver's region of stability with the finer step too, which decides nothing
+    changed    tunings whose results differ with the finer step, with the differences
+    unsettled  tunings that leave the solver's region of stability with the finer step too, so that nothing is decided
     """
 
     scheme: str
@@ -235,7 +237,7 @@ def _at_finer_step(
     longest: float,
     by: Judging,
 ) -> tuple[FrontCheck, ...]:
-    """A few tunings of each scheme's fronts: the delays that they tolerate, and their behaviour without a delay."""
+    """Repeat a few tunings of each scheme's fronts with a finer step: the tolerated delays, and the behaviour without a delay."""
     checks = []
     for k, cloud, of_scheme in zip(chosen, clouds, found, strict=True):
         which = _spread_over_fronts(cloud)
@@ -261,7 +263,7 @@ def _at_finer_step(
 
 
 def _spread_over_fronts(cloud: Cloud) -> list[int]:
-    """Indices of a few tunings of both fronts on the case's own plant."""
+    """Return the indices of a few tunings of both fronts on the case's own plant."""
     kept: set[int] = set()
     for criterion in ("onset", "loss"):
         front = cloud.front("plant", criterion)
@@ -272,7 +274,7 @@ def _spread_over_fronts(cloud: Cloud) -> list[int]:
 
 
 def _require_motion(clouds: tuple[Cloud, ...]) -> None:
-    """InputError if there is nothing to show."""
+    """Raise InputError if there is nothing to show."""
     if not any(np.isfinite(cloud.error).any() for cloud in clouds):
         tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
         raise InputError(
@@ -282,7 +284,7 @@ def _require_motion(clouds: tuple[Cloud, ...]) -> None:
 
 
 def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion) -> list[str]:
-    """Sentences on what the plot does not show."""
+    """Return sentences on what the plot does not show."""
     said = [
         f"no tuning of {cloud.scheme} follows its model without a delay on the case's own plant"
         for cloud in clouds
@@ -296,7 +298,7 @@ def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion)
 
 
 TUNINGS_EACH_DENSITY = 6.5
-"""Tunings of all schemes, times the square of the density: 932 on Section V with 12."""
+"""Number of tunings of all schemes, divided by the square of the density. There are 932 on Section V with a density of 12."""
 STEP_SECONDS = 1e-8
 """Seconds per step of a member, 3 ns for a small loop."""
 TUNING = Estimate(memory=2000.0, seconds=3e-4)
@@ -304,7 +306,7 @@ TUNING = Estimate(memory=2000.0, seconds=3e-4)
 
 
 def _require_budget(simulation: Simulation, density: int, knobs: tuple[TuningGrid, ...] | None, plants: int) -> None:
-    """InputError if the tunings, or the plants on which they run, exceed the budget; before either is made."""
+    """Raise InputError if the tunings, or the plants on which they run, exceed the budget, before either is made."""
     each = TUNING + Estimate(seconds=RUNS_EACH * steps_of(simulation) * STEP_SECONDS)
     given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
 
@@ -326,7 +328,7 @@ def _delay_margins(
     by: Judging,
     progress: Progress | None,
 ) -> DelayMargins:
-    """The margins of tunings on several plants each; every tuning has the same noise on a plant."""
+    """Return the margins of tunings on several plants each. Every tuning has the same noise on a plant."""
     numbers = np.tile(np.arange(plants), len(members) // plants)
     return delay_margins_ensemble(
         members, simulation, longest=longest, judge=by.judge, lost=by.lost, numbers=numbers, progress=progress
@@ -342,7 +344,7 @@ def _cloud(k: TuningGrid, found: DelayMargins, scale: float, plants: int) -> Clo
 
 
 def _in_time(progress: Progress | None, forecast: Forecast, part: str) -> Progress | None:
-    """Progress of a part, as the fraction of the elapsed time; it never decreases."""
+    """Return a progress function of a part that reports the fraction of the elapsed time, which never decreases."""
     if progress is None:
         return None
     begun, before, told = time.perf_counter(), sum(forecast.finished.values()), 0.0

@@ -1,1 +1,1 @@
-"""Settings of a controller, found by search under constraints."""
+"""Tuning: the search for settings of a controller under constraints."""

@@ -1,4 +1,4 @@
-"""The picture of a tuning: each controller's front, the quantity against that of the first constraint."""
+"""Draws a tuning: each controller's front, with the quantity against that of the first constraint."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FACTOR_FOR_LOG = 20.0
 
 
 def draw(found: Tuning, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """One panel: the admissible side of the first constraint's limit, the chosen points and the case's own."""
+    """Draw one panel with the admissible side of the first constraint's limit, the chosen points and the case's own ones."""
     if not found.aim.constraints:
         raise InputError("a tuning without a constraint has no front to plot")
     first, theme = found.aim.constraints[0], Theme.current()
@@ -30,7 +30,7 @@ def draw(found: Tuning, *, narrow: bool = False, shown: bool = False) -> Figure:
     axes.axvline(first.requirement.limit, color=theme.quiet, linewidth=1.0, linestyle=":")
     for scale, values in ((axes.set_xscale, _values(found, 0)), (axes.set_yscale, _values(found, 1))):
         positive = [value for value in values if value > 0]
-        if positive and min(values) >= 0 and max(positive) > FACTOR_FOR_LOG * min(positive):  # zeros are then left out
+        if positive and min(values) >= 0 and max(positive) > FACTOR_FOR_LOG * min(positive):  # zeros are then omitted
             scale("log")
     axes.set_xlabel(f"{first.quantity.name} (dotted: {first.requirement})", fontsize=9)
     axes.set_ylabel(found.aim.quantity.name, fontsize=9)

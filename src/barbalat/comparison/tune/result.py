@@ -1,4 +1,4 @@
-"""The result of a tuning: the chosen point with its certificate, its front, validation plants; and how it is chosen."""
+"""The result of a tuning: the chosen point with its certificate, its front, and its validation plants, and the choice."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """A tuning, the objective reached, and the value of each constraint's quantity; None if it has none."""
+    """A tuning, its value of the objective, and the value of each constraint's quantity; None if there is none."""
 
     tuning: Mapping[FieldPath, float]
     value: float | None
@@ -51,8 +51,9 @@ class UnseenPlants:
     """The chosen tuning on validation plants, which the search did not use.
 
     quantity  the quantity of the values: the aim's, or that of the first constraint that follows from runs
-    thetas    (P, p); values (P,) of the quantity and, for each constraint that follows from runs, ``broken`` (P,); infinite: it
-              diverged
+    thetas    (P, p) the plants' theta
+    values    (P,) the quantity, infinite if the run diverged
+    broken    (P,) for each constraint that follows from runs, whether it is violated
     """
 
     quantity: str
@@ -74,16 +75,16 @@ class UnseenPlants:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tuned:
-    """One controller.
+    """The tuning of one controller.
 
-    chosen   the best that meets every constraint; None if no tuning does, and ``nearest`` then misses them least
+    chosen   the best tuning that meets every constraint; None if no tuning does, and ``nearest`` is then the closest one
     start    the case's own tuning
     front    the trials that no other beats both in the quantity and in the first constraint's quantity
-    trials, runs  numbers of tunings tried and of simulations
+    trials, runs  numbers of tried tunings and of simulations
     step     the result of a finer step for the chosen tuning, or for the nearest one if only that prevents its choice
-    refused  the same for better ones, which meet every constraint only with the case's step
+    refused  the same for better tunings, which meet every constraint only with the case's step
     verdict  the judge's verdict on the run of the chosen tuning, or of the nearest one, on the case's own plant
-    delay_margin_measured  [s] of it on the worst of the plants, if a delay margin of a linear loop is requested; otherwise None
+    delay_margin_measured  the delay margin [s] of this tuning on the worst plant, if one of a linear loop is requested; else None
     """
 
     controller: str
@@ -122,7 +123,7 @@ class Tuned:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Tuning(Plotted):
-    """All controllers that were tuned; ``case`` has the chosen numbers, and ``text`` is its file if there was one."""
+    """All tuned controllers. ``case`` has the chosen numbers, and ``text`` is its file if there was one."""
 
     aim: Aim
     case: Case
@@ -138,7 +139,7 @@ class Tuning(Plotted):
         return f"<Tuning of {self.case.name!r} for {self.aim.quantity.name}: {'; '.join(found)}>"
 
     def as_json(self) -> dict[str, Any]:
-        """The document of ``tune --json``."""
+        """Return the document of ``tune --json``."""
         return {
             "case": self.case.name,
             "for": self.aim.quantity.name,
@@ -155,9 +156,9 @@ class Tuning(Plotted):
         }
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The front of each controller, as a Matplotlib figure; InputError without a constraint.
+        """Draw the front of each controller as a Matplotlib figure. InputError without a constraint.
 
-        shown  whether it is displayed at once, if pyplot is in use
+        shown  whether the figure is displayed at once, if pyplot is in use
         """
         from barbalat.comparison.tune.picture import draw
 
@@ -172,12 +173,12 @@ FRONT_TUNINGS = 16
 """Number of tunings, from the best to the worst by the aim, whose first constraint's quantity is fully computed for the
 front."""
 CANDIDATES_CHECKED = 8
-"""Number of the best tunings that are fully evaluated until one meets every constraint: finer delays can show a loss below
-the required delay that the search's coarse delays missed."""
+"""Number of the best tunings that are fully evaluated until one meets every constraint. Finer delays can reveal a loss below the
+required delay that the search's coarse delays missed."""
 
 
 def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
-    """The report on one controller; ``own`` is the unchanged case."""
+    """Return the result for one controller. ``own`` is the unchanged case."""
     tell = progress or (lambda _: None)
     best = best_of(trials)
     chosen, nearest, wholes = best.chosen, best.nearest, best.wholes
@@ -209,18 +210,19 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
 
 
 def _verdict(trial: Trial, controller: int) -> Verdict:
-    """The judge's verdict on the case's own plant."""
+    """Return the judge's verdict on the case's own plant."""
     assert trial.case is not None
     case = trial.case
     return verdict_of(case.problem, case.controllers[controller], case.simulation, case.judge)
 
 
 class Best(NamedTuple):
-    """The best tuning that meets every constraint, at a finer step too, if there is one; the nearest to that; all that were fully
-    evaluated.
+    """The best tuning that meets every constraint, also at a finer step, if there is one; the nearest one; and all fully
+        evaluated
+    ones.
 
-    check    the result of a finer step for the nearest, which is the chosen one if there is one
-    refused  for better ones that meet every constraint only with the case's step
+    check    the result of a finer step for the nearest tuning, which is the chosen one if there is one
+    refused  the results for better tunings that meet every constraint only with the case's step
     """
 
     chosen: Trial | None
@@ -231,7 +233,7 @@ class Best(NamedTuple):
 
 
 def best_of(trials: Trials) -> Best:
-    """The best of the tunings that were tried."""
+    """Return the best of the tried tunings."""
     ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
     wholes: list[Trial] = []
     refused: list[tuple[Trial, StepCheck]] = []
@@ -254,7 +256,7 @@ def best_of(trials: Trials) -> Best:
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
-    """The tunings that no other beats; some of those tried are evaluated for it."""
+    """Return the tunings that no other beats. Some of the tried ones are evaluated for this purpose."""
     aim = trials.aim
     if not aim.constraints:
         return []
@@ -284,7 +286,8 @@ def _point(trials: Trials, space: Space, trial: Trial) -> Point:
 
 
 def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
-    """On plants drawn by another seed; None if no run gives a quantity, or there is no set to draw from."""
+    """Evaluate the chosen tuning on plants drawn with another seed; None if no run gives a quantity, or without a set to draw
+    from."""
     problem, aim = made.problem, trials.aim
     told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
     others = aim.unseen(problem)

@@ -1,4 +1,4 @@
-"""Tunes a case's controllers: the search, the choice that is evaluated in full, its front, and validation plants."""
+"""Tunes a case's controllers: the search, the choice, which is evaluated completely, its front, and its validation plants."""
 
 from __future__ import annotations
 
@@ -42,9 +42,10 @@ from barbalat.study.simulated_margins import half_sentence, less_than_half
 from barbalat.validate import Array, InputError, Named
 
 DEFAULT_TRIALS = 384
-"""Tunings tried for each controller: a spread of 128, a generation over all, four around the best, three stars."""
+"""Number of tunings tried for each controller: a spread of 128, a generation over the whole space, four around the best tuning,
+and three stars."""
 SEARCH_SHARE = 0.75
-"""Approximate share of a controller's time; the front and the new plants take the rest."""
+"""Approximate share of a controller's time that the search takes. The front and the new plants take the rest."""
 
 
 def tune(
@@ -68,12 +69,12 @@ def tune(
     objective   a figure of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
     subject_to  such as "delay_margin_measured >= 0.02", "condition < 1", "delay_margin >= 0.01", "max_abs_u < 400"
     vary        "START:STOP" or "START:STOP:log" by path; by default the knobs of each scheme that the case contains
-    controller  the one to tune, by its name; by default all
-    plants      number of plants: the case's own and others from its known set
-    quantile    of the plants; 1: the worst of them
-    trials      number of tunings tried for each controller, by default 384; with more than three numbers 576, the smallest
-                number allowed then
-    seed        of the plants and of the search: the same seed gives the same result
+    controller  the name of the controller to tune; by default all
+    plants      number of plants, the case's own and others from its known set
+    quantile    quantile over the plants; 1 for the worst plant
+    trials      number of tunings tried for each controller, by default 384; with more than three numbers 576, which is then the
+                smallest number allowed
+    seed        seed of the plants and of the search; the same seed gives the same result
     Raises InputError.
     """
     text = None if isinstance(case, Case) else CaseText.read(case)
@@ -107,7 +108,7 @@ class Tuner:
         return VariedCase(self.text, paths, tables)
 
     def space_of(self, controller: int) -> Space:
-        """The ranges of the scheme's own knobs; InputError if it has none."""
+        """Return the ranges of the scheme's own knobs. InputError if it has none."""
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
@@ -123,7 +124,7 @@ class Tuner:
         return of_knobs(knobs, tables[controller], controller)
 
     def count(self, space: Space) -> int:
-        """The number of tunings to try for a controller; InputError for too few."""
+        """Return the number of tunings to try for a controller. InputError for too few."""
         least = least_trials(len(space))
         return max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
 
@@ -131,7 +132,7 @@ class Tuner:
         """Search the tuning of one controller."""
         count = self.count(space)
         trials, start = self._trials(controller, space), self._start(space)
-        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # cases that can't be evaluated are refused here
+        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # refuses cases that cannot be evaluated
         shares = None if start is None else space.shares(start)
         part = part_of(progress, 0, SEARCH_SHARE)
         search(trials.scoring(space), len(space), trials=count, seed=self.aim.seed, start=shares, progress=part)
@@ -150,7 +151,7 @@ class Tuner:
         )
 
     def _start(self, space: Space) -> Array | None:
-        """(d,) the case's own tuning; None if one of its numbers is left to a default."""
+        """Return the case's own tuning (d,); None if one of its numbers is a default that the case does not state."""
         if self.text is None:
             return None
         found = [path.of(self.text.data()) for path in space.paths]
@@ -160,7 +161,7 @@ class Tuner:
 
 
 def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulation) -> TuningGrid | None:
-    """The tuned settings that the scheme declares for such a problem; None if it declares none."""
+    """Return the tuned settings that the scheme declares for such a problem; None if it declares none."""
     if isinstance(problem, OutputProblem) and isinstance(scheme, OutputTunable):
         return scheme.output_knobs(output_reach_of(problem, simulation))
     if isinstance(problem, Problem) and isinstance(scheme, Tunable):
@@ -201,7 +202,7 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
 
 
 def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[dict[int, Space], list[str]]:
-    """The ranges for each controller that is tuned, by its index; and sentences on those that are left out."""
+    """Return the ranges for each tuned controller, by its index, and sentences on omitted ones."""
     names = [one.name for one in tuner.case.controllers]
     if controller is not None and controller not in names:
         raise InputError(f"--controller must be one of the case's ({', '.join(names)}), got {validate.show(controller)}")
@@ -222,7 +223,7 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
 
 
 def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], list[str]]:
-    """The knobs of each controller that has some, and the controllers left out; InputError if none of them has any."""
+    """Return the knobs of each controller that has some, and the omitted controllers. InputError if none of them has any."""
     found, left_out = dict[int, Space](), list[str]()
     for which in chosen:
         try:
@@ -235,7 +236,7 @@ def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], 
 
 
 RUNS_EACH_TRIAL = 5
-"""Runs per plant: without a delay, and with some."""
+"""Number of runs per plant: one without a delay, and some with delays."""
 PLANT = Estimate(memory=20e3, seconds=2e-3)
 """Seconds for a random plant, including the runs of its model and its ideal loop."""
 CERTIFYING_SECONDS = 0.1
@@ -243,7 +244,7 @@ CERTIFYING_SECONDS = 0.1
 
 
 def _require_budget(tuner: Tuner, spaces: Mapping[int, Space]) -> None:
-    """InputError if the plants, or the trials on them, exceed the budget."""
+    """Raise InputError if the plants, or the trials on them, exceed the budget."""
     case, plants = tuner.case, tuner.aim.plants
     loops = [ClosedLoop.of(case.problem, case.controllers[which]) for which in spaces]
     certified = CERTIFYING_SECONDS * len(loops) if tuner.aim.asks(Origin.CERTIFICATE) else 0.0
@@ -267,7 +268,7 @@ def _require_steps(aim: Aim, case: Case) -> None:
 
 
 def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
-    """InputError if a key is in no certificate of the tuned controllers."""
+    """Raise InputError if a key is in no certificate of the tuned controllers."""
     asked = [one for one in tuner.aim.quantities if one.origin is Origin.CERTIFICATE]
     if not asked:
         return
@@ -278,7 +279,7 @@ def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
 
 
 def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
-    """Sentences on the limits of the result."""
+    """Return sentences on the limits of the result."""
     said, own = [], "the step" if tuner.case.simulation.tolerance is None else "the tolerance"
     if len(tuner.aim.family(tuner.case)) < tuner.aim.plants:
         said.append("only the case's own plant was used: it has no known set from which other values of theta could be drawn")
@@ -303,7 +304,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
 
 
 def _unmet(tuner: Tuner, one: Tuned) -> str:
-    """Why no tuning was chosen: a constraint, or a plant that no tuning controls."""
+    """Return why no tuning was chosen: a constraint, or a plant that no tuning controls."""
     tunings, plants = validate.counted(one.trials, "tuning"), len(tuner.aim.family(tuner.case))
     if one.nearest.value is not None and np.isfinite(one.nearest.value):
         return f"none of {tunings} meets every constraint{f' at {finer(tuner.case.simulation)} as well' if one.refused else ''}"
@@ -316,7 +317,7 @@ def _unmet(tuner: Tuner, one: Tuned) -> str:
 
 
 def _beside_linear(one: Tuned) -> list[str]:
-    """The finding if the requested linear delay margin is more than twice what the case tolerates."""
+    """Return the finding if the requested linear delay margin is more than twice what the case tolerates."""
     point, measured = one.chosen or one.nearest, one.delay_margin_measured
     if measured is None:
         return []
@@ -326,7 +327,7 @@ def _beside_linear(one: Tuned) -> list[str]:
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:
-    """The TOML text with numbers replaced at some places."""
+    """Return the TOML text with numbers replaced at some places."""
     import tomlkit
 
     document = tomlkit.parse(text)
