@@ -22,6 +22,7 @@ PLANTED = (
     ("&& c->held_measured[0] <= ", "&& c->held_measured[0] <= 9 * "),
     ("*status |= {M}_MEASUREMENT_LOST;", "*status = {M}_MEASUREMENT_LOST;"),
     ("out->status = status | told;", "out->status = status;"),
+    ("{M}_BAND + 0x1.0000000000000p-50 * time", "{M}_BAND + 0x1.0000000000000p-40 * time"),
     ("told |= status & {M}_RESULT_REFUSED;", "told |= status;"),
     ("missed >= 0L && (status & {M}_STATE_REFUSED) == 0u", "missed >= 0L"),
     ("status |= {M}_RESULT_REFUSED;", "status = {M}_RESULT_REFUSED;"),

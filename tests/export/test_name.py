@@ -62,6 +62,18 @@ def test_exports_in_one_folder_are_one_component(tmp_path) -> None:
         export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name="Pitch")
 
 
+def test_names_whose_identifiers_collide_are_refused(tmp_path) -> None:
+    """``pitch_read_log`` reads the log of pitch, and is the type of the log of pitch_read."""
+    for first, second in (("pitch", "pitch_read"), ("pitch_read", "pitch")):
+        out = tmp_path / first
+        export_controller(STATE, CONTROLLER, SIMULATION, out=out, name=first)
+        before = {file.name: file.read_text() for file in out.iterdir()}
+        with pytest.raises(InputError, match="the names pitch and pitch_read can't be in one folder because both exports would"):
+            export_controller(STATE, CONTROLLER, SIMULATION, out=out, name=second)
+        assert {file.name: file.read_text() for file in out.iterdir()} == before
+        export_controller(STATE, CONTROLLER, SIMULATION, out=out, name="pitch_rate")
+
+
 def test_an_export_with_a_name_and_one_without_do_not_replace_each_others_readme(tmp_path) -> None:
     for folder, first, second in (("a", "pitch", None), ("b", None, "pitch")):
         export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path / folder, name=first)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.export.shell import CLOCK_TOLERANCE, baseline_terms
+from barbalat.export.shell import CLOCK_TOLERANCE, baseline_terms, roundings
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED
 from barbalat.lowering import c99
@@ -25,12 +25,22 @@ def shell_tests(printed: Printed) -> str:
         return ""
     tests = [*_ranges(printed), *_rates(printed), *_stuck(printed), *(_OUTAGE if around.longest is not None else [])]
     if around.band is not None:
-        tests += [*_TIMER, *(_AGE if around.rated else []), *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else [])]
+        near = ROUNDINGS_BEYOND * roundings(printed) * around.T < (around.T / 2 - around.band) / 2
+        tests += [
+            *_TIMER,
+            *(_JUST_BEYOND if near else []),
+            *(_AGE if around.rated else []),
+            *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else []),
+        ]
     if around.longest is not None and around.longest > 0:
         tests += _SHORTER
     return _WHOLE.format(
         name=printed.name, macro=printed.macro, real=printed.real, x=printed.measured, tests=indented(_filled(printed, tests))
     )
+
+
+ROUNDINGS_BEYOND = 16
+"""Distance of a time from the edge of the band at which it is beyond it, in the roundings that the edge allows."""
 
 
 def _filled(printed: Printed, lines: list[str]) -> list[str]:
@@ -47,6 +57,7 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
         "edge": printed.number(float(np.nextafter(number(around.T + band), number(1e9)))),
         "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T + off),
         "beyond": printed.number(around.T + band + min(0.1 * band, (around.T / 2 - band) / 2)),
+        "just_beyond": printed.number(around.T + band + ROUNDINGS_BEYOND * roundings(printed) * around.T),
         "held": printed.contents.layout.measured.name, "most": MOST_COUNTED, "suffix": printed.contents.real.suffix,
         "several": int(several), "lost": f"{printed.contents.lost:g}", "close": int(around.fade > 0),
     }  # fmt: skip
@@ -209,6 +220,10 @@ _TIMER = [
     "in.sample_time = {M}_SAMPLE_TIME;",
     "(void){n}_step(&other, &none, &expected); (void){n}_step(&other, &none, &expected); (void){n}_step(&other, &in, &expected);",
     'require({several} == 0 || same_state(&c, &other), "missed calls do not count as misses");',
+]
+_JUST_BEYOND = [
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {just_beyond};",
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time just beyond the band is accepted");',
 ]
 _AGE = [
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.{x}[0] = nothing / nothing; in.sample_time = {half};",

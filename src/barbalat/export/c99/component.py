@@ -23,6 +23,7 @@ def joined(present: Mapping[str, str]) -> dict[str, str]:
             raise InputError(
                 f"names in one folder must differ by more than their case, got {validate.show(a)} and {validate.show(b)}"
             )
+    _require_distinct(present)
     return {
         "controllers.h": filled("controllers.h", includes="".join(f'#include "{name}{HEADER}"\n' for name in names)),
         "CMakeLists.txt": filled("component.cmake", names=" ".join(names)),
@@ -34,6 +35,24 @@ def joined(present: Mapping[str, str]) -> dict[str, str]:
             tests=" && ".join(f"./build/{name}_selftest" for name in names),
         ),
     }
+
+
+def _require_distinct(present: Mapping[str, str]) -> None:
+    """InputError if two headers define the same identifier, as ``pitch_read_log`` is the function of ``pitch`` that reads the
+    log, and the type of the log of ``pitch_read``."""
+    owner: dict[str, str] = {}
+    for name in sorted(present):
+        own = {found[found.lastindex or 0] for found in DEFINED.finditer(present[name])}
+        if both := sorted(own & owner.keys()):
+            raise InputError(
+                f"the names {owner[both[0]]} and {name} can't be in one folder because both exports would define {both[0]}: "
+                "choose another name"
+            )
+        owner |= dict.fromkeys(own, name)
+
+
+DEFINED = re.compile(r"^#define (\w+)|^\} (\w+);$|^(?:unsigned|void) (\w+)\(", re.MULTILINE)
+"""A macro, a type or a function in a header."""
 
 
 def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
