@@ -392,6 +392,10 @@ sample_time = 0.01
             "faults 1 (spike): channel must be one of angle, rate",
         ),
         (
+            '[[faults]]\nkind = "dropout"\nshare = 0.1\nchannel = "command_2"',
+            "faults 1 (dropout): channel must be command, got 'command_2': if one command is lost, the last good values of all",
+        ),
+        (
             '[[faults]]\nkind = "latency"\ntime = 0.015',
             "a latency's time must be a whole number of sample times of 0.01 s, got 0.015 s",
         ),

@@ -113,6 +113,12 @@ class Dropout(OnChannel, Fault):
 
     def require(self, names: tuple[str, ...]) -> None:
         """Raise InputError for an unknown channel. ``names`` are the measured channels."""
+        if self.channel not in names and self.channel.startswith(f"{COMMAND}_"):
+            raise InputError.of(
+                "channel",
+                f"must be {COMMAND}, got {validate.show(self.channel)}: if one command is lost, the last good values of all "
+                "commands are held",
+            )
         if self.channel not in ("", COMMAND, *names):
             known = ", ".join((*names, COMMAND))
             raise InputError.of("channel", f"must be one of {known}, got {validate.show(self.channel)}")
