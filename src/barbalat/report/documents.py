@@ -6,14 +6,16 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from barbalat.certificates.certify import Certified
-from barbalat.papers.claim import Claim
-from barbalat.papers.finding import Finding, Unmeasured
-from barbalat.papers.paper import Paper, PaperFigure
 from barbalat.problem.departures import sets_and_truth
 from barbalat.run.results.result import Result
+
+if TYPE_CHECKING:  # most documents are not about papers
+    from barbalat.papers.claim import Claim
+    from barbalat.papers.finding import Finding
+    from barbalat.papers.paper import Paper, PaperFigure
 
 
 def as_json(document: dict[str, Any]) -> str:
@@ -31,6 +33,8 @@ def _finite(part: Any) -> Any:
 
 def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
     """Return the sentences of the paper, each with the finding of its row or of that part of the row that the sentence states."""
+    from barbalat.papers.finding import Unmeasured
+
     measured, found = {claim.id: claim for claim in claims}, []
     for one in paper.coverage:
         claim, finding = measured.get(one.row or ""), None

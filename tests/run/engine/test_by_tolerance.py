@@ -14,6 +14,8 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import right_hand_side
 from barbalat.lowering.compiled import Compiled
 from barbalat.run.engine.motion import Motion
+from barbalat.run.kernel import step
+from barbalat.run.kernel.attempt import Attempts
 from barbalat.signals import Constant, Square
 from barbalat.validate import InputError
 
@@ -196,3 +198,25 @@ def test_attempts_without_dense_output_are_the_same() -> None:
         bare.further()
     assert bare.x == pytest.approx(whole.x, rel=1e-9)
     assert (bare.steps, bare.rejected) == (whole.steps, whole.rejected)
+
+
+def test_a_loop_is_traced_again_only_if_it_differs(monkeypatch) -> None:
+    """In its numbers or in its command; the bits do not depend on whether it was traced before."""
+    traced, program = [], Attempts.program
+    monkeypatch.setattr(Attempts, "program", lambda self: traced.append(self) or program(self))
+    simulation, louder = Simulation(1.0, tolerance=1e-6), replace(PAPER.problem, reference=Constant(amplitude=7.0))
+    pairs = [(PAPER.problem, replace(MRAC, gamma=0.37)), (PAPER.problem, replace(MRAC, gamma=0.38))]
+    pairs.append((replace(PAPER.problem, reference=replace(PAPER.problem.reference, amplitude=7.0)), pairs[0][1]))
+    pairs.append((louder, pairs[0][1]))
+
+    def ends():
+        return [simulate(*pair, simulation)["MRAC"].states[-1].tobytes() for pair in pairs]
+
+    monkeypatch.setattr(step, "_programs", {})
+    first = ends()
+    assert len(traced) == len(set(first)) == 4
+    assert ends() == first
+    assert len(traced) == 4
+    monkeypatch.setattr(step, "_programs", {})
+    assert ends() == first
+    assert len(traced) == 8

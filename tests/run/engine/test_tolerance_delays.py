@@ -16,7 +16,7 @@ from barbalat.loop.linearization import right_hand_side
 from barbalat.lowering.compiled import Compiled
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.run.kernel import past
+from barbalat.run.kernel import past, step
 from barbalat.run.kernel.portable import standard_normal
 from barbalat.signals import Square
 from barbalat.validate import InputError
@@ -123,6 +123,7 @@ def test_steps_end_at_what_a_jump_leaves(monkeypatch) -> None:
     errors = []
     for level in (past.SMOOTH_LEVEL, 1.0):  # the second ends steps only where a jump leaves the delay
         monkeypatch.setattr(past, "SMOOTH_LEVEL", level)
+        monkeypatch.setattr(step, "_programs", {})  # traced with the other level
         monkeypatch.setattr("barbalat.run.kernel.attempt.SMOOTH_LEVEL", level)
         found = run(problem, slow, 0.8, 1e-6)
         assert found.accuracy.rejected == 0

@@ -3,6 +3,7 @@ observed."""
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import inf
@@ -11,6 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.structure import comes_from_outside, structure
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
@@ -22,7 +24,8 @@ from barbalat.run.kernel.observed import NODES_EACH_STEP, WITHIN
 from barbalat.run.kernel.past import SAME_INSTANT, with_room
 from barbalat.run.kernel.pieces import Pieces
 from barbalat.run.kernel.portable import run_times
-from barbalat.run.kernel.step import CompiledLoop
+from barbalat.run.kernel.step import CompiledLoop, traced_once
+from barbalat.run.kernel.template import Columns, Member
 from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -60,6 +63,14 @@ class Delay:
 
     time: float
     history: Array
+
+
+def _traced_by(attempts: Attempts) -> Hashable | None:
+    """Everything on which the programs depend: the loop with all its numbers, and the signals that are formulas."""
+    if comes_from_outside(attempts.loop):  # a function from outside may depend on anything
+        return None
+    member = Member(attempts.loop, None)
+    return "motion", *structure(member), Columns(member).first_numbers().tobytes(), attempts.fused, attempts.signals.formulas
 
 
 class StalledError(InputError):
@@ -113,6 +124,7 @@ class Motion:
     ) -> Motion:
         """InputError for signals or equations that can't be used with a tolerance."""
         attempts = Attempts(loop, TimeSignals.of(signals), fused=simulation.fused)
+        vars(attempts).update(traced_once(_traced_by(attempts), (loop, signals), lambda: attempts.traced))
         code = compiled_attempts(*attempts.lists, attempts.shape)
         return cls.begun(Pieces(attempts, noise, number), code, loop.initial(), np.zeros(0), simulation, tolerance, delay)
 
