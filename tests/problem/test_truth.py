@@ -374,4 +374,4 @@ def test_a_remainder_is_judged_in_any_unit():
 def test_another_input_path_is_told_in_the_digits_that_it_needs(own, true, said):
     problem = designed(truth=Truth(input=true))
     problem = replace(problem, plant=replace(problem.plant, input=own))
-    assert f"before its input there is another path: {said}" in [one.sentence for one in departures(problem)]
+    assert f"the path before its input differs: {said}" in [one.sentence for one in departures(problem)]

@@ -23,8 +23,9 @@ from barbalat.validate import Array, InputError
 def default_knobs(
     problem: Problem, simulation: Simulation, *, density: int = 12, own: Sequence[Controller] = ()
 ) -> tuple[tuple[TuningGrid, ...], tuple[str, ...]]:
-    """Return the knobs that the registered schemes declare, with ``density`` values for each second one, and sentences on
-    omissions.
+    """Return the knobs that the registered schemes declare, and sentences on omissions.
+
+    density  number of values of a knob that is combined with another one
 
     Gains go up to the largest that this step resolves, and time constants from five steps to the model's slowest one. The
     sentences name omitted tunings, and schemes that do not support the problem. InputError if no scheme supports it.

@@ -16,7 +16,8 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class ChartAxis:
-    """An axis of a map. Its cells are centred at ``values``, which ascend. On a ``logarithmic`` axis the centre is geometric."""
+    """An axis of a map. ``values`` are the centres of its cells, in ascending order. On a ``logarithmic`` axis the centres are
+    geometric."""
 
     label: str
     values: Array

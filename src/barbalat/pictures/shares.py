@@ -17,7 +17,7 @@ from barbalat.validate import Array
 class Shares:
     """A panel with the values of all runs for each name. A value that is not finite counts as larger than any other.
 
-    at_least  whether the share counts runs with at least a value instead of those with at most that value
+    at_least  whether the share counts runs with at least a value; otherwise it counts those with at most that value
     """
 
     title: str

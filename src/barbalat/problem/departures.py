@@ -184,7 +184,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
         ]
         if differs:
             said = ", ".join(f"{name} {_apart(getattr(true, name), getattr(own, name))}" for name in differs)
-            yield Departure(f"before its input there is another path: {said}")
+            yield Departure(f"the path before its input differs: {said}")
     if around.disturbance is not problem.disturbance:
         yield Departure("another disturbance enters with u")
     if problem.truth is not None and problem.truth.unmatched is not None:
@@ -194,7 +194,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
     if problem.simulated is not None and problem.simulated.C is not None and fixed is not None:
         simulated_C, S = problem.simulated.C, problem.simulated.S
         if not np.array_equal(simulated_C, fixed.C if S is None else fixed.C @ S):
-            yield Departure("what is measured of its states is not what the observer expects")
+            yield Departure("the quantities measured of its states differ from those that the observer expects")
     if simulated != designed:
         yield Departure("its state is measured by another sensor")
 

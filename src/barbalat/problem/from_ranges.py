@@ -58,7 +58,7 @@ class Members(NamedTuple):
     """Plants for parameters in their ranges: at the nominal values, at corners, and at random points in between."""
 
     uncertain: list[str]
-    parameters: list[dict[str, float]]  # of each plant, all of them
+    parameters: list[dict[str, float]]  # all parameters of each plant
     theta: Array  # (K, p)
     omega: Array  # (K, m)
 
@@ -103,7 +103,7 @@ class FromRanges:
         return [name for name, (low, high) in self.ranges.items() if low < high]
 
     def members(self, drawn: int) -> Members:
-        """Return the plants at the nominal parameters, at MOST_CORNERS corners of the ranges at most, and at ``drawn`` points."""
+        """Return the plants at the nominal parameters, at up to MOST_CORNERS corners of the ranges, and at ``drawn`` points."""
         assert self.quantities is not None
         names, nominal, rng = self.uncertain, self.nominal["parameters"], np.random.default_rng(0)
         points = np.array([[nominal[name] for name in names]])
@@ -188,7 +188,7 @@ class FromRanges:
             each = [f"{name} ({ends} at their corners)" if ends else name for name, ends in self.around.items()]
             found.append(
                 f"the parameters' ranges also change {', '.join(each)}: guarantees of the motion hold for the declared values; "
-                "margins over the ranges contain the others"
+                "margins over the ranges include the other values"
             )
         scale = ", ".join(f"{one:.3g}" for one in self.scale)
         found.append(f"the states are weighted by their scales {scale}, {self.scale_from}")

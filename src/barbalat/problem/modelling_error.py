@@ -17,7 +17,7 @@ from barbalat.validate import Array, InputError
 
 
 class ModellingError(Protocol):
-    """Delta_m of a given size > 0. A size of 0 means no error."""
+    """A family of modelling errors Delta_m, each given by its size > 0. A size of 0 means no error."""
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         """Return the plant's input with the error added. InputError if both cannot be combined."""

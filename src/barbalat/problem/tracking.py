@@ -199,7 +199,7 @@ class TrackingProblem:
 
     @property
     def history(self) -> Array:
-        """The constant that leaves the delay of each input before the run's own control does (m,)."""
+        """The constant control (m,) that was applied before the run and leaves each input's delay first."""
         return np.array([path.history for path in self.surroundings.paths])
 
     @property

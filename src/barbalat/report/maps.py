@@ -68,7 +68,7 @@ def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
 
 
 def _edges(axis: ChartAxis) -> Array:
-    """The borders of the cells around an axis' values."""
+    """Return the borders of the cells around the values of an axis."""
     values = np.log(axis.values) if axis.logarithmic else axis.values
     middle = (values[1:] + values[:-1]) / 2
     edges = np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])

@@ -50,7 +50,7 @@ def rows(found: TradeOff, which: str, criterion: str) -> list[tuple[str, ...]]:
             lines.append(
                 (
                     cloud.scheme,
-                    tuning_text(cloud.tunings[i]) or "as it is",
+                    tuning_text(cloud.tunings[i]) or "not tuned",
                     number_text(float(error[i])),
                     number_text(float(margin[i])),
                 )

@@ -30,7 +30,7 @@ GAINS = np.geomspace(1e-2, 1e8, 31)
 KAPPAS = (0.02, 0.1, 1.0)
 """Time constants of the filters [s]. Their bandwidths are fifty times, ten times and once that of the plant."""
 UNCHANGED_SHARE = 0.1
-HOW = f"a loop of ours, since only the abstract was read: plant x' = -x + u + sigma, every stable first-order plant is a scaling of it; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
+HOW = f"a loop of our own, because only the abstract was read: the plant x' = -x + u + sigma, from which scaling gives every stable first-order plant; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
 
 
 def loop(gamma: float, kappa: float | None) -> TransferFunction:

@@ -47,7 +47,7 @@ def stiff_solvers_further() -> Claim:
     )
     codes = "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in (*loose, *longer))
     more = Reading(
-        "at the other gains for longer, and codes with automatic steps for longer: none follows the equations",
+        "in longer runs, at the other gains and with codes that choose their steps, none follows the equations",
         not any(rows for _, rows in followed),
         f"implicit steps that follow the equations, with projection: {gains}. Automatic steps: {codes}",
         "beside",

@@ -23,7 +23,7 @@ GRID = np.linspace(-5.0, 5.0, 5)
 
 
 def first_order(w: float) -> TransferFunction:
-    """Return (6) with kappa = 1/w."""
+    """Return the filter (6) with kappa = 1/w."""
     return TransferFunction([w], [1.0, w])
 
 

@@ -180,7 +180,7 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
             ),
         ),
         shows=f"No robust MRAC beats more than {beats} of {count} tuned L1-ACs. Another beats Section V's at least {least:.2f}-fold in all; {int(better_too.sum())} tuned L1-ACs do too (best {least_of_l1:.2f}), {int(better_too[:half].sum()) or 'none'} with (6).",
-        measured=f"{', '.join(OBJECTIVES)}: {told}. Better than it in all five are {int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} robust MRACs and {int(better_too.sum())} of {count} L1-ACs: the comparison with an untuned scheme also measures the tuning. One L1-AC beats at most {_beats_most(l1, robust)[1]} of {count} robust MRACs. Smallest value of each objective over all tunings, L1-AC and robust MRAC: {_least(l1, robust)}",
+        measured=f"{', '.join(OBJECTIVES)}: {told}. {int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} robust MRACs and {int(better_too.sum())} of {count} L1-ACs are better than it in all five: the comparison with an untuned scheme also measures the tuning. One L1-AC beats at most {_beats_most(l1, robust)[1]} of {count} robust MRACs. Smallest value of each objective over all tunings, L1-AC and robust MRAC: {_least(l1, robust)}",
         how=f"Section V, {MENDED}, RK4, h = {STEP['L1-AC']:g} s and {STEP['robust MRAC']:g} s, {T_END:g} s, every step; L1-AC of Section V: Gamma = {section_v.FIGURE_4_GAIN:g}, h = {OWN_STEP:g} s. {count} points of Sobol's sequence for each side over its own parameters, spaced in their logarithms: "
         f"{ranges(L1_KNOBS)}, filter (6) or (2 kappa s + 1)/(kappa s + 1)^2; {ranges(ROBUST_KNOBS)}. Delays: {len(DELAYS)} from {DELAYS[0]:g} to {DELAYS[-1]:g} s, then bisected {HALVINGS} times, over {DELAYED_T_END:g} s; the model counts as followed if the tail's error is below "
         f"{UNFOLLOWED_SHARE:g} of the largest |x_m|",
@@ -232,7 +232,7 @@ def no_advantage(l1: Side, robust: Side) -> Claim:
             Reading("the same with the paper's filter (6)", not ahead_with_6, _told(ahead_with_6, l1.first(half), robust.first(half)), "beside"),
         ),
         shows=f"{len(left)} of {count} tuned L1-ACs are unbeaten, {int((left < half).sum())} of them with (6). Best {OBJECTIVES[shown]}: L1-AC and robust MRAC {_of_each(shown, l1, robust)}; delay {_of_each(-1, l1, robust)} s.",
-        measured=f"smallest value of each objective, L1-AC and robust MRAC (of the delay the largest): {_least(l1, robust)}",
+        measured=f"smallest value of each objective, L1-AC and robust MRAC (for the delay the largest): {_least(l1, robust)}",
         how=f"the runs of robust-mrac-better, {MENDED}: {count} tunings of each side. That row looks for one robust MRAC that beats every L1-AC, this one for an L1-AC that none beats. The effect of a filter on an MRAC with the same gain is another sentence: filter-reduces-margins",
         listings=(
             Listing(
