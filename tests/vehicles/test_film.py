@@ -54,7 +54,7 @@ def test_a_film_shows_both_until_one_is_lost():
     assert len(found) == 30  # ten a second
     assert all(pixels_of(one, 1) > 20 for one in found)
     assert pixels_of(found[10], 0) == 0  # outside of the box, which is around the one that kept control
-    assert 20 < pixels_of(found[-1], 0) < 40  # the cross, at the wall
+    assert 20 < pixels_of(found[-1], 0) < 40  # only the cross at the wall of the box
 
 
 @pytest.mark.full

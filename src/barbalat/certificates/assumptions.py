@@ -1,4 +1,5 @@
-"""The assumptions of certificates, each checked on the case: what acts on the plant, where the estimates start, the known set."""
+"""The assumptions of certificates, each checked on the case: the signals that act on the plant, the initial estimates, the known
+set."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def beyond_the_paper(problem: Problem) -> bool:
 def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Assumption | None = None) -> tuple[Assumption, ...]:
     """The plant is (1) without additions, nothing else acts on it, and the command is of the class that is tracked.
 
-    ``acting`` replaces the assumption on what acts on the plant.
+    ``acting`` replaces the assumption on the signals that act on the plant.
     """
     plant = exact_plant(problem, gain_adapted=gain_adapted), acting or undisturbed(problem), measured(problem)
     return *plant, bounded_command(problem), START_TOGETHER, ACTS_CONTINUOUSLY

@@ -50,7 +50,7 @@ class Column:
 
 
 def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
-    """A statement that holds for this case; if the case breaks an assumption, an entry with the reason."""
+    """A statement that holds for this case, or an entry with the reason if the case violates an assumption."""
     found = checked(key, text, assumptions, Quantity(PROPERTIES[key]))
     return found if found.applies else replace(found, value=None)
 

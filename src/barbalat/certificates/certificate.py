@@ -154,7 +154,7 @@ class Certificate:
         return document if self.simulated is None else document | {"simulated": self.simulated.as_json()}
 
     def with_simulated(self, simulated: Simulated) -> Certificate:
-        """Return a copy that includes what was simulated."""
+        """Return a copy that includes the results of simulations."""
         return replace(self, simulated=simulated)
 
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
@@ -204,7 +204,7 @@ class Draft:
             self.notes.append(sentence)
 
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
-        """Add a bound, which does not apply if this case breaks an assumption. ``NUMBERS_ALONE`` is an assumption too."""
+        """Add a bound, which does not apply if this case violates an assumption. ``NUMBERS_ALONE`` is an assumption too."""
         if not assumptions:
             raise TypeError(f"{key} is guaranteed without assumptions: name those on which it depends")
         self.entries[key] = checked(key, value, assumptions, self._quantity(key))

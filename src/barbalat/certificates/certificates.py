@@ -49,7 +49,7 @@ def column_of(problem: TrackingProblem, controller: Controller, certificate: Cer
 
 @dataclass(frozen=True)
 class Table1:
-    """Table 1 of a case. Each cell is checked on the case: if the case breaks its assumptions, the cell says so instead."""
+    """Table 1 of a case. Each cell is checked on the case: if the case violates its assumptions, the cell says so instead."""
 
     columns: tuple[Column, ...]
 

@@ -83,7 +83,7 @@ class PlaceOfRest:
 
     @property
     def where(self) -> str:
-        """The estimates there, as equations; empty for a controller without any."""
+        """The estimates at the equilibrium, as equations. Empty for a controller without estimates."""
         return ", ".join(one.text for one in self.estimates)
 
     @property
@@ -182,7 +182,7 @@ def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Q
 
 
 def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
-    """A guaranteed value, or one that does not apply, with the reasons, if this case breaks an assumption."""
+    """A guaranteed value, or one that does not apply, with the reasons, if this case violates an assumption."""
     sentences = tuple(assumption.sentence for assumption in assumptions)
     why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
     kind: Kind = "does not apply" if why else "guaranteed"

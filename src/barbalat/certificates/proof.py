@@ -58,7 +58,7 @@ RESTS_ON: dict[str, tuple[str, ...]] = {
 }
 """The lines that a rule needs in every scheme, by key."""
 OF_NUMBERS_ALONE = "nu_0", "nu_0_worst", "initial_parameter_error", "lambda_min", "theta_max"
-"""Keys whose rules need no assumption about what acts on the plant."""
+"""Keys whose rules need no assumption on the signals that act on the plant."""
 OF_V = "error_bound", "error_bound_worst", "error_bound_command"
 BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
     "mrac": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
@@ -317,7 +317,7 @@ def _blocks(parts: list[list[arb_mat]]) -> arb_mat:
 
 
 def plant_facts(problem: Problem) -> dict[str, Any]:
-    """The plant as its designer knows it, and what acts on it."""
+    """The plant as its designer knows it, and the signals that act on it."""
     plant, known = problem.plant, problem.known
     unmatched = "" if problem.derived is None else problem.derived.unmatched
     sensor = problem.sensor
@@ -344,7 +344,7 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
 
 
 def _output_facts(problem: OutputProblem) -> dict[str, Any]:
-    """What acts on a plant with output feedback."""
+    """The signals that act on a plant with output feedback."""
     acting = {"disturbance": problem.disturbance, "output_disturbance": problem.output_disturbance}
     noise = problem.noise
     return {

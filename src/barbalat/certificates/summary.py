@@ -21,7 +21,7 @@ class Line(NamedTuple):
 
 
 def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """The five lines, after the lines on what was simulated on request: the measured margins and the run."""
+    """The five lines, after the lines on simulations that were requested: the measured margins and the run."""
     gain, simulated = certificate.values.get("gamma_float32"), certificate.simulated
     leading = [] if simulated is None else [
         Line("measured", simulated.margins, "estimate"), Line("simulated", simulated.run, "estimate")

@@ -77,7 +77,7 @@ def shared(error: Value, answered: Value, span: Value) -> Value:
 
 
 def next_span(frozen: Value, span: Value, memory: float) -> Value:
-    """1 after a measurement, and 1 + memory + memory^2 + ... without one: the sum to which a constant error accumulates."""
+    """The sum to which a constant error accumulates: 1 after a measurement, and 1 + memory + memory^2 + ... during a gap."""
     return kept(frozen, np.minimum(1 + memory * span, LONGEST_SPAN), 1 + 0 * span)
 
 

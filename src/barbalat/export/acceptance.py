@@ -26,7 +26,7 @@ Accepts = Callable[[Array], bool]
 
 
 Text = Callable[[Entry], str]
-"""What is printed for an entry."""
+"""A function that returns the printed text of an entry."""
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,8 @@ class Contents:
 
     @property
     def checked_limits(self) -> tuple[Array, Array] | None:
-        """The same without limits that are parameters: the law brings a state beyond such limits back, so it is not refused."""
+        """``limits`` without those that are parameters. The law returns a state beyond such limits to the set, so that it is not
+        refused."""
         if self.limits is None or self.opened is None:
             return self.limits
         (low, high), (low_is_open, high_is_open) = self.limits, self.opened.open_limits
@@ -329,7 +330,7 @@ class Contents:
         return states
 
     def _compiled(self) -> Array:
-        """The same by LLVM, which supports only 64 bits here."""
+        """The states after each sample, computed by LLVM, which supports only 64 bits here."""
 
         def constant(op: Operation) -> Operation:
             if op.name != "input" or op.source[0] != PARAMETER or self.opened is None:

@@ -138,7 +138,7 @@ class Prover:
         return found
 
     def _keeps(self, mutant: Mutant) -> str:
-        """The same for a row that is not stored: the value to be stored equals the loaded one."""
+        """The reason if a mutant that does not store a row is equivalent: the value to be stored equals the loaded one."""
         operations, stored = self.program.operations, self.program.outputs[0][list(self.rows).index(mutant.place)]
         loads = [i for i, op in enumerate(operations) if op.name == "input" and op.source == (STATE, mutant.place)]
         if not loads:

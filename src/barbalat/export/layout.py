@@ -117,7 +117,7 @@ roles."""
 
 
 def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
-    """All arrays, in the order of the flat state; the scheme's own under their names, held values with a prefix."""
+    """All arrays in the order of the flat state. The scheme's arrays keep their names, and held values have a prefix."""
     found = [(path, np.shape(array)) for path, array in leaves(initial)]
     names = distinct(path.removeprefix("controller.") for path, _ in found)
     start = 0

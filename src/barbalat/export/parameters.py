@@ -148,7 +148,7 @@ def _followed(row: Array) -> int | None:
 
 
 def _placed(path: FieldPath, place: int) -> FieldPath:
-    """The path in a case in which the controller, the only one here, stands at this place."""
+    """The path in a case that has this controller, the only one here, at this position."""
     return FieldPath(("controller", place, *path.keys[2:])) if path.keys[0] == "controller" else path
 
 

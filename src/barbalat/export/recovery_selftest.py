@@ -32,8 +32,8 @@ def _ends(around: Around | None) -> bool:
 
 
 def checked_values(contents: Contents) -> list[StatePart | None]:
-    """The last good values with which rates are checked: a state with one of them out of range is refused, and a new value would
-    exceed the rate."""
+    """The stored last good values from which rates are checked. If one of them is out of range, the state is refused, and
+    otherwise every new value would exceed the rate."""
     around, layout = contents.around, contents.layout
     if around is None:
         return []

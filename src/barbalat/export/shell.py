@@ -193,7 +193,8 @@ def _no_outage(printed: Printed, *, age: str) -> list[str]:
 
 
 def _without_state(printed: Printed) -> dict[str, str]:
-    """C text for a state out of range: the controller restarts, or waits for a measurement or until no parameter is bad."""
+    """C text for a state out of range, after which the controller restarts. Before that, it may wait for a measurement or for
+    valid parameters."""
     around, contents = printed.contents.around, printed.contents
     if not _ends(around) or not (contents.measures_state or contents.parameters):
         return {"wait": "", "outage_before": "", "begins": "(void)", "begun": ";", "told_fallback": ""}
@@ -378,7 +379,7 @@ def in_ranges(printed: Printed, values: str) -> list[str]:
 
 
 def _command_ranges(printed: Printed, values: str) -> list[str]:
-    """The same of a command."""
+    """Tests in C for whether the entries of a command are in their ranges."""
     around = printed.contents.around
     return [] if around is None else _ranges(printed, values, around.command_ranged, around.command_low, around.command_high)
 
@@ -527,7 +528,8 @@ def shell_readme(printed: Printed) -> str:
 
 
 def _timed(printed: Printed) -> dict[str, str]:
-    """With a timer, whose time decides which samples a call takes: the parts of one sample, and the function of a call."""
+    """The parts of one sample and the function of a call, for a shell with a timer, whose time determines the samples of a
+    call."""
     longest, around = f"{printed.macro}_LONGEST_OUTAGE", printed.contents.around
     wrong = [
         "if (missed < 0L) {",

@@ -142,7 +142,7 @@ def _usable_result(printed: Printed) -> str:
 
 
 def stored(contents: Contents) -> list[StatePart]:
-    """The arrays into which a sample stores what it was given: accepted before, they need no test as its result."""
+    """The arrays in which a sample stores its inputs. They were checked before and need no test as results."""
     layout = contents.layout
     return [layout.measured, layout.r, layout.started]
 

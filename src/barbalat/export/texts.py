@@ -91,7 +91,7 @@ class Printed:
         return self.told_origin(comment)
 
     def told_origin(self, written: Callable[[str], str]) -> str:
-        """The same with names in this form."""
+        """The text on the origin with names in this form."""
         case, each = written(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
         return (
             f"{written(self.contents.controller.name)}: {self._scheme}, {each},\n * for the case "

@@ -232,7 +232,7 @@ class _Search:
         return columns[:, good]
 
     def _special(self) -> Array:
-        """Columns at rest: all entries, or all but one, are zero of either sign."""
+        """Columns in which all entries, or all except one, are zero of either sign."""
         count = CANDIDATES // 2
         columns = np.zeros((len(self.nominal), count))
         columns[self.random.random(columns.shape) < 0.5] = -0.0

@@ -88,7 +88,7 @@ class Structure:
         return cls(given, start, ~known & ~given[:, None], limits)
 
     def about(self, reference: Array) -> Structure:
-        """The same for deviations from a reference (p,), with a constant term in each unknown row."""
+        """The structure for deviations from a reference (p,), with a constant term in each unknown row."""
         constant = np.where(self.given, self.start @ reference, 0.0)
         unbounded = np.broadcast_to([-np.inf, np.inf], (len(self.given), 1, 2))
         return Structure(

@@ -74,7 +74,7 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
         if high - low <= within * high:
             break
         middle = low * (high / low) ** (below / (below - above))
-        # goes past the root by a third of the requested width, towards the farther end, so that both ends come close to the root
+        # passes the root by a third of the requested width, towards the farther end, so that both ends approach the root
         middle *= 1 - within / 3 if middle > geometric_mean(low, high) else 1 + within / 3
         if step % SECANTS == 0 or not low < middle < high:
             middle = geometric_mean(low, high)

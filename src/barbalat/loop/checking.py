@@ -97,7 +97,7 @@ def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
 
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
-    """Check an ensemble's equations, in which a column of symbols stands for settings whose values are the numbers (p,)."""
+    """Check an ensemble's equations, in which a column of symbols replaces settings whose values are the numbers (p,)."""
     whose = Subject(f"an ensemble: {type(numbers).__name__}")
     trial = TrialCall(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
     others = TrialCall(whose, varied, trial.arguments).equations

@@ -81,8 +81,8 @@ class SampledController:
     def act(self, state: Acting, y: Value, r: Value, freeze: Value = None) -> Acting:
         """One sample: advance from the last sample to this one, unless this is the first, and set u.
 
-        If ``freeze`` is above 0, the estimates and the law's memory are held; if it is ``LOST``, an observer also predicts
-        without ``y``; if it is None, neither.
+        If ``freeze`` is above 0, the estimates and the law's memory are held. If it is ``LOST``, an observer also predicts
+        without ``y``. If it is None, nothing is held.
         """
         controller, held = state
         started = held.started > 0

@@ -38,7 +38,7 @@ class Subject:
 
     @property
     def on_symbols(self) -> Subject:
-        """The same for an equation that worked on numbers, so that a failure is due to the symbols."""
+        """This subject for an equation that worked on numbers, so that a failure is due to the symbols."""
         return replace(self.part(" on symbols"), symbolic=True)
 
     def error(self, what: str) -> InputError:

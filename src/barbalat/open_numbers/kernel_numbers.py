@@ -117,7 +117,7 @@ class Family:
 
     @property
     def weights(self) -> tuple[Array, Array]:
-        """(k,) the rows of the parameters that are a delay's weights, and which of all weights these are."""
+        """(k,) the rows of the parameters that are a delay's weights, and the indices of these weights among all weights."""
         reader = self.reader
         if reader.weights is not None and reader.adjustable:  # all of them, at the end
             size = reader.weights.first.size

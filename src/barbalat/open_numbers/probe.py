@@ -209,7 +209,7 @@ def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
 
 
 def _read(base: Member, others: Sequence[Member], simulation: Simulation) -> Family:
-    """One kernel for all of these, whatever their signals."""
+    """One kernel for all of these members, which may have any signals."""
     reader = Reader.of(base, simulation, adjustable=False)
     for member in others:
         reader.take(*member)

@@ -111,7 +111,8 @@ def _copied_to_truth(tables: Tables, key: str, own: Any, keys: tuple[Key, ...]) 
 
 
 def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None) -> Problem | None:
-    """The same for Python's objects; None if the number is an ordinary field."""
+    """The problem with a number of the truth or a parameter changed, for Python objects. None if the number is an ordinary
+    field."""
     if is_parameter(path):
         return _with_parameter(problem, path, value, redesign is True and path.keys[0] == PARAMETERS)
     key = path.keys[1] if len(path.keys) > 1 else None

@@ -53,7 +53,7 @@ class Simulation(Settings):
     fused          use fused multiply-adds; without them a step takes longer, and exported C and pages agree bit for bit
 
     Raises InputError if dt does not divide t_end, or unless exactly one of dt and tolerance is given. With a tolerance ``dt`` is
-    None, and ``steps`` belongs to ``grid``.
+    None, and only ``grid`` has a number of steps.
     """
 
     t_end: float

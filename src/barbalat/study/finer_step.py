@@ -41,7 +41,7 @@ def refined(simulation: Simulation) -> Simulation:
 
 
 def finer(simulation: Simulation) -> str:
-    """What ``refined`` does, in a few words."""
+    """A short phrase for the effect of ``refined``."""
     return f"a step {FINER_BY} times smaller" if simulation.tolerance is None else f"a {1 / FINER:.0f}nd of the tolerance"
 
 
@@ -120,7 +120,7 @@ VERDICTS = {
 
 @dataclass(frozen=True)
 class Confirmed:
-    """The result of a finer step for the size (``what``) that one member tolerates: the number of checks, and those that
+    """The result of a finer step for the size (``what``) that a member tolerates: the number of checks, and the checks that
     disagreed."""
 
     what: str
@@ -169,7 +169,8 @@ def delays_confirmed(
 def gains_confirmed(
     members: Sequence[Member], simulation: Simulation, found: DelayMargins, error: GainError, *, numbers: Array, by: Judging
 ) -> list[Confirmed]:
-    """The same for factors on the input's effectiveness, upwards or downwards, up to the largest factor that is tried."""
+    """Whether a finer step confirms the tolerated factors on the input's effectiveness, upwards or downwards, up to the largest
+    factor that is tried."""
     asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
     beside = _beside(found)
     ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)

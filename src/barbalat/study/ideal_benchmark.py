@@ -49,7 +49,7 @@ Largest errors are not suitable: at steps of a command, for example, two realisa
 
 
 def ideal(problem: Problem) -> Member:
-    """The problem, with every sample used as it is, and the controller that knows its parameters."""
+    """The problem without a shell or faults, and the controller that knows its parameters."""
     true = problem.true_parameters  # a truth with other states has no parameters; those of the design plant are then used
     return problem.nominal, KnownParameters(theta=problem.parameters if true is None else true)
 
@@ -68,7 +68,7 @@ class Ideals:
 
     @classmethod
     def over(cls, simulation: Simulation, longest: float) -> Ideals:
-        """The same for delays from the shortest one on [s]."""
+        """The benchmark for delays [s] from the shortest one to ``longest``."""
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.resolution, longest, SIZES_TRIED))
 
     def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
@@ -222,7 +222,7 @@ class JudgedRuns:
     def lost(
         self, chosen: Array, added: Array, *, asked: Criterion | None = None, progress: Progress | None = None
     ) -> tuple[Array, Array]:
-        """(J,) by the onset and by the loss: which of the members ``chosen`` are lost with errors of the sizes ``added``.
+        """(J,) whether each of the members ``chosen`` oscillates and whether it is lost, with errors of the sizes ``added``.
 
         If only one criterion is ``asked``, the result for the other may be too favourable, because runs that are decided without
         noise are not repeated with it.

@@ -33,7 +33,7 @@ Member = tuple[TrackingProblem, Controller]
 
 
 class Criterion(Enum):
-    """The end of a margin: the onset of oscillation, or the loss of the motion."""
+    """The end of a margin: the start of oscillation, or the loss of the motion."""
 
     ONSET = "onset"
     LOSS = "loss"

@@ -133,7 +133,7 @@ class Costs:
         begun = time.process_time()
         found = [figures(pickle.loads(sent), tabled) for sent, tabled in zip(given, tables, strict=True)]
         simulated = time.process_time() - begun
-        for _ in range(2):  # the first one imports what draws members and writes files
+        for _ in range(2):  # the first one imports the modules that draw members and write files
             client, size = _handled(study, count, found)
         if client * whole < MEASURING_SECONDS and whole > count:  # fixed costs of a chunk are spread over all its members
             client, _ = _handled(study, whole, found)  # repeated figures compress better than others

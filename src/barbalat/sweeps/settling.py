@@ -144,7 +144,8 @@ class Settling:
         return found
 
     def run(self, numbers: Array, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """The same, in threads of this process; ``progress`` expects as many repetitions as for earlier members."""
+        """Do the work of these members in threads of this process. ``progress`` expects as many repetitions as for earlier
+        members."""
         own = 1 / (1 + (1.0 if self._expected is None else self._expected))
         shares = part_of(progress, 0.0, own), part_of(progress, own, 1 - own)
         return done_here(self.work(numbers), threads=threads, progress=shares)

@@ -170,7 +170,7 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """The solver steps of a member's run, the maximum over the ends of what varies; summed over all controllers.
+        """The solver steps of a member's run, summed over all controllers: the maximum over the ends of the varied numbers.
 
         With a tolerance, the fixed steps that take as long as the first member's run.
         """

@@ -254,7 +254,7 @@ def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], N
 
 
 def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
-    """The same pieces; the size of the next ones follows from the duration of these."""
+    """Pass on the pieces. The size of the next pieces follows from the duration of these."""
     for one, columns in made:
         yield one, columns
         pace.fewest = FEWEST_MEMBERS * settling.kernels

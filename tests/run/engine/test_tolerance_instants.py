@@ -228,7 +228,7 @@ def test_nothing_turns_where_the_noise_jumps() -> None:
 
 
 def test_the_final_estimates_are_those_before_a_sample_at_the_end() -> None:
-    for t_end in (0.5, 0.505, 0.4):  # with such a sample, and without; in the last the tail begins at a sample
+    for t_end in (0.5, 0.505, 0.4):  # with and without such a sample; in the last run the tail begins at a sample
         ours, fixed = (
             simulate(PAPER.problem, [Sampled(MRAC, 0.01)], simulation)["MRAC"].figures
             for simulation in (Simulation(t_end, tolerance=1e-10), Simulation(t_end, 5e-4))

@@ -45,7 +45,7 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
 
 
 def fast_adaptation_on(A: Array, b: Array, C: StateSpace, A_m: Array, b_m: Array, P: Array) -> StateSpace:
-    """The same around x' = A x + b v, which need not have the form A_m + b theta'.
+    """The limit of fast adaptation around x' = A x + b v, where A need not have the form A_m + b theta'.
 
     The law's error b_m'P (x_hat - x) vanishes, so w = theta_hat'x + u in x_hat' = A_m x_hat + b_m w follows from x:
     b_m'P b_m w = b_m'P (A x + b v - A_m x_hat), and u = -C/(1 - C) w. With A = A_m + b_m theta' and b = b_m, w = theta'x + v.

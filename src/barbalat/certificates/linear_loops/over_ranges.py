@@ -147,7 +147,7 @@ class Frozen(ABC):
 
     @abstractmethod
     def around(self, state: Array, plant: PlantAt) -> StateSpace | SampledLoop:
-        """The same at a flat state."""
+        """The loop around a plant, without its delay, at a flat state."""
         ...
 
     @cached_property

@@ -226,7 +226,7 @@ def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], li
 
 
 def _model_between(whole: _Whole, M: Array, lengths: list[float]) -> tuple[list[Array], list[Array]]:
-    """The same for the model under the held command."""
+    """The motion between samples for the model under the held command."""
     n, size = len(whole.A_m), len(M)
     X, R = np.eye(size)[whole.rows["x_m"]], np.eye(size)[whole.rows["r"]]
     model = SampledLoop(whole.A_m, whole.b_r, np.eye(n), np.zeros((1, n)), whole.loop.T)
@@ -269,7 +269,7 @@ def _jumps(r: Signal, T: float, t_end: float) -> tuple[float, float]:
 
 
 def bounds_of(signals: tuple[Signal, ...]) -> Array:
-    """The signals' bounds; InputError for a signal without one."""
+    """The signals' bounds; InputError if the signal has no bound."""
     for signal in signals:
         if not isinstance(signal, BoundedSignal):
             raise InputError(f"{type(signal).__name__} has no known bound")

@@ -37,7 +37,7 @@ class Handed(NamedTuple):
 
 
 def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None:
-    """The result for a law's own V; None for a law without one."""
+    """The result for a law's own V, or None if the law has no V."""
     if not isinstance(bound(problem, controller), LyapunovEquations):
         return None
     found = _shown(problem, controller)
@@ -71,7 +71,7 @@ def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotAppli
 
 
 def add_bounds(draft: Draft, problem: TrackingProblem, handed: Handed) -> None:
-    """Add what was proven about V, and the bounds of e and of the estimates."""
+    """Add the results of the proof for V, and the bounds of e and of the estimates."""
     found, rests_on = handed
     if isinstance(found, NotApplicable) or not isinstance(problem, Problem):
         why = found.why if isinstance(found, NotApplicable) else rests_on[-1].broken

@@ -60,8 +60,8 @@ NO_BOUND = (
 
 @dataclass(frozen=True)
 class WeightBounds:
-    """Bounds of every component of e, of one neuron's outer weights as a vector, and of |V_hat|; None, with the reason,
-    without one."""
+    """Bounds of every component of e, of one neuron's outer weights as a vector, and of |V_hat|. A bound that does not exist is
+    None, and ``why`` is the reason."""
 
     error: float | None = None
     W_hat: float | None = None

@@ -102,7 +102,7 @@ def commands_and_gains(problem: Problem) -> tuple[str, str]:
     """The words for the commands and gains for which a Lyapunov function holds: only the case's own if phi(x) is known to be
     finite only for these.
 
-    The first is about r alone.
+    The first phrase is about r alone.
     """
     everywhere = problem.plant.is_linear or not bounded_regressor(problem, None).broken
     return ("every bounded r", "every Gamma > 0 and every bounded r") if everywhere else ("this r", "this Gamma and this r")

@@ -142,7 +142,7 @@ def _at(rest: Rest) -> str:
 
 
 def column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The class's name, and cells that claim only what was computed."""
+    """The class's name, and cells that state only computed results."""
     estimates = ClosedLoop.of(problem, controller).parameters
     unknown = {key: nothing(key, NONE_KNOWN) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
     return type(controller).__name__, {

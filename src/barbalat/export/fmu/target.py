@@ -25,7 +25,7 @@ def _units(asked: Request, version: int) -> dict[str, bytes]:
 
 def _check(folder: str, closed_loop: bool) -> str:
     if closed_loop:
-        return f'for unit in {folder}/*.fmu; do fmpy validate "$unit"; done'  # fmpy takes one unit at a time
+        return f'for unit in {folder}/*.fmu; do fmpy validate "$unit"; done'  # fmpy accepts one unit at a time
     return f"fmpy validate {folder}/*.fmu"
 
 

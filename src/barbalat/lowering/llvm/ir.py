@@ -123,7 +123,7 @@ def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -
 
 
 def keep_largest_values(lanes: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
-    """The same for parallel members, each of which keeps its own largest value."""
+    """The IR that keeps the largest value for parallel members, each of which has its own."""
     vector, mask = f"<{lanes} x double>", f"<{lanes} x i1>"
     return [
         f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",

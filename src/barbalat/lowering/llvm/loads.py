@@ -153,7 +153,7 @@ def row_number(shape: LoopShape, name: str, sources: str) -> list[str]:
 
 
 def due(shape: LoopShape, what: str, phase: str) -> list[str]:
-    """%{what}: whether the phase is over, before a step and not between two of its pieces."""
+    """IR of %{what}: whether the phase has ended, before a step and not between two of its pieces."""
     if not shape.in_pieces:
         return [f"  %{what} = icmp eq i64 {phase}, 0"]
     return [f"  %{what}.then = icmp eq i64 {phase}, 0", f"  %{what} = and i1 %{what}.then, %begins"]

@@ -265,7 +265,7 @@ class Group:
         return Continued.of(self, simulation, held)
 
     def held_rows(self, simulation: Simulation, step: int, steps: int, values: Array) -> Array:
-        """Rows of signals as from ``grid.signal_table``, held at ``values``; NaN stands for the time, which continues."""
+        """Rows of signals as from ``grid.signal_table``, held at ``values``; a NaN is replaced by the time, which continues."""
         nodes = simulation.solver.nodes
         held = np.tile(values, (steps, len(nodes), 1))
         if np.isnan(values).any():

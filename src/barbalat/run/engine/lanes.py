@@ -100,9 +100,9 @@ def advance(side: Side, workers: int, width: int) -> None:
 
 @dataclass(eq=False)
 class Lanes:
-    """The members that one thread advances side by side, at most ``most`` at once; lanes without a member rest.
+    """The members that one thread advances side by side, at most ``most`` at once; lanes without a member are idle.
 
-    motions   of the members, and numbers, theirs in the batch; None for a resting lane
+    motions   of the members, and numbers, theirs in the batch; None for an idle lane
     attempts  of each member so far, at most
     """
 

@@ -37,8 +37,8 @@ MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
 """Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 of them, a day."""
 LEAST_PROGRESS_AMONG_OTHERS = 1e-4
-"""The same for one of many members, and for a motion most of whose steps end at a jump of its equations: a slower one would take
-2e8 attempts, a minute. Oscillations of a million radians in a run are faster."""
+"""This share for one of many members, and for a motion in which most steps end at a jump of the equations. A slower one would
+take 2e8 attempts, a minute. Oscillations of a million radians in a run are faster."""
 SLIDES = 0.5
 """Share of the steps that end at a jump of the equations, above which a motion slides along it: one that crosses a jump twice in
 a period makes several steps between."""
@@ -220,7 +220,7 @@ class Motion:
         return self.diverged or (self.state[self._at("piece")] == len(self.rows) - 1 and self.state[self._at("renew")] == 0)
 
     def further(self) -> Array:
-        """Advance by a number of steps, as rows described by ``Written``."""
+        """Advance by a number of steps and return the rows that ``Written`` describes."""
         carried, t_stop = self.attempts.carried, float(self.rows[-1, 0])
         needed = 1.1 * (t_stop - self.t) / self.state[self._at("h")] + len(self.rows) - self.state[self._at("piece")]
         blocks = self.at_once = int(min(max(needed, FEWEST_ATTEMPTS), 2 * self.at_once, MOST_ATTEMPTS))

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 RUNNING, DIVERGED, STALLED = 0.0, 1.0, 2.0
 """A member's status. A stalled member would need a step that is too short to change its time."""
 ALL, SLOPE = 1.0, 2.0
-"""What is recomputed before an attempt: the choices and the slope, or only the slope if the choices changed."""
+"""The quantities that are recomputed before an attempt: the choices and the slope, or only the slope if the choices changed."""
 SAFETY, SHRINKS, GROWS = 0.9, 1 / 3, 6.0
 """After a failed step the next is 0.9 err^(-1/8) times as long, within these limits. After a successful step, its length is
 filtered, H211b with b = 4, because the estimate depends on the phase of an oscillation; without the filter every third attempt
@@ -348,8 +348,8 @@ class Attempts:
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
     def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, list[ca.SX]]:
-        """The carried state by its parts; the row of its piece, followed by the delay, the number of known records and those
-        records; the tolerance; and all inputs."""
+        """The carried state by its parts; the row of numbers, which are those of its piece, the delay, the number of known
+        records and those records; the tolerance; and all inputs."""
         import casadi as ca
 
         carried = self.carried

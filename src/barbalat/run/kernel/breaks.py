@@ -29,7 +29,8 @@ ON_GRID_SHARE = 1e-12
 """A break whose distance to the grid is below this share of a step is treated as on the grid. No method resolves a smaller
 distance."""
 ON_GRID_ROUNDINGS = 64
-"""The same as a share of the time: instants are products of frequencies, phases and pi, with a few rounding errors each."""
+"""The same limit in roundings of the time: instants are products of frequencies, phases and pi, with a few rounding errors
+each."""
 MOST_PIECES = 100
 """Largest number of pieces of a step. A signal with more breaks in the first step is not split: the tables of a kernel call
 would take gigabytes."""
@@ -131,7 +132,7 @@ def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
 
 
 def _windows(simulation: Simulation) -> Iterator[tuple[int, int]]:
-    """The run in windows of growing length: most signals that break inside steps do so early."""
+    """The run divided into windows of growing length, because most signals that break inside steps do so early."""
     start, length = 0, 1
     while start < simulation.steps:
         stop = min(start + length, simulation.steps)

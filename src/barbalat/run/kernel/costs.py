@@ -22,7 +22,7 @@ ATTEMPT_STEPS = 40.0
 """Fixed steps of an ensemble's member that take as long as one attempt with a tolerance, which evaluates the equations 15 times
 and is observed at eight nodes: 30 to 45 for the controllers of Section V over 2 s and 20 s."""
 BEGUN_STEPS = 1e5
-"""The same for the beginning and the end of such a run: 1 ms."""
+"""Fixed steps that take as long as the beginning and the end of such a run, 1 ms."""
 
 JUDGED_COMPONENT, JUDGED_INPUT, JUDGED_COPIES = 3, 10, 4
 """Largest number of rows of the judge's memory for each component of the error and each input, and the number of copies of

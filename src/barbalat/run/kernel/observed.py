@@ -59,7 +59,7 @@ class Observed:
         return cls(attempts, observer, grid.dt, grid.steps, grid.t_end)
 
     def of_attempts(self, attempts: Attempts) -> Observed:
-        """The same with other attempts, whose signals may differ."""
+        """This kernel for other attempts, whose signals may differ."""
         found = replace(self, attempts=attempts)
         if attempts.signals.formulas == self.attempts.signals.formulas:
             vars(found).update(self.traced)

@@ -92,7 +92,7 @@ class DelayedInput:
         return HEAD + self.each * self.inputs
 
     def recalled(self, first: int, last: int) -> Recalled:
-        """The same for a kernel with the records' numbers in these rows of its state."""
+        """The recalled records for a kernel that has their numbers in these rows of its state."""
         return Recalled(self.width, RECORDS, first, last)
 
     def beginning(self, history: Array) -> Array:

@@ -126,9 +126,10 @@ class Columns:
         return self._numbers
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
-        """(p, M) the numbers selected by ``which``, (N,) truth values; StructureError if others differ too.
+        """(p, M) the numbers selected by ``which``, (N,) truth values; StructureError if any other number differs between
+        members.
 
-        rounding  an admissible difference of others, relative to their array's largest finite number
+        rounding  difference that is allowed for the other numbers, relative to the largest finite number of their array
         """
         found = np.repeat(self.first_numbers()[which][:, None], self.count, axis=1)
         for i in self._kept:  # the other leaves have the first member's bits in every member
@@ -205,8 +206,8 @@ class Template:
         return cls(begun, found.delay_weights, values, column)
 
     def adjustable(self, dt: float, weights: Columns | None) -> Template:
-        """The same with symbols for the step ``dt`` [s] and for all of the delay's weights, which are read separately from the
-        members."""
+        """The template with symbols also for the step ``dt`` [s] and for all of the delay's weights, which are read separately
+        from the members."""
         import casadi as ca
 
         values = with_grid(self.values, dt, weights)
