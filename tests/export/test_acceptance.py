@@ -188,7 +188,7 @@ def test_c_accepts_in_a_walk_what_the_case_accepts(name, real, tmp_path) -> None
 
 
 def test_equal_numbers_are_no_relation() -> None:
-    """mu = 1 is not the bound of the margin, although the margin is 1, and a bound at 0 is not positive."""
+    """The margin's bound of 1 has nothing to do with mu = 1, and a bound at 0 need not be positive."""
     found = {name: Opened.of(*EXAMPLES[name], tunable=True) for name in ("modified error", "one bound is 0", "covariance")}
     names = {name: [one.path.keys[-1] for one in opened.parameters] for name, opened in found.items()}
     margin = names["modified error"].index("margin")
