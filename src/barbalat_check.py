@@ -458,8 +458,7 @@ class Controller:
             require(gains is None or gains.holds(values[p:]), "the input's gains must lie in their intervals")
 
     def require_no_corners(self) -> None:
-        """Require that projection with a gain matrix keeps V' <= 0, as it does in a ball and in a box with at most four reachable
-        faces."""
+        """Require that projection with a gain matrix keeps V' <= 0, as in a ball or a box with at most four reachable faces."""
         theta, gains = self.of_theta, self.case.interval
         faces = sum(one.faces for one in (theta, gains) if one is not None)
         cut = faces > 4 or (isinstance(theta, Ball) and gains is not None)
@@ -467,8 +466,7 @@ class Controller:
         require(keeps, "with a gain matrix the projection may make V grow in corners")
 
     def require_plain_law(self) -> None:
-        """Require that V' <= -|e|^2 with the law's modifications, which may be none, composite learning, or a switching sigma
-        whose M_0 bounds theta."""
+        """Require V' <= -|e|^2 with no modification, composite learning, or a switching sigma whose M_0 bounds theta."""
         require(self.fact("dead_zone") is None, "the law must not have a dead zone")
         leakage = self.fact("leakage")
         if leakage is None:
@@ -787,8 +785,7 @@ def require_projected(c: Controller) -> None:
 
 
 def require_known_gain(c: Controller) -> None:
-    """Require a known gain. With an unknown gain the filter acts inside a loop with that gain, so that W_b(1 - C) is not the
-    loop's G."""
+    """Require a known gain. With an unknown gain the filter acts in a loop with that gain, and W_b(1 - C) is not its G."""
     require(c.case.interval is None, "the input's gain must be known")
 
 
@@ -919,8 +916,7 @@ def widest(P: fmpq_mat) -> fmpq:
 
 
 def worst_V(c: Controller, line: dict[str, Any]) -> arb:
-    """The largest theta_tilde'Gamma^-1 theta_tilde at t = 0, attained at a vertex of the known set or at the farthest point of a
-    ball."""
+    """The largest theta_tilde'Gamma^-1 theta_tilde at t = 0, at a vertex of the known set or the farthest point of a ball."""
     theta, gains, start, gamma = c.require_theta_known(), c.case.interval, c.theta_hat0, c.fact("gamma")
     diagonal, p = isinstance(gamma, list) and not isinstance(gamma[0], list), len(c.case.theta)
     gammas = vector(gamma, len(start)) if diagonal else [least_gain(c, line)] * len(start)
@@ -1016,8 +1012,7 @@ def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("W_hat_bound", "V_hat_bound", "control_bound")
 def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """The bound by the e-modification, which holds whatever else acts. For a sampled loop it is proven together with the
-    response."""
+    """The bound by the e-modification, which holds whatever else acts. For a sampled loop it is part of the response."""
     if c.scheme == "sampled":
         at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
         return
@@ -1176,8 +1171,7 @@ def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
 
 
 def for_all_commands(c: Controller, line: dict[str, Any]) -> arb:
-    """The bound of |e_i| for every command of the case's size and every theta in the known set, by the norms of each cell's
-    loop."""
+    """The bound of |e_i| for every command of the case's size and every theta in the known set, by norms for each cell."""
     part, [r], n, x0 = LinearPart(c, line), c.case.command_bounds(), c.case.n, c.case.x0.entries()
 
     def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
@@ -1513,8 +1507,7 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
 
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Sentences on the accepted claims of each controller, and the assumptions. Refused is raised with the name of the first line
-    that fails."""
+    """Sentences on the accepted claims of each controller, and the assumptions. Refused names the first line that fails."""
     require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
     said, assumed = [], dict[str, None]()
     with ctx.workprec(256):
