@@ -24,6 +24,7 @@ from barbalat.controllers import SCHEMES
 from barbalat.controllers.output.l1 import fast_limit, linear_equivalent
 from barbalat.signals import SIGNALS, Sines
 from barbalat.solvers import SOLVERS
+from case_texts import DRIVE
 from independent import as_toml, refusal
 
 PAPER = bundled()["paper"].read_text()
@@ -457,3 +458,13 @@ def test_the_template_names_every_solver_and_every_kind_of_command():
         line.partition("#")[2] for line in lines[lines.index(next(x for x in lines if x.startswith("[reference] "))) :]
     )
     assert all(re.search(rf"\b{kind}\b", said) for kind in SIGNALS)
+
+
+@pytest.mark.parametrize("simulation", ["dt = 1e-3", "tolerance = 1e-6"])
+def test_a_case_that_cannot_be_simulated_is_refused_when_it_is_read(simulation):
+    """A case with a tolerance was read, and ``certify`` answered for it."""
+    text = f"{DRIVE.split('[simulation]')[0]}[sensor]\nquantization = 0.1\n[simulation]\nt_end = 4.0\n{simulation}\n"
+    controller = '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 3.0\n'
+    assert "MRAC: sensor.quantization is for controllers that read the sensor at samples" in refusal(
+        lambda: parse_case(text + controller)
+    )

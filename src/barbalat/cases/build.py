@@ -24,6 +24,7 @@ from barbalat.loop.structure import identical
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.kernel import delay
+from barbalat.run.kernel.pieces import require_known_instants
 from barbalat.run.kernel.step import Rhythm, whole_steps
 from barbalat.settings import given_of, one_line
 from barbalat.solvers.simulation import Simulation
@@ -252,11 +253,10 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
     """The case, after a check of what its parts must agree on."""
     controllers = tuple(controller for controller, _ in found)
     require_controllers(controllers)
-    if simulation.tolerance is not None:
-        return Case(problem, controllers, simulation, tuple(equations for _, equations in found))
-    if problem.delay > 0:
+    by_tolerance = simulation.tolerance is not None
+    if problem.delay > 0 and not by_tolerance:
         delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't represent
-    if problem.noise is not None:
+    if problem.noise is not None and not by_tolerance:
         whole_steps("sensor.noise.sample_time", problem.noise.sample_time, simulation)
     for controller, equations in found:
         fits = problem, controller, simulation
@@ -264,7 +264,10 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
             continue
         with within(controller.name):
             loop = ClosedLoop.of(problem, controller, bind=partial(_already_bound, equations))
-            Rhythm.of(loop, None, simulation)  # refuses events between steps
+            if by_tolerance:
+                require_known_instants(loop, problem, simulation)
+            else:
+                Rhythm.of(loop, None, simulation)  # refuses events between steps
         if not parts.complete:
             parts.fitting[id(controller)] = fits
     return Case(problem, controllers, simulation, tuple(equations for _, equations in found))
