@@ -97,7 +97,7 @@ def test_what_is_counted_is_said(capsys) -> None:
     found = simulate_export(problem, controller, simulation).refused
     assert max(run.missed.missed, run.missed.commands) < found < run.missed.missed + run.missed.commands
     show_exported({controller.name: {"equal": True, "refused": found, "difference": ""}})
-    told = f"every bit; at {found} samples a measurement, a command or a result was lost or refused"
+    told = f"bit for bit; at {found} samples a measurement, a command or a result was lost or refused"
     assert told in " ".join(capsys.readouterr().out.split())
 
 
