@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import certify, simulate
+from barbalat import InputError, certify, simulate
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
 from barbalat.open_numbers.path import FieldPath
@@ -147,3 +147,68 @@ def test_the_command_says_whether_it_redesigned(tmp_path, capsys, asked):
     assert main(["sweep", str(tmp_path / "case.toml"), *options]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["redesign"] is bool(asked)
+
+
+WITH_A_LAG = """
+name = "motor"
+[plant]
+A = [[0, 1], [2, -0.5]]
+b = [0, 1.0]
+x0 = [0.1, 0]
+[labels]
+names = ["angle", "rate"]
+[reference_model]
+poles = [-3, -4]
+follow = "angle"
+[reference]
+kind = "sine"
+amplitude = 0.5
+frequency = 1
+[truth]
+states = ["lag", "angle", "rate"]
+A = [[-40, 0, 0], [0, 0, 1], [1, 2.5, -0.4]]
+b = [40, 0, 0]
+x0 = [0, 0.1, 0]
+[simulation]
+t_end = 1
+dt = 1e-3
+[[controller]]
+scheme = "mrac"
+gamma = 2
+"""
+"""A truth with its own numbers, whose states have another order than the plant's."""
+
+
+@pytest.mark.parametrize(
+    ("path", "instead"),
+    [
+        ("plant.A[1][0]", "has its own A; vary truth.A[2][1], or give --redesign to vary the design"),
+        ("plant.b[1]", "has its own b; vary truth.b[2], or give --redesign to vary the design"),
+        ("plant.x0[0]", "has its own x0; vary truth.x0[1]"),
+        ("plant.theta[0]", "has its own matrix A; vary truth.A"),
+    ],
+)
+def test_a_number_that_the_truth_gives_itself_is_varied_there(path, instead):
+    for varied_case in (
+        varied(WITH_A_LAG, path, redesign=False),
+        VariedObjects(parse_case(WITH_A_LAG), (FieldPath.parse(path),), redesign=False),
+    ):
+        with pytest.raises(InputError) as refused:
+            varied_case.at([0.3])
+        assert str(refused.value) == f"{path} is not simulated: the truth {instead}"
+
+
+def test_the_design_s_own_number_leaves_the_truth_as_it_is():
+    """With --redesign, and on an explorer's page."""
+    own = parse_case(WITH_A_LAG).problem
+    for redesign in (True, None):
+        problem = varied(WITH_A_LAG, "plant.A[1][0]", redesign=redesign).at([3.0]).problem
+        np.testing.assert_array_equal(problem.simulated.A, own.simulated.A)
+        np.testing.assert_allclose(problem.plant.theta, own.plant.theta + np.array([1.0, 0.0]), rtol=1e-12)
+
+
+def test_several_numbers_of_a_matrix_that_the_truth_does_not_give():
+    text = WITH_A_LAG[: WITH_A_LAG.index("[truth]")] + "[truth]\nx0 = [0.2, 0]\n" + WITH_A_LAG[WITH_A_LAG.index("[simulation]") :]
+    paths = tuple(FieldPath.parse(one) for one in ("plant.A[1][0]", "plant.A[1][1]"))
+    for case in (VariedCase(CaseText(text), paths, redesign=False), VariedObjects(parse_case(text), paths, redesign=False)):
+        np.testing.assert_array_equal(case.at([3.0, -0.7]).problem.simulated.A, [[0, 1], [3.0, -0.7]])

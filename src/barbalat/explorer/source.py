@@ -104,13 +104,14 @@ class TextSource(Source):
 
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment]:
         tables, marks = self._tables(), list[dict[str, Any]]()
+        own = truth_paths.own_keys(tables)
 
         def mark(segment: dict[str, Any]) -> str:
             marks.append(segment)
             return f"\0{len(marks) - 1}\0"
 
         for i, path in enumerate(slots):
-            place = truth_paths.place(tables, path, redesign=None)
+            place = truth_paths.place(tables, path, redesign=None, own=own)
             here: Any = tables
             for key in place.keys[:-1]:
                 here = here[key] if isinstance(key, int) else here.setdefault(key, {})

@@ -3,7 +3,7 @@ same."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,10 +16,11 @@ from barbalat.problem.truth import Truth
 from barbalat.validate import InputError
 
 PARAMETERS = "parameters"
+THETA = ("plant", "theta")
 OF_THE_PLANT = ("A", "b")
 """Keys of [plant] from which designs follow."""
-AROUND = ("input", "disturbance", "unmatched", "x0")
-"""Further keys of [plant] for which a truth may have its own values."""
+APART = (*OF_THE_PLANT, "x0", "disturbance", "unmatched")
+"""Keys of [plant] without effect on the simulated plant if a truth has its own values. Its states may be others."""
 
 
 def is_parameter(path: FieldPath) -> bool:
@@ -27,23 +28,38 @@ def is_parameter(path: FieldPath) -> bool:
     return path.keys[-2:-1] == (PARAMETERS,) and path.keys[:-2] in ((), ("truth",))
 
 
-def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None) -> None:
+def own_keys(given: Tables | Problem) -> frozenset[str]:
+    """The keys of ``APART`` for which a file's [truth], or a problem's truth, has its own values."""
+    if isinstance(given, Problem):
+        return frozenset(key for key in APART if given.truth is not None and getattr(given.truth, key) is not None)
+    truth = given.get("truth")
+    return frozenset(APART).intersection(truth) if isinstance(truth, dict) else frozenset()
+
+
+def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None, own: frozenset[str]) -> None:
     """Put a number into the tables, at its place in [truth] if it belongs to the plant.
 
     redesign  False: plant.A and plant.b mean the truth's; True: these and parameters are the design's as well, and everything is
               designed again; None: plant.A and plant.b are the design's, parameters the truth's
+    own       the ``own_keys`` of the file. Their numbers in [plant] belong to the design alone, and are refused for False
     """
     if is_parameter(path) and path.keys[0] == PARAMETERS and redesign:
         _redesign_with(tables, path, value)
         return
-    place(tables, path, redesign=redesign).put(tables, value, said=path)
+    place(tables, path, redesign=redesign, own=own).put(tables, value, said=path)
 
 
-def place(tables: Tables, path: FieldPath, *, redesign: bool | None) -> FieldPath:
+def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozenset[str]) -> FieldPath:
     """The place of the number that ``path`` varies, see ``put``; missing tables of [truth] are copied from [plant]."""
     if is_parameter(path):
         _require_declared(tables, path)
         return FieldPath(("truth", PARAMETERS, str(path.keys[-1])))
+    if path.keys[:2] == THETA and "A" in own and redesign is not None:
+        raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary truth.A")
+    if path.keys[0] == "plant" and path.keys[1:2] and path.keys[1] in own:
+        if redesign is False:
+            raise _in_both(path, tables["truth"].get("states"), tables.get("labels", {}).get("names"))
+        return path
     where = None if redesign else _in_the_truth(tables, path.keys, redesign is False)
     return path if where is None else FieldPath(where)
 
@@ -54,6 +70,30 @@ def with_own_input(tables: Tables) -> Tables:
     if "observer" in tables and isinstance(plant, dict) and "input" in plant:
         _in_the_truth(found, ("plant", "input"), of_design=False)
     return found
+
+
+def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> InputError:
+    """The error for a number of the plant for which the truth has its own, with the path of the latter.
+
+    states  the truth's, by which indices of the plant's states become indices of the truth's; None if both have the same
+    labels  names of the plant's states; None for x_1, x_2, ...
+    """
+    key, *index = path.keys[1:]
+    of_states = 0 if states is None else {"A": 2, "b": 1, "x0": 1}.get(str(key), 0)
+    rows = [_row_of(i, states, labels) for i in index[:of_states]]
+    known = (i for i in rows if i is not None)
+    there = f"truth.{key}" if None in rows else str(FieldPath(("truth", key, *known, *index[of_states:])))
+    design = ", or give --redesign to vary the design" if key in OF_THE_PLANT else ""
+    return InputError(f"{path} is not simulated: the truth has its own {key}; vary {there}{design}")
+
+
+def _row_of(i: Key, states: Any, labels: Sequence[str] | None) -> int | None:
+    """The row of the plant's i-th state among the truth's states; None if they do not name it."""
+    names = list(states) if all(isinstance(one, str) for one in states) else []
+    if not isinstance(i, int) or (labels and i >= len(labels)):
+        return None
+    name = labels[i] if labels else f"x_{i + 1}"
+    return names.index(name) if name in names else None
 
 
 def _redesign_with(tables: Tables, path: FieldPath, value: float) -> None:
@@ -96,7 +136,7 @@ def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tup
     if key in OF_THE_PLANT and (of_design or apart):
         return _copied_to_truth(tables, key, plant.get(key), keys[1:])
     follows = apart or "observer" in tables  # an observer contains the delay and the limits of the design
-    if key in AROUND and (key in truth or (follows and key == "input")):
+    if key == "input" and follows:
         return _copied_to_truth(tables, key, plant.get(key), keys[1:])
     return None
 
@@ -110,17 +150,20 @@ def _copied_to_truth(tables: Tables, key: str, own: Any, keys: tuple[Key, ...]) 
     return ("truth", *keys)
 
 
-def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None) -> Problem | None:
+def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None, own: frozenset[str]) -> Problem | None:
     """The problem with a number of the truth or a parameter changed, for Python objects. None if the number is an ordinary
-    field."""
+    field. See ``put`` for ``own``."""
     if is_parameter(path):
         return _with_parameter(problem, path, value, redesign is True and path.keys[0] == PARAMETERS)
     key = path.keys[1] if len(path.keys) > 1 else None
-    if path.keys[0] == "plant" and key == "theta" and problem.simulated is not None and _own_matrix(problem):
-        raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary parameters or plant.A")
+    truth = problem.truth or Truth()
+    if path.keys[:2] == THETA and ("A" in own or problem.plant.physical is not None):
+        instead = "truth.A" if "A" in own else "parameters or plant.A"
+        raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary {instead}")
+    if redesign is False and path.keys[0] == "plant" and key in own:
+        raise _in_both(path, truth.states, None if problem.labels is None else problem.labels.names)
     if path.keys[0] != "plant" or key not in OF_THE_PLANT or redesign is not False or not problem.plant.is_linear:
         return None
-    truth = problem.truth or Truth()
     simulated = problem.simulated
     standing = getattr(problem.plant if simulated is None else simulated, str(key))
     changed = standing.copy()
@@ -130,10 +173,6 @@ def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | 
         raise InputError(f"{path} does not name a number: plant.{key} has shape {' x '.join(map(str, shape))}, counted from 0")
     changed[index] = value
     return replace(problem, truth=replace(truth, **{str(key): changed}))
-
-
-def _own_matrix(problem: Problem) -> bool:
-    return problem.plant.physical is not None or (problem.truth is not None and problem.truth.A is not None)
 
 
 def _with_parameter(problem: Problem, path: FieldPath, value: float, redesign: bool) -> Problem:

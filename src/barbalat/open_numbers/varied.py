@@ -79,10 +79,11 @@ class VariedObjects(Varied):
 
     def at(self, values: Sequence[float] | Array) -> Case:
         problem, controllers, simulation = self.case.problem, self.case.controllers, self.case.simulation
+        own = truth_paths.own_keys(problem) if isinstance(problem, Problem) else frozenset()
         of: dict[str, list[Place]] = {"controller": [], "simulation": [], "problem": []}
         for path, value in zip(self.paths, map(float, values), strict=True):
             first, *rest = path.field
-            moved = isinstance(problem, Problem) and truth_paths.placed(problem, path, value, redesign=self.redesign)
+            moved = isinstance(problem, Problem) and truth_paths.placed(problem, path, value, redesign=self.redesign, own=own)
             if moved:
                 problem = moved
             elif first in ("controller", "simulation"):
@@ -194,8 +195,9 @@ class VariedCase(Varied):
 
     def _with(self, numbers: Mapping[FieldPath, float]) -> Tables:
         tables = copied(self._tables)
+        own = truth_paths.own_keys(tables)
         for path, value in numbers.items():
-            truth_paths.put(tables, path, value, redesign=self.redesign)
+            truth_paths.put(tables, path, value, redesign=self.redesign, own=own)
         return tables
 
     @cached_property
