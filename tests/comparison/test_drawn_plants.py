@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from barbalat.cases.load import load_case
-from barbalat.comparison.plants import plants_of
+from barbalat.comparison.plants import extreme_plants, plants_of
+from barbalat.comparison.search.aim import Aim, TunedQuantity
+from barbalat.validate import InputError
 
 CASE = """
 name = "Spring"
@@ -72,3 +75,22 @@ def test_all_formulas_of_the_truth_have_the_drawn_parameters(tmp_path):
         again = load_case(path).problem
         np.testing.assert_array_equal(simulated(one), simulated(again))
         assert one.simulated.values == again.simulated.values
+
+
+OTHER = """
+[truth]
+A = [[0, 1], [-2, -1]]
+b = [0, 1]
+"""
+
+
+def test_ranges_that_nothing_simulated_contains_give_no_plants(tmp_path):
+    path = tmp_path / "case.toml"
+    head, rest = CASE.replace("{ value = 0.03, between = [0.02, 0.05] }", "0.03").split("[truth]")
+    path.write_text(head + OTHER + rest[rest.index("[simulation]") :])
+    own = load_case(path).problem
+    assert plants_of(own, own.uncertainty, 1, 0) == [own]
+    with pytest.raises(InputError, match="plants must be 1, because no formula of the simulated plant contains k or J; got 4"):
+        plants_of(own, own.uncertainty, 4, 0)
+    assert extreme_plants(own, own.uncertainty, 4, 0) == []
+    assert Aim(TunedQuantity("rms_e[0]", larger_is_worse=True), plants=1).unseen(own) == []

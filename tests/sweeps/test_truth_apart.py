@@ -212,3 +212,29 @@ def test_several_numbers_of_a_matrix_that_the_truth_does_not_give():
     paths = tuple(FieldPath.parse(one) for one in ("plant.A[1][0]", "plant.A[1][1]"))
     for case in (VariedCase(CaseText(text), paths, redesign=False), VariedObjects(parse_case(text), paths, redesign=False)):
         np.testing.assert_array_equal(case.at([3.0, -0.7]).problem.simulated.A, [[0, 1], [3.0, -0.7]])
+
+
+WITHOUT_J = WITH_A_LAG.replace(
+    "[plant]\nA = [[0, 1], [2, -0.5]]",
+    '[parameters]\nJ = { value = 0.5, between = [0.4, 0.6] }\n[plant]\nA = [[0, 1], ["1/J", -0.5]]',
+)
+"""A range that only the design contains."""
+
+
+@pytest.mark.parametrize("path", ["parameters.J", "truth.parameters.J"])
+def test_a_parameter_that_the_truth_does_not_contain_is_not_a_range_of_plants(path):
+    paths = (FieldPath.parse(path), FieldPath.parse("controller[0].gamma"))
+    for some in (paths[:1], paths):
+        numbers = [0.45, 3.0][: len(some)]
+        for case in (
+            VariedCase(CaseText(WITHOUT_J), some, redesign=False),
+            VariedObjects(parse_case(WITHOUT_J), some, redesign=False),
+        ):
+            with pytest.raises(
+                InputError, match=f"{path} is not simulated: no formula of the simulated plant contains J; use it"
+            ):
+                case.at(numbers)
+    designed = varied(WITHOUT_J, "parameters.J", redesign=True).at([0.45]).problem
+    assert designed.plant.physical.nominal["J"] == 0.45
+    inside = WITHOUT_J.replace("[1, 2.5, -0.4]]", '["2*J", 2.5, -0.4]]')
+    assert varied(inside, path, redesign=False).at([0.45]).problem.simulated.A[2, 0] == 0.9

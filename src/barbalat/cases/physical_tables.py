@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -12,8 +11,8 @@ import numpy as np
 from barbalat.judge.settings import Judge
 from barbalat.linear.driven_response import driven_response
 from barbalat.problem.labels import UNLABELLED, Labels
-from barbalat.problem.parameters import NAMES, Parameter, evaluated, require_parameter_name
-from barbalat.problem.physical import PhysicalPlant
+from barbalat.problem.parameters import Parameter, evaluated, require_parameter_name
+from barbalat.problem.physical import PhysicalPlant, names_in
 from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.truth import Truth
 from barbalat.validate import Array, InputError
@@ -62,7 +61,7 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
 
 def _require_use(given: Mapping[str, Any], parts: Any) -> None:
     """InputError for a parameter with a range that no text in these parts names."""
-    used = {name for text in _texts(parts) for name in re.findall(NAMES, text)}
+    used = names_in(parts)
     for name, one in given.items():
         if name not in used and isinstance(one, dict) and one.keys() & {"between", "tolerance"}:
             raise InputError.of(f"parameters.{name}", "has a range, but occurs in no formula of plant, sensor or truth")

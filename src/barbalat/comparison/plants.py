@@ -13,7 +13,7 @@ from barbalat.problem.physical import PhysicalPlant
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.problem.truth import Truth
+from barbalat.problem.truth import Truth, names_simulated
 from barbalat.run.kernel import delay
 from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.known_set_draws import spread_of
@@ -23,20 +23,35 @@ from barbalat.validate import Array, InputError
 def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
     """Return the case's plant, and others drawn from its known set and, if the input's gain is unknown, from its interval.
 
-    For a plant with physical parameters the others are drawn from their ranges. InputError if a truth has its own matrix A,
-    because no known set then describes similar plants.
+    For a plant with physical parameters the others are drawn from their ranges. InputError for several plants if the truth is a
+    single one, see ``one_plant_because``.
     """
+    if plants > 1 and (why := one_plant_because(problem)) is not None:
+        raise InputError.of("plants", f"must be 1, because {why}; got {plants}")
     random = np.random.default_rng(seed)
     if problem.plant.physical is not None:
         return _of_the_ranges(problem, problem.plant.physical, plants, random)
-    if problem.truth is not None and problem.truth.A is not None and plants > 1:
-        raise InputError.of("plants", f"must be 1 with truth.A, which is a single plant without variation; got {plants}")
     thetas = known_set.drawn(random, plants - 1)
     found = [problem.plant, *(replace(problem.plant, theta=theta) for theta in thetas)]
     if problem.known.gains is not None:  # the case's own gain is written out too, so that all plants have one structure
         gains = [[path.gain for path in problem.plant.paths], *problem.known.gains.drawn(random, plants - 1)]
         found = [_with_gains(plant, gain) for plant, gain in zip(found, gains, strict=True)]
     return [replace(problem, plant=plant) for plant in found]
+
+
+def one_plant_because(problem: Problem) -> str | None:
+    """Return a clause with the reason why there are no other plants to simulate; None if there are.
+
+    The truth may have its own matrix A, whose variation no known set describes, or contain no parameter with a range.
+    """
+    physical, truth = problem.plant.physical, problem.truth or Truth()
+    if physical is None:
+        return None if truth.A is None else "truth.A is a single plant without variation"
+    ranges = [one.name for one in physical.parameters if not one.is_exact]
+    if not ranges:
+        return "no parameter has a range"
+    used = names_simulated(vars(physical), vars(truth))
+    return None if used.intersection(ranges) else f"no formula of the simulated plant contains {' or '.join(ranges)}"
 
 
 def _of_the_ranges(problem: Problem, physical: PhysicalPlant, plants: int, random: np.random.Generator) -> list[Problem]:
@@ -82,16 +97,14 @@ SAME_PLANT = 1e-9
 
 
 def _corners(problem: Problem, known_set: KnownSet, random: np.random.Generator) -> list[Problem]:
+    if one_plant_because(problem) is not None:
+        return []
     physical = problem.plant.physical
     if physical is not None:
         uncertain = [one for one in physical.parameters if not one.is_exact]
-        if not uncertain:
-            return []
         lower, upper = np.array([one.range for one in uncertain]).T
         points = ParameterBox(lower=lower, upper=upper).extreme_points(random, MOST_EXTREMES)
         return _with_values(problem, [dict(zip((one.name for one in uncertain), map(float, row), strict=True)) for row in points])
-    if problem.truth is not None and problem.truth.A is not None:
-        return []
     gains = problem.known.gains
     points = (known_set if gains is None else known_set.with_gains(gains)).extreme_points(random, MOST_EXTREMES)
     p = known_set.size
@@ -104,7 +117,10 @@ def _corners(problem: Problem, known_set: KnownSet, random: np.random.Generator)
 def _entries(problem: Problem) -> Array:
     """Return the numbers in which plants of one case differ."""
     simulated, paths = problem.simulated, problem.surroundings.paths
-    matrices = (problem.plant.theta,) if simulated is None else (simulated.A, simulated.b, *simulated.values.values())
+    physical = problem.plant.physical
+    used = set() if physical is None else names_simulated(vars(physical), vars(problem.truth or Truth()))
+    values = () if simulated is None else [value for name, value in simulated.values.items() if name in used]
+    matrices = (problem.plant.theta,) if simulated is None else (simulated.A, simulated.b, *values)
     around = [number for path in paths for number in (path.gain, path.delay)]
     return np.concatenate([np.ravel(one) for one in (*matrices, around)])
 

@@ -12,7 +12,7 @@ from barbalat.open_numbers.path import FieldPath, Key, Tables, copied
 from barbalat.problem.parameters import Parameter
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
-from barbalat.problem.truth import Truth
+from barbalat.problem.truth import Truth, names_simulated
 from barbalat.validate import InputError
 
 PARAMETERS = "parameters"
@@ -53,6 +53,8 @@ def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozen
     """The place of the number that ``path`` varies, see ``put``; missing tables of [truth] are copied from [plant]."""
     if is_parameter(path):
         _require_declared(tables, path)
+        plant, truth = tables.get("plant", {}), tables.get("truth", {})
+        _require_simulated(path, names_simulated(plant | {"sensor": tables.get("sensor")}, truth))
         return FieldPath(("truth", PARAMETERS, str(path.keys[-1])))
     if path.keys[:2] == THETA and "A" in own and redesign is not None:
         raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary truth.A")
@@ -120,6 +122,14 @@ def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
         raise InputError(f"{path} does not name a parameter; {there}{validate.hint(name, known)}")
 
 
+def _require_simulated(path: FieldPath, names: set[str]) -> None:
+    if (name := str(path.keys[-1])) not in names:
+        raise InputError(
+            f"{path} is not simulated: no formula of the simulated plant contains {name}; use it in [truth], or give --redesign "
+            f"to vary the design"
+        )
+
+
 def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tuple[Key, ...] | None:
     """The place in [truth] of the value at ``keys``, with a copy of the value there; None if its place does not change."""
     plant, apart = tables.get("plant"), "truth" in tables or PARAMETERS in tables
@@ -180,6 +190,7 @@ def _with_parameter(problem: Problem, path: FieldPath, value: float, redesign: b
     require_parameter(path, {} if physical is None else physical.nominal)
     assert physical is not None
     if not redesign:
+        _require_simulated(path, names_simulated(vars(physical), vars(truth)))
         return replace(problem, truth=replace(truth, parameters={**truth.parameters, name: value}))
     moved = tuple(_moved(one, value) if one.name == name else one for one in physical.parameters)
     plant, own = problem.plant, dict(truth.parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ from barbalat import validate
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.parameters import Parameter, Symbolic, evaluated
+from barbalat.problem.parameters import NAMES, Parameter, Symbolic, evaluated
 from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, freeze
 
@@ -135,6 +136,17 @@ def _parameters_in(part: Any) -> Iterator[Parameter]:
     entries = _listed(part)
     for inner in entries.values() if isinstance(entries, Mapping) else entries if isinstance(entries, (list, tuple)) else ():
         yield from _parameters_in(inner)
+
+
+def names_in(part: Any) -> set[str]:
+    """Return the names in formulas, as text or as expressions, of nested lists and dictionaries; with those of functions."""
+    if isinstance(part, Symbolic):
+        return set(part.parameters)
+    if isinstance(part, str):
+        return set(re.findall(NAMES, part))
+    entries = _listed(part)
+    inner = entries.values() if isinstance(entries, Mapping) else entries if isinstance(entries, (list, tuple)) else ()
+    return {name for one in inner for name in names_in(one)}
 
 
 def holds_formulas(part: Any) -> bool:

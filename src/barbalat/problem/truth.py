@@ -13,7 +13,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.formulas import BEND_OF_ABS, Formula
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.parameters import evaluated, parsed
-from barbalat.problem.physical import input_matrix, inputs_at, sensor_at
+from barbalat.problem.physical import input_matrix, inputs_at, names_in, sensor_at
 from barbalat.problem.plant import Plant
 from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal, Value
@@ -310,6 +310,19 @@ def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | N
 def _values(truth: Truth, plant: Plant) -> Mapping[str, float]:
     """Return the values of the parameters in the simulated plant, by name."""
     return {} if plant.physical is None else plant.physical.with_values(truth.parameters)
+
+
+WITH_FORMULAS = ("A", "b", "x0", "input", "sensor")
+"""What a truth takes from the plant, with its formulas, unless it has its own."""
+
+
+def names_simulated(plant: Mapping[str, Any], truth: Mapping[str, Any]) -> set[str]:
+    """Return the names in the formulas of the simulated plant: in those of the truth, and of the plant where the truth has none.
+
+    plant, truth  the keys of [plant] with ``sensor``, and of [truth], or the fields of a PhysicalPlant and of a Truth
+    """
+    taken = [plant.get(key) for key in WITH_FORMULAS if truth.get(key) is None]
+    return names_in([taken, *(truth.get(key) for key in (*WITH_FORMULAS, "C", "terms"))])
 
 
 def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturbance, ...]) -> tuple[Disturbance, ...]:

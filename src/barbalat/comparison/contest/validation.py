@@ -11,7 +11,7 @@ from barbalat.budget import Progress
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
-from barbalat.comparison.plants import plants_of
+from barbalat.comparison.plants import one_plant_because, plants_of
 from barbalat.comparison.search.probing import Question
 from barbalat.judge.settings import Judge
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
@@ -24,7 +24,7 @@ from barbalat.study.ideal_benchmark import Ideals, Judging, Undelayed
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.verdicts import Criterion, Member
 from barbalat.sweeps.statistics import Median, Share
-from barbalat.validate import Array, counted
+from barbalat.validate import Array, InputError, counted
 
 VALIDATION_COMMANDS = 8
 """Number of commands. Each has the same number of plants, enough to fill the kernel's lanes."""
@@ -85,6 +85,8 @@ class Draws:
     def drawn(cls, problem: Problem, members: int, rule: Rule) -> Draws:
         """Draw new plants of the known set, new commands and new noise."""
         assert problem.uncertainty is not None
+        if (why := one_plant_because(problem)) is not None:
+            raise InputError(f"validation plants cannot be drawn, because {why}")
         seed = rule.seed + VALIDATION_SEED
         plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
         commands = drawn_commands(min(VALIDATION_COMMANDS, members), seed)

@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.comparison.plants import plants_of
+from barbalat.comparison.plants import one_plant_because, plants_of
 from barbalat.comparison.search.quantity import LINEAR_DELAYS, Constraint, Origin, TunedQuantity
 from barbalat.open_numbers.path import by_index
 from barbalat.problem.labels import Labels
@@ -115,8 +115,9 @@ class Aim:
         return list(plants_of(problem, problem.uncertainty, self.plants, self.seed))
 
     def unseen(self, problem: TrackingProblem) -> list[Problem]:
-        """Return the problem with validation plants, drawn with another seed; none without a known set."""
-        if not isinstance(problem, Problem) or problem.uncertainty is None:
+        """Return the problem with validation plants, drawn with another seed; none without a known set, or if the
+        truth is a single plant."""
+        if not isinstance(problem, Problem) or problem.uncertainty is None or one_plant_because(problem) is not None:
             return []
         return plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, self.seed + 1)[1:]
 
