@@ -1,4 +1,4 @@
-"""LLVM's text of a function without loops, executed on terms. Branches become choices, and memory is a table by offsets in
+"""Symbolic execution of LLVM IR without loops, on terms. Branches become choices, and memory is a table by offsets in
 bytes."""
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Run:
         found = self._read("i1", text)
         return found if isinstance(found, int) else found[1]
 
-    def _value(self, name: str, rest: str, label: str) -> Value:  # noqa: PLR0912  # a case each
+    def _value(self, name: str, rest: str, label: str) -> Value:  # noqa: PLR0912  # one case for each instruction
         terms = self.terms
         match name:
             case "alloca":

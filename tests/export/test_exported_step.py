@@ -103,7 +103,7 @@ def test_it_is_the_c_that_a_user_gets(monkeypatch) -> None:
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
 @pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[0])
 def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_path) -> None:
-    """These runs have symbols for a controller's numbers, which gives other operations than numbers."""
+    """These runs use symbols for the controller's numbers, which yields different operations than constants do."""
     folder = write(tmp_path / "made", files(PROBLEM, controller, Simulation(t_end=2.0, dt=0.01, fused=False)))
     done = run_selftest(folder, "gcc", *ISO, "-O2")
     assert done.returncode == 0, done.stdout

@@ -332,7 +332,7 @@ def test_no_statement_around_the_arithmetic_can_be_left_out(name, tmp_path, expo
     """Each statement except a return is deleted separately. The self-test fails or the code does not compile."""
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()
-    first, last = right.index("static void advance("), right.index("/* A start without a bump")
+    first, last = right.index("static void advance("), right.index("/* Bumpless start")
     statement = re.compile(r"^ +(?!int |const |unsigned |return )\S[^\n]*;$", re.MULTILINE)
     places = [found for found in statement.finditer(right) if not first <= found.start() < last]
     assert len(places) > 50

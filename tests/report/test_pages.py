@@ -98,7 +98,7 @@ def test_a_sweeps_page_names_figures_by_symbols(name, shown):
 
 
 def test_a_page_of_runs_is_drawn_where_it_is_read(tmp_path):
-    """A separate process has not imported Matplotlib afterwards. With pictures there are also files."""
+    """A separate process has not imported Matplotlib afterwards. If pictures are requested, they are also written to files."""
     (tmp_path / "case.py").write_text(
         "import sys\n"
         "from barbalat.cli import main\n"

@@ -168,7 +168,7 @@ class CaseText:
             if changed:
                 raise
             echo(table, tomllib.loads(self.text, parse_float=Typed))
-            return build(table, self.folder, joining, raw=raw)  # raises the error again, in the words of the file
+            return build(table, self.folder, joining, raw=raw)  # raises the same error, now in the terms that the file uses
 
     def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...], dict[str, Any] | None]:
         """The tables with their types checked, the controllers that join the case's, and the original tables.

@@ -43,7 +43,7 @@ def column_of(problem: TrackingProblem, controller: Controller, certificate: Cer
     try:
         scheme, cells = file_of(problem, controller).column(problem, controller, certificate)
         return Column(controller.name, scheme, Named.of("cell", cells))
-    except Exception as error:  # noqa: BLE001 (one column; the others stand)
+    except Exception as error:  # noqa: BLE001 (only this column fails; the others are still shown)
         return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})
 
 

@@ -24,19 +24,20 @@ from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.run.kernel.sampled_controller import STATE
 
 CASES, MORE_CASES = 30, 100
-"""The budget of a proof for one mutant: the first time, and the second time for mutants that no search has detected."""
+"""The budget of a proof for one mutant, in cases: in the first pass, and in the second pass for mutants that no search has
+detected."""
 MOST = 1e30
 """Assumed largest size of an intermediate number if no bound is proved for all of them: far beyond the range of accepted
 results."""
 ASSUMED = f", provided that all intermediate results are numbers of at most {MOST:g}"
 """The end of the description of a proof that needs this assumption."""
 WORK = 1_000_000
-"""Largest total number of operations in the cases of all proofs of one export, each of the two times."""
+"""Largest total number of operations in the cases of all proofs of one export, in each of the two passes."""
 SHARE = 40
-"""The inverse of the largest share of that total for one mutant."""
+"""One mutant may use at most one part in this many of that total."""
 NARROWS = 8
-"""Number of operations through which the whole effect of a fault passes and which are tried before the outputs, because their
-proofs have few cases."""
+"""Number of bottleneck operations (through which the whole effect of a fault passes) that are compared before the outputs,
+because their proofs have few cases."""
 NEAR = (0, 3, 6)
 """Number of operations after a comparison among which choices are sought; the cases are first divided by the conditions of
 these choices."""

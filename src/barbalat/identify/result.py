@@ -29,7 +29,7 @@ initial error by e."""
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """The result for one state's row: its coefficients are those of the states, then of the inputs.
+    """The result for one state's row: its coefficients are those of the states, then those of the inputs.
 
     estimate, interval (p,), (p, 2)  of the output-error fit, with the confidence of ``CONFIDENCE``, infinite for a coefficient
                                      that the data do not excite; None for a given row
@@ -170,7 +170,7 @@ class Identification:
                 shares = {name: share for name, share in zip(self.coefficient_names, direction, strict=True) if abs(share) > 0.05}
                 terms = [f"{share:+.2g} {name}" for name, share in shares.items()] if len(shares) > 1 else shares
                 given = bool(np.isfinite(row.ranges[np.abs(direction) > 0.05]).all())
-                instead = "its range is that of within" if given else "excite it, or give bounds by within"
+                instead = "its range is the one given by `within`" if given else "excite it, or bound it with `within`"
                 said.append(
                     f"the data do not excite {' '.join(terms)} in the row of {row.state}': that combination stays within its "
                     f"error in every window, so the data do not bound it; {instead}"
@@ -178,7 +178,7 @@ class Identification:
             if not row.unexcited and not np.isfinite(row.ranges).all():
                 said.append(
                     f"the known set of {row.state}' is not bounded: the bounds of noise and slope are too large for the "
-                    "motion; give smaller ones, samples at shorter intervals, more motion, or bounds by within"
+                    "motion; give smaller ones, samples at shorter intervals, more motion, or bound it with `within`"
                 )
             if row.outside:
                 outside = "the known set" if row.enclosure is not None else "the bounds of within"

@@ -11,7 +11,7 @@ T/2) they are those of a continuous system. Margins that no single L(z) gives ar
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are not whole samples) and 8.2.
 
-No single transfer function shows the delay margin, nor that of a gain that all inputs share.
+No single transfer function shows the delay margin, nor the gain margin of a gain that all inputs share.
 
 The search starts from a stable loop and advances by steps over which stability is certain. For a delay, the step is certain if
 |change of L| < |1 + L| at every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For
@@ -150,26 +150,27 @@ def _split(delay: float, T: float) -> tuple[int, float]:
 
 
 LEAST_STEP = 1e-4
-"""Share of a sample, or of the factor: the search advances by at least this much, which is below the resolution of the grid of
-frequencies."""
+"""Smallest step of the search, as a share of a sample (for a delay) or of the factor (for a gain); it is below the resolution of
+the grid of frequencies."""
 FREQUENCIES = 600
-"""Number of frequencies of the grid up to pi/T, once with equal ratios and once with equal steps; the modes without feedback
-are added."""
+"""Number of frequencies up to pi/T on each of two grids, logarithmic and linear; the modes without feedback are added."""
 CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
 """Number of refinements between the neighbours of a minimum on the grid, down to a hundredth of the grid's steps."""
 SHORT_STEP = 0.1
-"""Share of a sample, or of the factor: shorter steps of the search are close to a loss of stability, which is then examined."""
+"""If the search's step is shorter than this share of a sample (for a delay) or of the factor (for a gain), stability may be lost
+nearby, which is then examined."""
 MOST_SAMPLES_OF_DELAY = 500
-"""Largest delay up to which the delay margin is searched."""
+"""Largest delay, in samples, up to which the delay margin is searched."""
 EDGE_PLACES = 100
-"""Positions of the edge within a sample at which |L| < 1 is checked."""
+"""Number of positions of a delay's edge within a sample at which |L| < 1 is checked."""
 GRID_ALLOWANCE = 2e-3
 """Allowance for a peak of |L| between the grid's frequencies; every mode that is not damped out within two samples has grid
 points near it."""
 LARGEST_TURN = 0.05
 """Largest rotation of e^(A t) between the instants within a sample at which it is evaluated."""
 SHARE_OF_ROOM = 0.9
-"""Share of the factor's distance from a loss that is advanced at a time, so that the search does not end on the loss itself."""
+"""Share of the distance to the loss of stability by which the factor advances in one step, so that the search does not end on the
+loss itself."""
 
 
 def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:

@@ -47,7 +47,8 @@ class Kept(NamedTuple):
     late: Value  # (d y,) earlier measurements, the newest first
     age: Value  # () samples since the last good measurement, if a rate is limited; MOST_COUNTED before the first
     command_outage: Value  # () samples in a row without a good command, if a command's rate is limited; MOST_COUNTED at first
-    advanced: Value  # () misses by which wrong times advanced the outage, if times are checked (also for the next two)
+    # () number of misses that calls at wrong times added to the outage, if times are checked (so are the next two)
+    advanced: Value
     fade: Value  # () samples of the fade that fade_left belongs to
     paused: Value  # () fade_left when the baseline began to act as the fallback
     commanded: Value  # (q,) the last command that arrived, good or bad, if commands are checked

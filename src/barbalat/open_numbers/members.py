@@ -20,10 +20,10 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_CORNERS = 2**8
-"""Largest number of cases that are built to verify that a box of numbers is admissible: two seconds. With more than eight
-numbers a case is built for every member."""
+"""Largest number of cases that are built to verify that a box of numbers is admissible, which takes two seconds. With more than
+eight numbers a case is built for every member."""
 MOST_KEPT = 20_000
-"""Largest number of cases whose numbers are kept for later members: some kilobytes each."""
+"""Largest number of cases whose numbers are kept for later members: a few kilobytes each."""
 
 
 @dataclass(eq=False)

@@ -73,7 +73,7 @@ def scanned(simulation: Simulation, longest: float, count: int) -> Array:
 
 
 class DelaySearch:
-    """The brackets of M members, (2, M): by the onset, by the loss."""
+    """The brackets of M members, (2, M): one row for the onset of oscillation and one for loss."""
 
     def __init__(self, tracks: Array, begun: Array, scan: int, halvings: int) -> None:
         """tracks (M,) and begun (M,): which members follow the model, and which oscillate without any modelling error."""
@@ -94,7 +94,7 @@ class DelaySearch:
         return np.array([i for i, _ in pairs], dtype=int), np.array([size for _, size in pairs])
 
     def take(self, chosen: Array, added: Array, verdicts: tuple[Array, Array]) -> None:
-        """Narrow the brackets of members ``chosen`` by their verdicts with errors of the sizes ``added``: onset, loss."""
+        """Narrow the brackets of the ``chosen`` members from the verdicts (onset, loss) at the sizes ``added``."""
         for size in np.unique(added):  # from short to long, because a member may have been run with several sizes
             for c, lost in enumerate(verdicts):
                 within = (added == size) & (self.bears[c, chosen] < size) & (size < self.loses[c, chosen])
@@ -103,7 +103,8 @@ class DelaySearch:
         self.runs += len(chosen)
 
     def to_come(self) -> float:
-        """Expected number of further runs, if the open members are lost evenly over the rest of the scan."""
+        """Expected number of further runs, assuming that the open members are lost at a constant rate over the rest of the
+        scan."""
         scans = len(self.open_members()) * (1 + self.scans_left / 2)
         inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
         both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
@@ -114,8 +115,8 @@ class DelaySearch:
 class Bracket:
     """The delay [s], or the size of another modelling error, at which each of M loops is lost, (M,) each.
 
-    bears  the largest size tried below the first losing one; 0 if the first one tried already loses
-    loses  the smallest size tried that loses; infinite if none does, 0 if the loop is lost without any
+    bears  the largest size tried below the first at which the loop is lost; 0 if it is lost at the first size tried
+    loses  the smallest size tried at which the loop is lost; infinite if there is none, 0 if it is lost without any error
     """
 
     bears: Array
@@ -127,8 +128,8 @@ class DelayMargins(Plotted):
     """For M members; statements about a delay apply to any modelling error that was tried.
 
     onset, loss  the sizes at which each loop begins to oscillate and at which it is lost (see ``Lost``); either may be smaller
-    tracks       (M,) whether the loop follows its model without a delay, with and without its noise; one that does not tolerates
-                 nothing: 0 and 0
+    tracks       (M,) whether the loop follows its model without a delay, with and without its noise; a loop that does not follow
+                 it tolerates nothing: 0 and 0
     oscillates   (M,) whether it already oscillates without a delay, judged without noise; its onset is then 0 and 0
     fills        (M,) whether its estimates already fill their known range without a delay, with the noise
     noisy        whether the members have measurement noise

@@ -1,8 +1,8 @@
-"""Fixed steps for contests and pages of a case with a tolerance: the longest with which its own runs agree with those with the
-tolerance.
+"""Fixed steps for contests and pages of a case with a tolerance: the longest steps with which its own runs agree with those at
+the tolerance.
 
 A contest adds noise, which jumps every few milliseconds, and tries short delays. Both limit a step whatever its error, so that
-runs with the tolerance itself take 4 to 20 times as long as these.
+runs at the tolerance itself take 4 to 20 times as long as these.
 """
 
 from __future__ import annotations
@@ -31,19 +31,21 @@ SMALL = 0.05
 """Errors in the tail are compared relative to at least this share of the largest error, since a tolerance may not resolve
 smaller ones."""
 FEWEST_STEPS, MOST_STEPS = 20_000, 10_000_000
-"""Smallest number of steps of a run, so that delays, filters and gains well beyond the time scales of the motion can be tried."""
+"""Smallest and largest number of steps of a run that are tried. The smallest allows delays, filters and gains well beyond the
+time scales of the motion."""
 
 
 @dataclass(frozen=True)
 class FixedSteps:
-    """A simulation with fixed steps, and a sentence on how they were found; None for those of the case itself."""
+    """A simulation with fixed steps, and a sentence on how they were found; None if they are the steps of the case itself."""
 
     simulation: Simulation
     sentence: str | None = None
 
 
 def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> FixedSteps:
-    """The simulation itself if its steps are fixed; InputError if none up to ``MOST_STEPS`` agree with its tolerance."""
+    """The simulation itself if its steps are fixed; InputError if no run of up to ``MOST_STEPS`` steps agrees with its
+    tolerance."""
     if simulation.tolerance is None:
         return FixedSteps(simulation)
     loops = [ClosedLoop.of(problem, controller) for controller in controllers]
@@ -62,13 +64,15 @@ def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], sim
         if all(_agree(one, other) for one, other in zip(found, expected, strict=True)):
             return FixedSteps(
                 tried,
-                f"all runs here use fixed steps, {tried.how}: the longest tried at which the case's own runs have the errors and "
-                f"controls of simulation.tolerance = {simulation.tolerance:g} within {100 * AGREES:.0f} %",
+                f"all runs here use fixed steps, {tried.how}: the longest step tried at which the errors and controls of the "
+                f"case's own runs agree within {100 * AGREES:.0f} % with those of runs at simulation.tolerance = "
+                f"{simulation.tolerance:g}",
             )
     raise InputError.of(
         "simulation.tolerance",
         f"= {simulation.tolerance:g} does not fix a step, and with up to {MOST_STEPS:.0e} fixed steps the errors and controls of "
-        f"the case's own runs do not come within {100 * AGREES:.0f} % of those of the tolerance: give simulation.dt",
+        f"the case's own runs do not agree within {100 * AGREES:.0f} % with those of the run at that tolerance: "
+        "give simulation.dt",
     )
 
 

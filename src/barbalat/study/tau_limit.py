@@ -135,11 +135,11 @@ class TauStudy:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> TauLimits:
-        """The map over all pairs, then bisection at each size between the smallest tolerated tau and the next smaller one.
+        """The map over all pairs, then bisection at each size between the smallest tolerated tau and the next smaller tau.
 
         sizes, taus  ascending, above zero
         near         simulation settings near the boundary; by default those of the map. A longer run detects slower growth: a tau
-                     that is tolerated on the map and lost there counts as lost, and the next one up is tried
+                     that is tolerated on the map and lost there counts as lost, and the next larger tau is tried
         resolution   relative distance of ``bears`` and ``loses`` at which bisection ends
         """
         sizes, taus = _ascending("sizes", sizes), _ascending("taus", taus)
@@ -230,7 +230,9 @@ def _drawn(found: TauLimits, *, shown: bool) -> Figure:
     limits, errors = figure.subplots(1, 2)
     theme, lost = Theme.current(), found.loses > 0
     limits.plot(found.sizes, found.bears, "o-", color=theme.colour(0), markersize=4, label="smallest tau tolerated")
-    limits.plot(found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest tau lost below it")
+    limits.plot(
+        found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest smaller tau that is lost"
+    )
     _set_up(limits, "Lower limit of tau", "size of the modelling error", "tau")
     chosen = np.unique(np.linspace(0, len(found.sizes) - 1, min(len(found.sizes), MOST_CURVES)).round().astype(int))
     for k, i in enumerate(chosen):

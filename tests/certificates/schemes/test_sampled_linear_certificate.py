@@ -51,7 +51,7 @@ def certified(controller, problem=PROBLEM):
 
 
 def moved(t):
-    """e^(A t) and the contribution of a held input in t, for the plant with theta."""
+    """e^(A t), and the effect over t of an input that is held, for the plant with theta."""
     whole = expm(t * np.block([[A_M + np.outer(B, THETA), B[:, None]], [np.zeros((1, 3))]]))
     return whole[:2, :2], whole[:2, 2]
 
@@ -67,7 +67,7 @@ def radius(discretization, delay, factor=1.0):
     whole, part = divmod(delay / T, 1.0)
     assert whole == 0
     (all_of_it, _), (after, late), (_, early) = moved(T), moved((1 - part) * T), moved(part * T)
-    states = np.eye(5)  # x, xi, u of this sample, u of the previous one
+    states = np.eye(5)  # x, xi, u of this sample, u of the previous sample
     x, xi, u, before = states[:2], states[2], states[3], states[4]
     x_next = all_of_it @ x + factor * (np.outer(late, u) + np.outer(after @ early, before))
     f_hat = -u

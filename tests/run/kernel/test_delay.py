@@ -45,7 +45,8 @@ def method_of_steps(given: Problem, gamma: float, t_end: float) -> np.ndarray:
         return -y[4:6] @ y[:2] + 2.0 * r(np.array([t]))[0]
 
     def past_input(t):
-        return control(pieces[-1](t), t) if pieces else given.history[0]  # the last piece covers one delay before the current one
+        # the last piece covers the delay interval before the current one
+        return control(pieces[-1](t), t) if pieces else given.history[0]
 
     def slope(t, y):
         x, x_m = y[:2], y[2:4]

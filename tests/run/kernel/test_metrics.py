@@ -217,7 +217,7 @@ def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
 @pytest.mark.parametrize("x0", np.geomspace(1e141, 1e149, 30))
 @pytest.mark.short(kept=lambda x0: x0 < 1e143)
 def test_a_run_past_the_largest_number_gives_no_warning(x0):
-    """The same through ``simulate``, alone."""
+    """The same for a single run with ``simulate``."""
     given = exploding(1.5).plant
     problem = Problem(
         plant=Plant(A_m=given.A_m, b=given.b, theta=given.theta, x0=[x0]), uncertainty=ParameterBox(lower=[0], upper=[0])

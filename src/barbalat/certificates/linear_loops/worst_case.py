@@ -107,7 +107,7 @@ class LoopsOverTheta:
         """Frequencies from far below to far above every pole and every crossover that the set allows, denser near lightly damped
         modes.
 
-        A loop that is stable with the delay d has its crossovers below 2 pi/d: some of the delay's periods are resolved finely.
+        A loop that is stable with the delay d has its crossovers below 2 pi/d: the first few periods 2 pi/d are resolved finely.
         """
         thetas, ends = self._apart(points)[0], [None] if self.gains is None else np.ravel(self.gains.extent)
         loops = [self.loop(np.zeros(self.plant.n) if one is None else np.append(np.zeros(self.plant.n), one)) for one in ends]
@@ -119,7 +119,7 @@ class LoopsOverTheta:
         offsets = np.sinh(np.linspace(-5, 5, 41))
         peaks = [p.imag + abs(p.real) * offsets for p in poles if p.imag > 0]
         turns = [np.arange(1, 129) * np.pi / 16 / self.delay] if self.delay > 0 else []
-        w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first stands for zero frequency
+        w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first one represents zero frequency
         return np.unique(w[w > 0])
 
 

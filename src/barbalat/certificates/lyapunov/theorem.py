@@ -213,7 +213,7 @@ def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
     rest = {place: ring.constant(fmpq(0)) for place in reading.e}
     solved: dict[int, Rational] = {}
     for number, relation in enumerate(relations, start=1):
-        name = f"the quantity {number} that stays zero"
+        name = f"quantity {number} of those declared to stay zero"
         if not relation.replaced(start | x0 | rest).is_zero:
             raise Refused(f"{name} is not zero at t = 0 for every theta")
         left = relation.replaced(solved)
@@ -226,7 +226,9 @@ def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
         solved = {i: one.replaced({place: value}) for i, one in solved.items()} | {place: value}
     for number, relation in enumerate(relations, start=1):
         if not reading.along(relation).replaced(solved).is_zero:
-            raise Refused(f"the quantity {number} does not stay zero: its rate is not zero where these quantities are")
+            raise Refused(
+                f"quantity {number} of those declared to stay zero does not: its rate is not zero where these quantities are zero"
+            )
     return solved
 
 

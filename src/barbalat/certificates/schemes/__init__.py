@@ -44,13 +44,13 @@ class ProvenFile(SchemeFile, Protocol):
     """The file of a scheme whose guarantees can be checked independently."""
 
     def grounds(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
-        """The controller's numbers; ``scheme`` is the name of the rules that apply to it."""
+        """The numbers on which the guarantees rest; ``scheme`` is the name of the rules that apply to it."""
         ...
 
 
 @runtime_checkable
 class FollowedFile(ProvenFile, Protocol):
-    """The file of a scheme whose error follows from a linear loop, which is followed over the known set."""
+    """The file of a scheme whose error can be computed from a linear loop; the loop is evaluated over the whole known set."""
 
     def known_loop(self, problem: TrackingProblem, controller: Controller) -> KnownLoop | None:
         """The loop; None if the plant has no such loop."""

@@ -40,7 +40,7 @@ WHOLE_LOOP_LIMITS = (
 )
 HELD_LIMITS = "gamma_max and step_max are those of the frozen law from sample to sample, with A_m's exact motion between samples"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
-"""Values of the continuous law; a sampled law has its own, if they are known."""
+"""Keys that belong to the continuous law; a sampled law has its own values where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst", "error_bound_command"}
 OF_THE_CONTINUOUS_LOOP = frozenset(
     {

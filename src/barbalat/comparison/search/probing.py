@@ -21,8 +21,8 @@ class Question:
     """The question whether loops tolerate ``limit`` of the modelling error of ``ideals``, such as a delay [s], by one criterion.
 
     All ``sizes`` below ``limit``, and ``limit`` itself, are tried. With the ``sizes`` of ``margins_ensemble``, a loop that
-    tolerates ``limit`` by that function tolerates it here. ``undelayed`` are the runs without an error, and ``numbers`` are those
-    of that function.
+    tolerates ``limit`` by that function tolerates it here. ``undelayed`` are the runs without an error, and ``numbers`` are as in
+    that function.
     """
 
     members: Sequence[Member]
@@ -47,7 +47,7 @@ class Question:
 
         group   (M,) members with the same number are decided together; if one is lost at ``limit``, the others are not run again
         graded  whether the size is searched for, from ``limit`` down in the steps of the scan, if ``limit`` is not tolerated
-        below   whether members that tolerate ``limit`` are also tried with less, because they may be lost in between
+        below   whether members that tolerate ``limit`` are also tried with smaller sizes, because they may be lost in between
         among   (M,) whether a member is examined; by default all are
         """
         found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
@@ -72,7 +72,7 @@ class Question:
         return np.flatnonzero(well & ~self.judged.oscillates if self.criterion is Criterion.ONSET else well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
-        """Try members that tolerate ``limit`` with less, beginning with the smallest size."""
+        """Also try smaller sizes for members that tolerate ``limit``, the smallest first."""
         for before, size in zip([0.0, *self.smaller], self.smaller, strict=False):
             lost = self._lost(chosen, size)
             found[chosen[lost]] = before
@@ -126,7 +126,8 @@ class Probing:
             borne = question.bears(group, graded=graded, below=below, among=among)
             self.runs += question.runs
             found = np.where(among, np.minimum(found, borne), found)
-            among &= ~np.isin(group, group[found < limit])  # members that one error loses are not tried with the next
+            # a member that is lost with one modelling error is not tried with the next
+            among &= ~np.isin(group, group[found < limit])
         return found
 
     def margins(self, probe: Probe, asked: float | None) -> Array:

@@ -21,7 +21,8 @@ public:
     static const struct AP_Param::GroupInfo var_info[];
 
 protected:
-    bool _measure(float *measured, float *r); // of the axis [rad, rad/s]; whether the angle is now in another turn
+    // reads the axis's measurement and command [rad, rad/s]; returns whether the angle has moved to another turn
+    bool _measure(float *measured, float *r);
     float *_axis_of(Vector3f &rpy) const;
 
     ${name}_controller _controller;
@@ -31,7 +32,7 @@ protected:
     float _at; // [rad] the last angle, in the command's turn
     float _command; // [rad] the last command, which turns on beyond half a turn
     float _u; // the last control
-    float _period; // [s] of the main loop
+    float _period; // period of the main loop [s]
     uint64_t _last; // [us] time of the last update, if it is measured; 0 after a start
     AP_Int8 _axis;
     AP_Int8 _angle;

@@ -30,17 +30,17 @@ static int state_is_usable(const ${name}_controller *c)
         && result_is_usable(c);
 }
 
-/* One sample of the whole controller: the operations of the simulation, in their order. */
+/* One sample of the whole controller: the operations of the simulation, in the same order. */
 static void advance(${name}_controller *c, const ${name}_input *in)
 {
 ${advance}}
 
-/* What a sample changes, number by number, so that a compiler copies only what is still needed. */
+/* Copies the state that a sample changes, number by number, so that the compiler can drop copies that are not needed. */
 static void copy(${name}_controller *to, const ${name}_controller *from)
 {
 ${copied}}
 
-/* A start without a bump: u begins where the actuator is, and the difference fades out. */
+/* Bumpless start: u begins at the present position of the actuator, and the difference fades out. */
 static void fade(${name}_controller *c)
 {
     int i;
@@ -126,7 +126,7 @@ static void give(const ${name}_controller *c, ${name}_output *out, unsigned stat
 ${give}    out->status = status;
 }
 
-/* Makes the control that is held zero if it is no control. */
+/* Sets the held control to zero if it is NaN or out of range. */
 static void keep_control(${name}_controller *c)
 {
     int i;

@@ -8,7 +8,7 @@
 #define ${macro}_CONTROLLER_H
 
 #define ${macro}_EXPORT ${mark}
-#define ${macro}_SAMPLE_TIME ${sample_time} /* [s] of the controller */
+#define ${macro}_SAMPLE_TIME ${sample_time} /* sample time of the controller [s] */
 #define ${macro}_RANGE ${range} /* largest size of a measurement, a command or a state; larger ones are refused */
 ${sizes}#define ${macro}_REFUSALS ${refusals} /* refused results in a row after which it restarts with the initial estimates */
 ${limits}${shell_macros}${log_macros}${parameter_macros}
@@ -19,7 +19,7 @@ ${limits}${shell_macros}${log_macros}${parameter_macros}
 #define ${macro}_STATE_REFUSED 4u /* the state was NaN or out of range: u is held, and the controller starts again */
 #define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: ${result_refused} */
 #define ${macro}_COMMAND_LOST 16u /* an entry of the command is NaN or out of range: see ${name}_step */
-#define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is NaN or out of range${start_range} */
+#define ${macro}_START_REFUSED 32u /* returned by ${name}_start, which changed nothing: an argument is NaN or out of range${start_range} */
 
 #ifdef __cplusplus
 extern "C" {
@@ -28,7 +28,7 @@ extern "C" {
 /* The state of the controller. Matrices are stored row by row. */
 typedef struct {
 ${members}    ${real} last_u[${macro}_INPUTS]; /* the last control, which is held */
-    ${real} bump[${macro}_INPUTS]; /* of a bumpless start: the part of u that fades out */
+    ${real} bump[${macro}_INPUTS]; /* the part of u that fades out after a bumpless start */
     long fade; /* samples over which it fades out */
     long fade_left; /* remaining samples of the fade */
     int matching; /* 1 until the first sample after a start */
@@ -36,10 +36,10 @@ ${members}    ${real} last_u[${macro}_INPUTS]; /* the last control, which is hel
 ${shell_members}} ${name}_controller;
 
 typedef struct {
-    ${real} sample_time; /* [s] since the last call, from a timer or ${macro}_SAMPLE_TIME: within 0.1 % of it */
+    ${real} sample_time; /* time since the last call [s], from a timer or ${macro}_SAMPLE_TIME: within 0.1 % of it */
     ${real} ${measured}[${macro}_MEASURED]; /* ${measured_meaning} */
     ${real} r[${macro}_COMMANDS]; /* command of (2) */
-    int freeze; /* not 0: the estimates and the law's signals keep their values, all else continues${predicts_only} */
+    int freeze; /* if nonzero, the estimates and the law's signals keep their values; everything else continues${predicts_only} */
 } ${name}_input;
 
 typedef struct {
@@ -61,7 +61,7 @@ void ${name}_reset(${name}_controller *c);
 /*
  * ${start_comment}
  * u_now is the present control of the actuator: the first control equals it, and the difference from the controller's own control
- * fades out over this number of samples. keep_estimates: not 0 to keep the estimates.
+ * fades out over this number of samples. keep_estimates: if nonzero, the estimates are kept.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
 unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
@@ -70,7 +70,7 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
 /*
  * One sample. Call it every ${macro}_SAMPLE_TIME, also without a measurement (then pass NaN), apply u at once and hold it
  * until the next call. Returns the status.
- * A lost measurement: u is held, and all else continues with ${with_what}, with the estimates frozen.
+ * A lost measurement: u is held, and everything else continues with ${with_what}, with the estimates frozen.
  * A lost command: the last good command replaces it, and the controller continues normally.
  * Until the first good measurement after init, reset or start the state does not advance and u is held${first_misses}.
 ${shell_comment} */
@@ -81,7 +81,7 @@ ${shell_comment} */
 */
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out);
 
-/* The internal signals after the last step, without any change of the state. */
+/* Reads the internal signals after the last step; the state does not change. */
 void ${name}_read_log(const ${name}_controller *c, ${name}_log *log);
 ${parameter_declared}
 #ifdef __cplusplus

@@ -22,7 +22,7 @@ enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED };
 typedef struct {
     model m;
     double start; /* [s] */
-    double steps; /* of MODEL_STEP since then, a whole number */
+    double steps; /* number of steps of MODEL_STEP since the start, a whole number */
     int stage;
 } fmu_state;
 
@@ -72,7 +72,7 @@ static const char *set_real(fmu_state *s, unsigned reference, double value)
     }
     const char when = model_settable[reference];
     if (when == 'n' || ((when == 's' || when == 'S') && s->stage > INITIALIZING)) {
-        return "this variable can't be set now: it is an output, or a parameter that is fixed from the start on";
+        return "this variable can't be set now: it is an output, or a parameter that is fixed after the start";
     }
     if (when != 'i' && !isfinite(value)) {
         return "a parameter must be a finite number"; /* the controller itself refuses such an input, with a status */
@@ -84,7 +84,7 @@ static const char *set_real(fmu_state *s, unsigned reference, double value)
     return NULL;
 }
 
-/* The reals of one call: either all are set or none. Before the start parameters may be set in any order. */
+/* Sets all real values of one call, or none of them. Before the start parameters may be set in any order. */
 static const char *set_reals(fmu_state *s, const unsigned references[], size_t count, const double values[])
 {
     double before[MODEL_REALS];
@@ -142,7 +142,7 @@ static const char *advance_by(fmu_state *s, double point, double size, int *grad
     double k;
     *grade = FMU_ERROR;
     if (s->stage != STEPPING) {
-        return "a step before the initialization was left, or after the end";
+        return "a step is possible only between the end of the initialization and the termination";
     }
     if (!(fabs(point - now(s)) <= MODEL_POINT_TOLERANCE * MODEL_STEP)) {
         return "the communication point is not where the last step ended";
@@ -155,7 +155,7 @@ static const char *advance_by(fmu_state *s, double point, double size, int *grad
         const int found = model_step(&s->m);
         *grade = found > *grade ? found : *grade;
         if (*grade == FMU_ERROR) {
-            return "the state left the numbers: the model diverges";
+            return "the state is not finite: the model diverges";
         }
         s->steps += 1;
     }
@@ -185,7 +185,7 @@ static const char *from_bytes(const void *bytes, size_t size, fmu_state *into)
 {
     fmu_saved saved;
     if (size != sizeof saved) {
-        return "these bytes are not a state of this model: their number is another one";
+        return "these bytes are not a state of this model: their number is wrong";
     }
     memcpy(&saved, bytes, sizeof saved);
     if (memcmp(saved.mark, MODEL_TOKEN, sizeof saved.mark) != 0) {

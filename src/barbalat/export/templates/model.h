@@ -17,15 +17,16 @@ ${include}
 
 typedef struct {
     double real[MODEL_REALS];
-    int whole[2]; /* freeze and status, of a unit with a controller */
+    int whole[2]; /* freeze and status; used only if the unit contains a controller */
 ${parts}} model;
 
-/* For each real variable: i an input, t tunable, s fixed from the start on, n calculated; T and S as t and s, but only above 0. */
+/* For each real variable: i: input; t: tunable; s: fixed after the start; n: calculated; T, S: as t and s, but must be
+   positive. */
 static const char model_settable[] = "${settable}";
-/* For each other variable: b a truth value, w a whole number. */
+/* For each other variable: b: truth value; w: whole number. */
 static const char model_kinds[] = "${kinds}";
 static const unsigned model_wholes = (unsigned)sizeof model_kinds - 1u;
-enum { FMU_OK, FMU_WARNING, FMU_ERROR }; /* of a step */
+enum { FMU_OK, FMU_WARNING, FMU_ERROR }; /* the result of a step */
 
 void model_defaults(model *m);
 const char *model_refused(const model *m); /* the bound that the parameters violate; NULL for none */

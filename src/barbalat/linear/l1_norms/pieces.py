@@ -13,9 +13,9 @@ from flint import arb, arb_mat, arb_poly, ctx
 POLYNOMIAL_DEGREE = 24
 # A piece that has been halved this often is shorter than the rounding of its ends; its unresolved sign then widens the enclosure.
 _HALVINGS_LIMIT = 64
-# Newton's method doubles the digits in each step: from one digit to beyond float64 in four or five steps.
+# Newton's method doubles the number of correct digits in each step: from one digit to beyond float64 in four or five steps.
 _NEWTON_STEPS = 8
-# A root relatively this close to an end is not split off; the piece is halved instead, so that no piece degenerates.
+# A root within this relative distance of an end is not split off; the piece is halved instead, so that no piece degenerates.
 _NEAREST_SPLIT = 2.0**-40
 
 

@@ -178,7 +178,7 @@ def fast_two_sum(a: TracedNumber, b: TracedNumber) -> Double:
 
 
 def split(x: TracedNumber) -> Double:
-    """x = high + low, with half of the bits each (26 in doubles, 12 in floats), if the product does not overflow."""
+    """Split x into high + low, each with half of the bits (26 in doubles, 12 in floats), if the product does not overflow."""
     scaled = x * x.format.splitter
     high = scaled - (scaled - x)
     return Double(high, x - high)

@@ -201,7 +201,8 @@ class ParameterBall(Settings):
         along = direction * share + gamma * phi * (error + coupling * share)
         k = gamma * coupling * squared
         a, b = along @ along, across @ across
-        mu = np.maximum(1.0, np.sqrt(a) / self.radius - k)  # a lower bound: either part alone would be at the radius
+        # a lower bound: there, one of the two parts alone already has the length of the radius
+        mu = np.maximum(1.0, np.sqrt(a) / self.radius - k)
         for _ in range(SPHERE_STEPS):
             distance = a / (mu + k) ** 2 + b / mu**2
             slope = a / (mu + k) ** 3 + b / mu**3

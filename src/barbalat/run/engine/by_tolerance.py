@@ -37,10 +37,10 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_ROWS = 1 << 15
-"""Approximate size of a table of nodes: some megabytes."""
+"""Approximate size of a table of nodes: a few megabytes."""
 FINER = 1 / 32
-"""Factor from the tolerance to that of the second run, which measures the first run's error; its own error is some 20 times
-smaller."""
+"""Factor from the tolerance to that of the second run, which measures the first run's error; its own error is about 20
+times smaller."""
 FINER_STEP = 0.5
 """Factor from the first run's longest step to that of the second run, because samples and delays may limit steps more than the
 tolerance."""
@@ -178,7 +178,7 @@ def compared_rows(loop: ClosedLoop) -> dict[str, Array]:
 REFERENCE = 1e-8
 """Tolerance of the run that measures the error of fixed steps; its own error is also measured and reported."""
 MOST_ATTEMPTS = 10_000_000
-"""Largest number of steps of such a run: some ten seconds for a small loop."""
+"""Largest number of steps of such a run, which takes about ten seconds for a small loop."""
 
 
 def measured_error(result: Result) -> MeasuredError:

@@ -399,7 +399,7 @@ class Nodes:
         return np.ascontiguousarray(table, dtype=float), end - start
 
     def through(self, most: float = inf) -> None:
-        """Advance the motion to its end only for its recorded states; InputError after ``most`` attempts."""
+        """Advance the motion to its end and keep only the recorded states. Raise InputError after ``most`` attempts."""
         while not self.motion.over:
             if self.motion.steps + self.motion.rejected > most:
                 raise InputError(f"a run with a tolerance of {self.motion.tolerance:g} takes more than {most:g} steps")

@@ -226,10 +226,10 @@ def step_function(
 ) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
-    Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, are given with a delay:
-    past then contains the stored values and ``remember`` those to add. ``loop``, ``dt`` and the weights may contain symbols;
-    ``parameters`` is then their CasADi column. ``in_pieces``: a piece of a step is advanced, and its description is the end of
-    the signals.
+    Its accumulators are returned too; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, are given
+    with a delay: past then contains the stored values and ``remember`` the values to add. ``loop``, ``dt`` and the weights may
+    contain symbols; ``parameters`` is then their CasADi column. With ``in_pieces``, the function advances a piece of a step,
+    which the last entries of the signals describe.
     """
     import casadi as ca
 

@@ -123,7 +123,7 @@ class Airframe:
         self.move(surfaces)
         fdm["fcs/throttle-cmd-norm"] = throttle
         fdm.run_ic()
-        fdm["propulsion/set-running"] = -1  # all engines, at the speed of this throttle
+        fdm["propulsion/set-running"] = -1  # start all engines, at the engine speed for this throttle
         fdm.run_ic()
 
     def move(self, surfaces: Surfaces) -> None:

@@ -1,4 +1,4 @@
-"""The problem of a trimmed aircraft that follows a rate command about one of its axes, in the form for schemes.
+"""The problem of a trimmed aircraft that follows a rate command about one of its axes, in the form that schemes expect.
 
 x are deviations from trim [deg, deg/s], u is the surface's deviation from its trim [deg], and r is the commanded rate [deg/s].
 Everything is computed from the linearised flight model. The reference model is the loop with linear-quadratic feedback.
@@ -84,8 +84,8 @@ PITCH = Followed(
     # the pitch rate reaches 63 % of its command in 0.3 s; there the equipment's lag of 0.09 s costs 15 deg of phase
     crossover=3.0,
     met=(1.0, 3.0, 3.0),
-    # with half the elevator's effectiveness the schemes need 0.6 deg and some tenths; with a centre of gravity 5 % of the chord
-    # further aft they need 1.3 deg and 0.35
+    # with half the elevator's effectiveness, trim is off by 0.6 deg and the gains by some tenths; with a centre of gravity 5 %
+    # of the chord further aft, trim is off by 1.3 deg and the gains by 0.35
     off=(10.0, 0.5, 0.5),
     equipment=Equipment(),
 )
@@ -100,8 +100,8 @@ ROLL = Followed(
     pulse=1.5,
     crossover=3.0,  # as in pitch; the bare roll mode is at 2.4 rad/s
     met=(1.0, 1.0, 20.0, 2.0),
-    # with half the ailerons' effectiveness the schemes need twice the gains, some hundredths for p and tenths for beta; with
-    # 2000 lb off the middle they need 3 deg
+    # with half the ailerons' effectiveness, the gains are off by their own size, some hundredths for p and some tenths for beta;
+    # with 2000 lb off the middle, trim is off by 3 deg
     off=(10.0, 2.0, 0.2, 0.5),
     equipment=Equipment(rate_limit=80.0, limit=21.5),  # of the ailerons: Stevens and Lewis, as above
 )

@@ -103,7 +103,7 @@ DRAWN = {
     "centre_forward": Uniform(-0.005, 0.005),  # a battery with a third of the mass, mounted 1.5 cm off its place
     "centre_left": Uniform(-0.005, 0.005),
     "reach": Uniform(0.98, 1.02),  # arms that fold
-    "drag_torque": Uniform(0.7, 1.3),  # the least known number of a propeller
+    "drag_torque": Uniform(0.7, 1.3),  # the propeller parameter that is known least accurately
     "motor_lag": Uniform(0.7, 1.5),  # 25 to 52 ms; identified values are between 20 and 70 ms
     "thrust": Uniform(0.85, 1.05),  # a battery from full to almost empty, air from sea level to 1000 m
     "rotor_1": Uniform(0.95, 1.05),  # propellers of one make, chipped or not
