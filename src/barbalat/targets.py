@@ -93,6 +93,17 @@ def require_sampled(name: str, *, sampled: bool) -> None:
         )
 
 
+def require_continuous_reading(problem: TrackingProblem, instead: str) -> None:
+    """InputError, which ends with what to do ``instead``, for a case that no continuous controller can read."""
+    sensor = problem.surroundings.sensor
+    quantized = sensor is not None and sensor.quantization is not None
+    what = "[[faults]]" if problem.faults else "sensor.quantization" if quantized else None
+    if what is not None:
+        raise InputError(
+            f"the controllers that are compared are continuous, but {what} needs some that read at samples: {instead}"
+        )
+
+
 def is_tunable(scheme: object) -> bool:
     """Whether a scheme, or its class, declares which of its settings are tuned."""
     return isinstance(scheme, (Tunable, OutputTunable))

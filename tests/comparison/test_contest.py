@@ -10,17 +10,19 @@ import pytest
 
 from barbalat import Adrc, InputError, KnownParameters, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, simulate
 from barbalat.budget import Budget
+from barbalat.cases.load import Case
 from barbalat.comparison.contest.contest import _require_budget
 from barbalat.comparison.contest.entrant import entrants_of
 from barbalat.comparison.contest.result import paired
 from barbalat.comparison.contest.validation import Paced, Validation
 from barbalat.comparison.starts import start_of
+from barbalat.controllers.sampled import Sampled
 from barbalat.interfaces import TuningGrid
-from barbalat.plants import PlantInput
+from barbalat.plants import Dropout, PlantInput, Sensor
 from barbalat.report import contest as report
 from barbalat.report.page import contest as contest_page
 from barbalat.signals import Constant, Sine, Square
-from barbalat.studies import Entrant, Rule, compete
+from barbalat.studies import Entrant, Rule, compete, contest, trade_off
 from foreign import Plain, PlainEquations, PlainState
 from independent import refusal
 
@@ -275,3 +277,15 @@ def test_a_contest_of_many_short_runs_is_announced_with_its_time():
     assert told == ["the contest: estimated at about 88.1 s of computing"]
     with Budget(seconds=60.0), pytest.raises(InputError, match=r"plants = 3 would take about 88\.1 s of computing"):
         _require_budget(Simulation(t_end=12.0, dt=1e-3), 4, rule, 64)
+
+
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [({"faults": (Dropout(share=0.1),)}, "[[faults]]"), ({"sensor": Sensor(quantization=0.1)}, "sensor.quantization")],
+)
+def test_what_only_samples_meet_asks_for_a_sample_time(more, what) -> None:
+    """A contest once blamed a controller of its own for being continuous."""
+    case = Case(replace(DRIVE, **more), (Sampled(Mrac(gamma=1.0), 0.01),), Simulation(4.0, 1e-3))
+    said = f"the controllers that are compared are continuous, but {what} needs some that read at samples: "
+    assert refusal(lambda: contest(case)) == f"{said}give sample_time (--sample-time S)"
+    assert refusal(lambda: trade_off(case.problem, case.simulation)) == f"{said}use contest with --sample-time S"

@@ -179,4 +179,4 @@ def test_what_does_not_fit_is_refused():
     gain = replace(SINE, input_gain=(0.5, 2.0))
     assert "input gain" in refusal(lambda: NetworkMrac(gamma=1.0, leakage=LEAKAGES[0]).bind(gain.known))
     midpoint = Sampled(NetworkMrac(gamma=1.0, leakage=LEAKAGES[0]), 0.01)
-    assert "'euler' is" in refusal(lambda: midpoint.bind(SINE.known))
+    assert "give discretization = 'euler'" in refusal(lambda: midpoint.bind(SINE.known))

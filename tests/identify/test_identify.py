@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from barbalat import simulate
+from barbalat.cases.load import parse_case
 from barbalat.identify import known_set
+from barbalat.identify.case_text import case_text
 from barbalat.identify.identification import identify
 from barbalat.identify.known_set import Windows, enclose, least_factor
 from barbalat.identify.recording import Recording
@@ -59,6 +62,21 @@ def test_the_true_plant_is_always_in_the_set(seed):
         truth = np.concatenate([a, b])
         assert (row.enclosure.lower <= truth).all() and (truth <= row.enclosure.upper).all()
         assert (row.enclosure.lower <= row.nominal).all() and (row.nominal <= row.enclosure.upper).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_written_case_can_be_simulated(seed):
+    """With one input or two; the step divides the time, and there is a command for each input."""
+    rng = np.random.default_rng(seed)
+    n, m = 2 + seed // 4, 1 + seed % 2
+    A = rng.normal(size=(n, n)) - 2.0 * np.eye(n)
+    recording, noise, slope = recorded(rng, A, rng.normal(size=(n, m)), 0.02, 300, 1e-4)
+    case = parse_case(case_text(identify(recording, noise=noise, slope=slope), "data.csv"))
+    assert len(case.problem.commands) == m
+    assert case.simulation.steps == pytest.approx(case.simulation.t_end / case.simulation.dt)
+    short = replace(case.simulation, t_end=20 * case.simulation.dt)
+    (result,) = simulate(case.problem, case.controllers, short).values()
+    assert np.isfinite(result.e).all()
 
 
 def test_the_set_is_that_of_enumerated_vertices():

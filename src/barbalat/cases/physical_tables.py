@@ -108,8 +108,10 @@ def scale_of_states(
     if all(name in judge.follows for name in names):
         return np.array([judge.follows[name] for name in names]), "the bands of judge.follows"
     k_0 = model.gain(plant, names) if plant.baseline is None else plant.baseline.feedforward
+    signals = tuple(commands) if isinstance(commands, (list, tuple)) else (commands,)
+    if plant.baseline is None:
+        model.require_commands(plant, k_0, len(signals))
     A, B, C = Model(plant.A_m, plant.b, k_0, plant.x0, plant.enters, n).matrices
-    signals = commands if isinstance(commands, tuple) else (commands,)
     _, x_m = driven_response(A, B, C, plant.x0, signals, t_end, MOTION_INSTANTS)
     largest = np.abs(x_m).max(axis=0)
     moves = largest > 1e-9 * largest.max(initial=0.0)

@@ -217,7 +217,11 @@ def _run(
             )
     except KeyboardInterrupt:
         if store is not None:
-            say(f"the completed members are stored in {store}; the same command continues")
+            say(
+                f"the completed chunks are stored in {store}; the same command continues"
+                if store.exists()
+                else f"nothing is stored in {store} yet: no chunk of members was complete"
+            )
         raise
 
 

@@ -78,7 +78,10 @@ class Sampled(Scheme):
         if self.discretization == "euler":
             return Euler(equations, T)
         if not isinstance(equations, Discretizable):
-            raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is", controller=self.name)
+            raise InputError(
+                f"discretization = 'midpoint' is not available for {self.name}: give discretization = 'euler'",
+                controller=self.name,
+            )
         return equations.sampled(T)
 
     @property

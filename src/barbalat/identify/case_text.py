@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.linalg import qr
 
 from barbalat.identify.result import CONFIDENCE, Identification
 from barbalat.linear.pole_placement import place
@@ -47,8 +48,14 @@ def case_text(found: Identification, source: str) -> str:
     columns = [f"[{', '.join(row[n:])}]" for row in entries]
     single = found.B.shape[1] == 1
     b = ", ".join(column.strip("[]") if single else column for column in columns)
-    asked = f"follow = {json.dumps(_label(names[followed]))}" if single else f"k_0 = {np.eye(found.B.shape[1]).tolist()}"
+    asked = (
+        f"follow = {json.dumps(_label(names[followed]))}" if single else _gains(A_m, found.B, [_label(name) for name in names])
+    )
     labels = json.dumps([_label(name) for name in names])
+    command = f'kind = "square"\namplitude = {amplitude}\nfrequency = {float(f"{slow / 3:.2g}")}\n'
+    commands = f"[reference]\n{command}" if single else "\n".join([f"[[reference]]\n{command}"] * m)
+    dt = float(f"{1 / (STEPS * speed):.1g}")
+    steps = math.ceil(PERIODS * 6 * math.pi / slow / dt)
     return f"""{_heading(found, source)}
 [parameters]
 {parameters}
@@ -66,14 +73,10 @@ names = {labels}
 poles = {json.dumps(model)}
 {asked}
 
-[reference]
-kind = "square"
-amplitude = {amplitude}
-frequency = {float(f"{slow / 3:.2g}")}
-
+{commands}
 [simulation]
-t_end = {float(f"{PERIODS * 6 * math.pi / slow:.2g}")}
-dt = {float(f"{1 / (STEPS * speed):.1g}")}
+t_end = {float(f"{steps * dt:.12g}")}
+dt = {dt}
 
 [[controller]]
 name = "MRAC"
@@ -135,6 +138,16 @@ def _followed(A_m: Array, B: Array) -> int:
     """The first state on which a constant command has an effect."""
     gains = np.abs(np.linalg.solve(A_m, B)).max(axis=1)
     return int(np.argmax(gains > AT_REST * gains.max()))
+
+
+def _gains(A_m: Array, B: Array, labels: list[str]) -> str:
+    """The states that the commands of several inputs set independently, or gains of 1 if there are too few."""
+    _, triangle, order = qr(np.linalg.solve(A_m, B).T, pivoting=True)
+    m = B.shape[1]
+    size = np.abs(np.diag(triangle))
+    if len(labels) < m or size[m - 1] <= AT_REST * size[0]:
+        return f"k_0 = {np.eye(m).tolist()}"
+    return f"follow = {json.dumps([labels[i] for i in sorted(order[:m].tolist())])}"
 
 
 def _adaptation_gain(found: Identification, A_m: Array, followed: int, amplitude: float) -> float:

@@ -462,3 +462,15 @@ class ReferenceModel(Settings):
             told = "comes to rest at 0" if m == 1 else "come to rest at values that depend on each other"
             raise InputError.of(name, f"names {', '.join(followed)}, which {told} under every constant command")
         return 1.0 / float(gains[0, 0]) if m == 1 else np.linalg.inv(gains)
+
+    def require_commands(self, plant: Plant, k_0: Array | float, commands: int) -> None:
+        """Raise InputError unless this gain takes this number of commands to the plant's inputs."""
+        if plant.inputs == 1 and commands != 1:
+            raise InputError.of("reference", f"must be one command for a plant with one input, got {commands}")
+        wanted = (plant.inputs, commands) if plant.inputs > 1 else ()
+        if np.shape(k_0) == wanted:
+            return
+        asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
+        if self.follow is not None:
+            raise InputError.of("reference", f"must be {plant.inputs} commands, one for each followed state, got {commands}")
+        raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(k_0)}")

@@ -295,18 +295,8 @@ class Problem(TrackingProblem, Settings):
         commands = tuple(given) if isinstance(given, (list, tuple)) else (given,)
         for command in commands:
             require_signal("reference", command)
-        if self.plant.inputs == 1 and len(commands) != 1:
-            raise InputError.of("reference", f"must be one command for a plant with one input, got {len(commands)}")
-        shape = np.shape(self.k_0)
-        wanted = (self.plant.inputs, len(commands)) if self.plant.inputs > 1 else ()
-        if shape != wanted:
-            asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
-            if self.reference_model.follow is not None:
-                raise InputError.of(
-                    "reference", f"must be {self.plant.inputs} commands, one for each followed state, got {len(commands)}"
-                )
-            raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.k_0)}")
-        freeze(self, reference=commands if wanted else commands[0])  # type: ignore[redundant-expr]  # several inputs: a list of one
+        self.reference_model.require_commands(self.plant, self.k_0, len(commands))
+        freeze(self, reference=commands if self.plant.inputs > 1 else commands[0])  # several inputs: a list of one
 
     @cached_property
     def k_0(self) -> Array | float:

@@ -44,7 +44,7 @@ from barbalat.study.fixed_steps import fixed_steps
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.study.verdicts import Criterion
-from barbalat.targets import CONTEST
+from barbalat.targets import CONTEST, require_continuous_reading
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
@@ -83,6 +83,8 @@ def contest(
     """
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)
+    if sample_time is None and not schemes:
+        require_continuous_reading(problem, "give sample_time (--sample-time S)")
     steps = fixed_steps(problem, whole.controllers, whole.simulation)
     simulation = steps.simulation
     margin = default_delay_margin(problem, simulation) if delay_margin is None else delay_margin

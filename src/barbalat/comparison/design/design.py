@@ -109,6 +109,11 @@ class Candidate:
             return said if self.tuned.meets else f"{said}; but no tuning of it meets every constraint of the search"
         return "misses " + "; ".join(map(self._missed, self.misses))
 
+    def missed_less(self, other: Candidate, name: str) -> bool:
+        """Whether both miss a requirement, and this candidate by less or on fewer validation plants."""
+        counts = [0 if name not in one.held_out else one.held_out[name].count for one in (self, other)]
+        return self.misses[name] < other.misses[name] or counts[0] < counts[1]
+
     def _missed(self, name: str) -> str:
         share = self.held_out.get(name)
         on = "" if share is None or not share.count else f" on {share.count} of {counted(share.judged, 'validation plant')}"
@@ -229,7 +234,9 @@ class Design:
         shared = [name for name in found.misses if others and all(name in one.misses for one in others)]
         said = [] if found is self.candidates[0] else [f"{what}{beside} already {found.sentence}"]
         if shared:
-            said.append(f"every scheme misses {' and '.join(shared)}, and {what}{beside} too: adaptation does not help")
+            helps = any(one.missed_less(found, name) for name in shared for one in others)
+            end = "adaptation helps, but not enough" if helps else "adaptation does not help"
+            said.append(f"every scheme misses {' and '.join(shared)}, and {what}{beside} too: {end}")
         return said
 
     def as_json(self) -> dict[str, Any]:

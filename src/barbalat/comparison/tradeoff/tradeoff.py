@@ -28,7 +28,7 @@ from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS,
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Lost
-from barbalat.targets import TRADE_OFF
+from barbalat.targets import TRADE_OFF, require_continuous_reading
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -150,6 +150,7 @@ def trade_off(
     """
     started = time.perf_counter()
     TRADE_OFF.require(problem)
+    require_continuous_reading(problem, "use contest with --sample-time S")
     simulation = resolved(problem, own, simulation)
     longest = longest_delay(simulation) if longest is None else longest
     assert problem.uncertainty is not None
