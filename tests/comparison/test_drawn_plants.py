@@ -93,4 +93,4 @@ def test_ranges_that_nothing_simulated_contains_give_no_plants(tmp_path):
     with pytest.raises(InputError, match="plants must be 1, because no formula of the simulated plant contains k or J; got 4"):
         plants_of(own, own.uncertainty, 4, 0)
     assert extreme_plants(own, own.uncertainty, 4, 0) == []
-    assert Aim(TunedQuantity("rms_e[0]", larger_is_worse=True), plants=1).unseen(own) == []
+    assert Aim(quantity=TunedQuantity("rms_e[0]", larger_is_worse=True), plants=1).unseen(own) == []

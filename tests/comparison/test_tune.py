@@ -4,6 +4,7 @@ input."""
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -251,6 +252,54 @@ def test_command_and_its_page(drive, tmp_path, capsys):
     assert "none of 288 tunings meets every constraint" in said and "nearest" in said
     assert (tmp_path / "none" / "tuned.toml").read_text() == DRIVE
     assert "Trade-off</h2>" in (tmp_path / "none" / "report.html").read_text()
+
+
+IN_PARAMETERS = """
+name = "Drive with a motor"
+[parameters]
+J = { value = 0.5, between = [0.3, 0.8] }
+[plant]
+A = [[0, 1], [0, "-1/J"]]
+b = [0, "1/J"]
+[labels]
+names = ["angle", "rate"]
+[reference_model]
+poles = [-3, -4]
+follow = "angle"
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 1.2
+[truth]
+states = ["motor", "angle", "rate"]
+A = [[-50, 0, 0], [0, 0, 1], ["1/J", 0, "-1/J"]]
+b = [50, 0, 0]
+[simulation]
+t_end = 2.0
+dt = 2e-3
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 3.0
+"""
+
+
+def test_plants_of_the_parameters_ranges_are_named_by_the_parameters(tmp_path, capsys):
+    """The worst plant's J gives the value again. A truth with other states has no theta that could be named."""
+    (tmp_path / "case.toml").write_text(IN_PARAMETERS)
+    command = ["tune", str(tmp_path / "case.toml"), "--for", "rms_e[0]", "--trials", "288", "--plants", "2"]
+    assert main([*command, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["plants"] == 2 and document["thetas"] == [] and document["parameters"][0] == {"J": 0.5}
+    worst, found = document["controllers"]["MRAC"]["held_out"]["worst"], parse_case(document["case_file"])
+    assert worst.keys() == {"parameters", "value"} and 0.3 <= worst["parameters"]["J"] <= 0.8
+    problem = replace(found.problem, truth=replace(found.problem.truth, parameters=worst["parameters"]))
+    run = simulate(problem, found.controllers, found.simulation)["MRAC"]
+    assert run.figures["rms_e"][0] == pytest.approx(worst["value"], rel=1e-6)
+    assert main([*command, "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "On 32 plants of the parameters' ranges that" in said and f"J = {worst['parameters']['J']:.4g}" in said
+    assert "Plants drawn from the parameters&#39; ranges with" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():

@@ -226,13 +226,9 @@ def test_a_parameter_that_the_truth_does_not_contain_is_not_a_range_of_plants(pa
     paths = (FieldPath.parse(path), FieldPath.parse("controller[0].gamma"))
     for some in (paths[:1], paths):
         numbers = [0.45, 3.0][: len(some)]
-        for case in (
-            VariedCase(CaseText(WITHOUT_J), some, redesign=False),
-            VariedObjects(parse_case(WITHOUT_J), some, redesign=False),
-        ):
-            with pytest.raises(
-                InputError, match=f"{path} is not simulated: no formula of the simulated plant contains J; use it"
-            ):
+        objects = VariedObjects(parse_case(WITHOUT_J), some, redesign=False)
+        for case in (VariedCase(CaseText(WITHOUT_J), some, redesign=False), objects):
+            with pytest.raises(InputError, match=f"{path} is not simulated: no formula of the simulated plant contains J;"):
                 case.at(numbers)
     designed = varied(WITHOUT_J, "parameters.J", redesign=True).at([0.45]).problem
     assert designed.plant.physical.nominal["J"] == 0.45

@@ -145,6 +145,23 @@ def parameters_of(problem: TrackingProblem) -> Any:
     return problem.parameters if true is None else true
 
 
+def drawn_values(problems: Sequence[TrackingProblem]) -> tuple[dict[str, float], ...] | None:
+    """Return for each plant the simulated values of the parameters with ranges; None if plants are drawn from the known set."""
+    found = []
+    for problem in problems:
+        physical = problem.plant.physical if isinstance(problem, Problem) else None
+        if physical is None or not isinstance(problem, Problem) or problem.simulated is None:
+            return None
+        ranges = [one.name for one in physical.parameters if not one.is_exact]
+        found.append({name: problem.simulated.values[name] for name in ranges})
+    return tuple(found)
+
+
+def drawn_from(problem: TrackingProblem) -> str:
+    """Return the set from which plants are drawn, in words."""
+    return "the known set" if drawn_values([problem]) is None else "the parameters' ranges"
+
+
 def _with_gains(plant: Plant, gains: Sequence[float] | Array) -> Plant:
     paths = tuple(replace(path, gain=float(gain)) for path, gain in zip(plant.paths, gains, strict=True))
     return replace(plant, input=paths if len(paths) > 1 else paths[0])

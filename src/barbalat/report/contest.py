@@ -6,6 +6,7 @@ import numpy as np
 
 from barbalat.comparison.contest.result import Contest, Paired
 from barbalat.comparison.contest.tuned import Qualified
+from barbalat.comparison.plants import drawn_from
 from barbalat.report.omissions import grouped_omissions
 from barbalat.report.terminal.layout import Screen
 from barbalat.study.verdicts import Criterion
@@ -37,8 +38,9 @@ def held_out(found: Contest) -> str:
     """A sentence on the validation runs of the tuned schemes."""
     sizes, paces = found.draws.commands.T
     return (
-        f"{counted(len(found.draws), 'plant')} of the known set that no tuning used, with a command {sizes.min():.2g} to "
-        f"{sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, and new noise"
+        f"{counted(len(found.draws), 'plant')} of {drawn_from(found.problem)} that no tuning used, with a command "
+        f"{sizes.min():.2g} to {sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, "
+        f"and new noise"
     )
 
 

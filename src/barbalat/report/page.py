@@ -18,6 +18,7 @@ from markupsafe import Markup
 from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.design.design import Design
+from barbalat.comparison.plants import drawn_from
 from barbalat.comparison.suite.suite import Standings
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
@@ -162,6 +163,7 @@ def tuning(found: Tuning, picture: ReportFigure | None) -> str:
     rows_of = tuning_rows
     made = (
         rows_of.verdicts, rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged,
+        drawn_from,
     )  # fmt: skip
     return _rendered("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from barbalat.comparison.plants import drawn_from
 from barbalat.comparison.tune.result import Point, Tuned, Tuning
 from barbalat.pictures.symbols import number_text
 from barbalat.report.terminal.layout import Screen, grouped
@@ -57,7 +58,7 @@ def held_out(found: Tuning) -> list[list[str]]:
     """Return rows with the controller, the median and the worst value on validation plants, the worst plant, and the number of
     plants that violate each constraint.
 
-    Each number has Clopper and Pearson's interval of the share in the known set beside it.
+    Each number has Clopper and Pearson's interval of the share in the known set, or in the parameters' ranges, beside it.
     """
     rows = []
     for name, one in found.controllers.items():
@@ -65,17 +66,23 @@ def held_out(found: Tuning) -> list[list[str]]:
             continue
         new = one.held_out.as_json()
         broken = [_broken(Share(count=count, judged=new["plants"]), text) for text, count in new["broken"].items()]
-        theta = ", ".join(f"{value:.3g}" for value in new["worst"]["theta"])
+        worst = one.held_out.worst_plant
+        theta = f"theta [{', '.join(f'{value:.3g}' for value in worst.get('theta', ()))}]"
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in worst.get("parameters", {}).items())
         rows.append(
             [
                 name,
                 number_text(new["median"]),
                 number_text(new["worst"]["value"]),
-                f"[{theta}]",
+                values or theta,
                 "; ".join(broken) or "none that a run can check",
             ]
         )
     return rows
+
+
+HELD_OUT = ("controller", "median", "worst", "at", "constraints")
+"""The headings of the table of ``held_out``."""
 
 
 def _broken(share: Share, requirement: str) -> str:
@@ -94,7 +101,7 @@ def front(one: Tuned, found: Tuning) -> list[list[str]]:
 
 def judged(found: Tuning) -> str:
     """Return a text with the objective and the plants on which it is evaluated."""
-    aim, count = found.aim, max(len(found.thetas), 1)
+    aim, count = found.aim, found.plants
     share = "the worst of" if aim.quantile == 1 else f"the {100 * aim.quantile:g} % quantile over"
     return (
         f"{'largest' if aim.maximize else 'smallest'} {aim.quantity.name}, {share} {count} plants"
@@ -129,9 +136,9 @@ def show(screen: Screen, found: Tuning) -> None:
     rows = [[screen.name(name), *cells] for name, *cells in held_out(found)]
     if rows:
         screen.line("")
-        count = next(len(one.held_out.thetas) for one in found.controllers.values() if one.held_out is not None)
-        screen.line(f"On {counted(count, 'plant')} of the known set that were not used in the search:")
-        screen.table(("controller", "median", "worst", "at theta", "constraints"), rows)
+        count = next(len(one.held_out.values) for one in found.controllers.values() if one.held_out is not None)
+        screen.line(f"On {counted(count, 'plant')} of {drawn_from(found.case.problem)} that were not used in the search:")
+        screen.table(HELD_OUT, rows)
     for note in found.notes:
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"{found.seconds:.0f} s. Measured on these plants and this command: no guarantee.")

@@ -12,7 +12,7 @@ from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
-from barbalat.comparison.plants import parameters_of
+from barbalat.comparison.plants import drawn_values
 from barbalat.comparison.ranges import Space
 from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
 from barbalat.comparison.search.quantity import Constraint, Origin
@@ -51,24 +51,32 @@ class UnseenPlants:
     """The chosen tuning on validation plants, which the search did not use.
 
     quantity  the quantity of the values: the aim's, or that of the first constraint that follows from runs
-    thetas    (P, p) the plants' theta
+    thetas    (P, p) the plants' theta; None if the truth has other states
+    drawn     for each plant the values of the parameters with ranges; None if theta was drawn from the known set
     values    (P,) the quantity, infinite if the run diverged
     broken    (P,) for each constraint that follows from runs, whether it is violated
     """
 
     quantity: str
-    thetas: Array
+    thetas: Array | None
+    drawn: tuple[dict[str, float], ...] | None
     values: Array
     broken: Mapping[Constraint, Array]
     worst: int
 
+    @property
+    def worst_plant(self) -> dict[str, Any]:
+        """The theta of the worst plant, and its parameters if plants are drawn from their ranges, each if there is one."""
+        theta = {} if self.thetas is None else {"theta": self.thetas[self.worst].tolist()}
+        return theta if self.drawn is None else {**theta, "parameters": self.drawn[self.worst]}
+
     def as_json(self) -> dict[str, Any]:
         return {
-            "plants": len(self.thetas),
+            "plants": len(self.values),
             "quantity": self.quantity,
             "diverged_or_lost": int((~np.isfinite(self.values)).sum()),
             "median": _finite(float(np.median(self.values))),
-            "worst": {"theta": self.thetas[self.worst].tolist(), "value": _finite(float(self.values[self.worst]))},
+            "worst": {**self.worst_plant, "value": _finite(float(self.values[self.worst]))},
             "broken": {str(one.requirement): int(values.sum()) for one, values in self.broken.items()},
         }
 
@@ -123,12 +131,19 @@ class Tuned:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Tuning(Plotted):
-    """All tuned controllers. ``case`` has the chosen numbers, and ``text`` is its file if there was one."""
+    """All tuned controllers. ``case`` has the chosen numbers, and ``text`` is its file if there was one.
+
+    plants  P, the number of plants of the search
+    thetas  (P, p) their theta; empty if they have none, as with a truth with other states
+    drawn   for each plant the values of the parameters with ranges; None if theta was drawn from the known set
+    """
 
     aim: Aim
     case: Case
     text: str | None
+    plants: int
     thetas: Array
+    drawn: tuple[dict[str, float], ...] | None
     controllers: Mapping[str, Tuned]
     notes: tuple[str, ...]
     seconds: float
@@ -145,8 +160,9 @@ class Tuning(Plotted):
             "for": self.aim.quantity.name,
             "maximize": self.aim.maximize,
             "subject_to": [str(one.requirement) for one in self.aim.constraints],
-            "plants": len(self.thetas) or 1,
+            "plants": self.plants,
             "thetas": self.thetas.tolist(),
+            **({} if self.drawn is None else {"parameters": list(self.drawn)}),
             "quantile": self.aim.quantile,
             "seed": self.aim.seed,
             "controllers": {name: one.as_json() for name, one in self.controllers.items()},
@@ -300,10 +316,12 @@ def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
         for one in aim.constraints
         if one.quantity in told
     }
+    thetas = [theta for other in others if (theta := other.true_parameters) is not None]
     signs = values if told[0].larger_is_worse else -values
     return UnseenPlants(
         quantity=told[0].name,
-        thetas=np.array([parameters_of(other) for other in others]),
+        thetas=np.array(thetas) if len(thetas) == len(others) else None,
+        drawn=drawn_values(others),
         values=values,
         broken=broken,
         worst=int(np.argmax(signs)),

@@ -15,7 +15,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.comparison.grids import output_reach_of, reach_of
-from barbalat.comparison.plants import parameters_of, require_delays
+from barbalat.comparison.plants import drawn_values, require_delays
 from barbalat.comparison.ranges import Range, Space, of_knobs
 from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim, Plants
 from barbalat.comparison.search.quantity import LINEAR_DELAYS, LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
@@ -189,12 +189,15 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
     numbers = {path: value for one in found.values() if one.chosen for path, value in one.chosen.tuning.items()}
     text = None if tuner.text is None else with_numbers(tuner.text.text, numbers)
     case = tuner.varied(tuple(numbers)).at(list(numbers.values()))
-    thetas = [parameters_of(problem) for problem in tuner.aim.family(tuner.case)]
+    family = tuner.aim.family(tuner.case)
+    thetas = [problem.true_parameters for problem in family]
     return Tuning(
         aim=tuner.aim,
         case=case if own.tolerance is None else replace(case, simulation=own),
         text=text,
+        plants=len(family),
         thetas=np.array([theta for theta in thetas if theta is not None]),
+        drawn=drawn_values(family),
         controllers=Named.of("controller", found),
         notes=(*left_out, *_notes(tuner, found)),
         seconds=time.perf_counter() - started,
