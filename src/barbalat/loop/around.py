@@ -46,14 +46,14 @@ class Kept(NamedTuple):
     lost: Value  # (2,) 1 if the last measurement, or the last command, was lost
     late: Value  # (d y,) earlier measurements, the newest first
     age: Value  # () samples since the last good measurement, if a rate is limited; MOST_COUNTED before the first
-    command_outage: Value  # () samples in a row without a good command, if a command's rate is limited; MOST_COUNTED at first
+    command_outage: Value  # () consecutive samples without a good command, if a command's rate is limited; MOST_COUNTED at first
     # () number of misses that calls at wrong times added to the outage, if times are checked (so are the next two)
     advanced: Value
-    fade: Value  # () samples of the fade that fade_left belongs to
+    fade: Value  # () length of the fade that fade_left belongs to, in samples
     paused: Value  # () fade_left when the baseline began to act as the fallback
     commanded: Value  # (q,) the last command that arrived, good or bad, if commands are checked
-    timer: Value  # (4,) steps to the next call, lateness of the last one, steps since it, time between the last two; or (0,).
-    # Without fixed steps, when only calls are evaluated: 0, the next one's lateness, the time until it, time between the last two
+    timer: Value  # (4,) steps to the next call, lateness of the last call, steps since it, time between the last two; or (0,).
+    # Without fixed steps, when only calls are evaluated: 0, the next call's lateness, the time until it, time between the last two
 
 
 class Taken(NamedTuple):

@@ -65,8 +65,8 @@ class TauLimits(Plotted):
     """For S sizes of the modelling error and K values of tau.
 
     tail     (S, K) max |e| in the run's last quarter; NaN if the run is lost
-    bears    (S,) the smallest tau found that is tolerated, with every smaller one of the scan lost; NaN if none is tolerated
-    loses    (S,) the largest tau found below it that is lost; 0 if the scan has none
+    bears    (S,) the smallest tau found that is tolerated, with every smaller tau of the scan lost; NaN if none is tolerated
+    loses    (S,) the largest tau found below ``bears`` that is lost; 0 if the scan has none
     at_bears (S,) max |e| in the last quarter of the run at ``bears``; NaN if none is tolerated
     runs     number of simulations
     """

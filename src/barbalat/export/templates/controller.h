@@ -10,7 +10,7 @@
 #define ${macro}_EXPORT ${mark}
 #define ${macro}_SAMPLE_TIME ${sample_time} /* sample time of the controller [s] */
 #define ${macro}_RANGE ${range} /* largest size of a measurement, a command or a state; larger ones are refused */
-${sizes}#define ${macro}_REFUSALS ${refusals} /* refused results in a row after which it restarts with the initial estimates */
+${sizes}#define ${macro}_REFUSALS ${refusals} /* number of refused results in a row after which it restarts with the initial estimates */
 ${limits}${shell_macros}${log_macros}${parameter_macros}
 /* Status bits of a step, possibly several, and of a start. */
 #define ${macro}_OK 0u
