@@ -53,7 +53,7 @@ class Kept(NamedTuple):
     paused: Value  # () fade_left when the baseline began to act as the fallback
     commanded: Value  # (q,) the last command that arrived, good or bad, if commands are checked
     timer: Value  # (4,) steps to the next call, lateness of the last call, steps since it, time between the last two; or (0,).
-    # Without fixed steps, when only calls are evaluated: 0, the next call's lateness, the time until it, time between the last two
+    # Without fixed steps, if only calls are evaluated: 0, the next call's lateness, the time until it, time between the last two
 
 
 class Taken(NamedTuple):
