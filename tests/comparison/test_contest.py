@@ -126,7 +126,7 @@ def test_who_diverges_on_what_no_tuning_saw_is_counted_and_stays_in():
     assert sentences["Fixed"].endswith(f"; {int(held.lost.sum())} of 40 runs failed")
     assert sentences["Fixed"].startswith(str(found["Fixed"].verdict))
     page = contest_page(found, None)
-    assert page.index("<strong>Fixed</strong>") < page.index("The rule:")
+    assert page.index("<strong>Fixed</strong>") < page.index("<p>Rule:")
 
 
 @pytest.mark.full

@@ -234,3 +234,19 @@ def test_a_parameter_that_the_truth_does_not_contain_is_not_a_range_of_plants(pa
     assert designed.plant.physical.nominal["J"] == 0.45
     inside = WITHOUT_J.replace("[1, 2.5, -0.4]]", '["2*J", 2.5, -0.4]]')
     assert varied(inside, path, redesign=False).at([0.45]).problem.simulated.A[2, 0] == 0.9
+
+
+def test_designs_for_one_truth_are_not_said_to_have_their_own_plants(tmp_path):
+    path = tmp_path / "case.toml"
+    in_b = WITHOUT_J.replace("b = [0, 1.0]", 'b = [0, "1/J"]')
+    for text, name in ((WITH_A_LAG, "plant.b[1]"), (in_b, "parameters.J")):
+        path.write_text(text)
+        axes = {name: "0.4:0.6:2"}
+        one = sweep(path, vary=axes, redesign=True, bounds=False, audit=0)
+        several = sweep(path, vary={**axes, "truth.A[2][1]": "2:3:2"}, redesign=True, bounds=False, audit=0)
+        for found, on in ((one, "the one plant of [truth]"), (several, "the plant of [truth]")):
+            (note,) = found.redesign_notes
+            assert note.endswith(f"from its own {name}: this sweep tries many designs, each on {on}")
+    path.write_text(in_b.replace("[1, 2.5, -0.4]]", '["2*J", 2.5, -0.4]]'))
+    (note,) = sweep(path, vary={"parameters.J": "0.4:0.6:2"}, redesign=True, bounds=False, audit=0).redesign_notes
+    assert "each on its own plant" in note

@@ -66,6 +66,14 @@ def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozen
     return path if where is None else FieldPath(where)
 
 
+def is_of_the_design(problem: Problem, path: FieldPath) -> bool:
+    """Whether a number of the plant, or a parameter, is not simulated because the truth has its own numbers."""
+    if is_parameter(path):
+        physical = problem.plant.physical
+        return physical is not None and path.keys[-1] not in names_simulated(vars(physical), vars(problem.truth or Truth()))
+    return path.keys[0] == "plant" and len(path.keys) > 1 and path.keys[1] in own_keys(problem)
+
+
 def with_own_input(tables: Tables) -> Tables:
     """The tables with the plant's input in [truth] as well if there is an observer, whose design contains the input."""
     plant, found = tables.get("plant"), copied(tables)

@@ -39,6 +39,7 @@ class SweepResult:
     resumed     number of members found in the store
     seconds     time for everything that was simulated now
     redesigned  the designs that are repeated for each member, by the paths on which they depend
+    of_the_design  the varied paths of the plant and of parameters that are not simulated, because the truth has its own numbers
     redesign    whether that was requested
     audit       the effect of a finer step on the verdicts of some members
     member_steps  solver steps of all members simulated now, over all controllers; 0 with a tolerance
@@ -50,6 +51,7 @@ class SweepResult:
     rows: Rows
     evidence: Evidence
     redesigned: Mapping[str, tuple[str, ...]]
+    of_the_design: tuple[str, ...]
     redesign: bool
     audit: Audit
     resumed: int
@@ -116,12 +118,15 @@ class SweepResult:
         return [
             f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed again for each member, from its own "
             f"{', '.join(paths)}"
-            f": this sweep tries many designs{'' if _are_settings(paths) else self._on_their_plants}"
+            f": this sweep tries many designs{'' if _are_settings(paths) else self._on_plants(paths)}"
             for designs, paths in by_design.items()
         ]
 
-    @property
-    def _on_their_plants(self) -> str:
+    def _on_plants(self, paths: Sequence[str]) -> str:
+        if set(paths) <= set(self.of_the_design):
+            others = (path for path in self.plan.paths if str(path) not in self.of_the_design)
+            varies = any(path.keys[0] in ("plant", "parameters", "truth") for path in others)
+            return f", each on the {'' if varies else 'one '}plant of [truth]"
         alone = "; without --redesign only the simulated plant varies" if self.redesign else ""
         return f", each on its own plant, and not one design on many plants{alone}"
 

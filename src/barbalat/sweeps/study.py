@@ -15,6 +15,7 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.linear.driven_response import MOST_INSTANTS
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers import truth_paths
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
@@ -50,7 +51,7 @@ def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
     """The designs that are repeated for each member, by the paths of the plant's numbers on which they depend.
 
     A gain or a reference model computed from the plant is no longer that of the case: such a sweep tries many designs, each on
-    its own plant, and not one design on many plants.
+    its own plant or on that of the truth, and not one design on many plants.
     """
     found: dict[str, tuple[str, ...]] = {}
     base = varied.at(tried.middle)
@@ -303,6 +304,14 @@ class Study:
     def redesigned(self) -> dict[str, tuple[str, ...]]:
         """The controllers that are redesigned for each member, by the paths that determine them; see ``redesigned``."""
         return redesigned(self.varied, self.tried)
+
+    @cached_property
+    def of_the_design(self) -> tuple[str, ...]:
+        """The varied numbers of the plant and the parameters that are not simulated, because the truth has its own."""
+        problem = self.example.problem
+        if not isinstance(problem, Problem):
+            return ()
+        return tuple(str(path) for path in self.varied.paths if truth_paths.is_of_the_design(problem, path))
 
     @cached_property
     def unexamined(self) -> dict[str, str]:

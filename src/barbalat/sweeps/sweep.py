@@ -186,6 +186,7 @@ def run_study(
         rows=rows,
         evidence=evidence(rows, study.controllers, requirements, study.plan, notes, study.unexamined),
         redesigned=study.redesigned,
+        of_the_design=study.of_the_design,
         redesign=bool(study.varied.redesign),
         audit=audited(settling, rows, requirements, members=audit, run=_runner(scheduler, threads)),
         resumed=resumed,
