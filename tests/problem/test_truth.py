@@ -375,3 +375,17 @@ def test_another_input_path_is_told_in_the_digits_that_it_needs(own, true, said)
     problem = designed(truth=Truth(input=true))
     problem = replace(problem, plant=replace(problem.plant, input=own))
     assert f"the path before its input differs: {said}" in [one.sentence for one in departures(problem)]
+
+
+def test_the_plant_s_theta_outside_the_known_set_is_said_with_a_truth_too():
+    """With other states the truth has no theta, and with friction it has the plant's."""
+    known = ParameterBox(lower=[-1.0, -1.0], upper=[0.5, 1.0])
+    more = Truth(A=np.diag([-1.0, -1.0, -20.0]), b=[0.0, 0.0, 20.0], states=("angle", "rate", "motor"))
+    friction = Truth(friction=[Friction(state="rate", coulomb=0.1, width=0.1)])
+    for truth in (more, friction):
+        said = designed(truth=truth, uncertainty=known).outside_known_set
+        assert said is not None and said.startswith("the plant's theta [1.0, -0.5] lies outside the known set, between [-1.0")
+        inside = ParameterBox(lower=[-1.0, -1.0], upper=[2.0, 1.0])
+        assert designed(truth=truth, uncertainty=inside).outside_known_set is None
+    problem = designed(truth=Truth(A=A_TRUE), uncertainty=ParameterBox(lower=[-1.0, -1.0], upper=[0.4, 1.0]))
+    assert problem.outside_known_set is None and "outside the known set" in departures(problem)[0].sentence

@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.known_set import KnownSet, ParameterBall
+from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.physical import projected, projection, rounding_of_rest
 from barbalat.problem.state_feedback import Problem
@@ -128,18 +128,23 @@ def _of_the_parameters(problem: Problem, simulated: TruePlant) -> Iterator[Depar
 
 def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
     own, known = problem.plant.theta, problem.uncertainty
-    if np.abs(theta - own).max() <= SAME_TO * max(1.0, float(np.abs(own).max())):
+    if same_values(theta, own):
         return
     said = f"its theta is {_shown(theta)}, and the plant's {_shown(own)}"
     if known is None:
         yield Departure(f"{said}; no known set is declared")
-    elif _contains(known, theta):
+    elif contains_up_to_rounding(known, theta):
         yield Departure(f"{said}; it lies in the known set", within=True)
     else:
         yield Departure(f"{said}; it lies outside the known set, {_of_set(known)}: projected estimates cannot reach it")
 
 
-def _contains(known: KnownSet, values: Array) -> bool:
+def same_values(one: Array, own: Array) -> bool:
+    """Return whether theta, with or without the input's gains, is that of the plant, up to rounding errors."""
+    return bool(np.abs(one - own).max() <= SAME_TO * max(1.0, float(np.abs(own).max())))
+
+
+def contains_up_to_rounding(known: EstimateSet, values: Array) -> bool:
     """Return whether a set contains the values, up to the rounding errors of their computation."""
     beyond = np.abs(known.brought_in(values[None])[0] - values)
     return bool((beyond <= SAME_TO * np.maximum(1.0, np.abs(values))).all())
@@ -153,7 +158,7 @@ def _of_the_gain(problem: Problem, omega: Array) -> Iterator[Departure]:
     gains = problem.known.gains
     if gains is None:
         yield Departure(f"{said}; the gain is declared as known")
-    elif _contains(gains, omega):
+    elif contains_up_to_rounding(gains, omega):
         yield Departure(f"{said}; it lies in uncertainty.input_gain", within=True)
     else:
         yield Departure(f"{said}; it lies outside uncertainty.input_gain, {_of_set(gains)}")

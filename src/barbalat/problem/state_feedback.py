@@ -433,13 +433,21 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def outside_known_set(self) -> str | None:
-        """A sentence if the true values are outside the known set; otherwise None."""
-        known_set, values = self.known.estimate_set, self.parameters
-        if known_set is None or self.simulated is not None or known_set.contains(values):
+        """A sentence if the plant's own values are outside the known set; otherwise None.
+
+        The departures of a truth contain the sentence if the truth has other values.
+        """
+        from barbalat.problem.departures import contains_up_to_rounding, same_values
+
+        known_set, values, true = self.known.estimate_set, self.parameters, self.true_parameters
+        if known_set is None or (true is not None and not same_values(true, values)):
             return None
-        name = "theta" if self.input_gain is None else "theta with the input's gain,"
+        if known_set.contains(values) or (self.simulated is not None and contains_up_to_rounding(known_set, values)):
+            return None
+        name = "theta" if self.simulated is None else "the plant's theta"
+        gains = "" if self.input_gain is None else " with the input's gain,"
         return (
-            f"{name} {validate.show([float(f'{value:.6g}') for value in values])} lies outside the known set, {known_set}"
+            f"{name}{gains} {validate.show([float(f'{value:.6g}') for value in values])} lies outside the known set, {known_set}"
             ": projected estimates cannot reach it, and no guarantee that depends on the set holds"
         )
 
