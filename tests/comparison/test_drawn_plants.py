@@ -8,6 +8,7 @@ import pytest
 from barbalat.cases.load import load_case
 from barbalat.comparison.plants import extreme_plants, plants_of
 from barbalat.comparison.search.aim import Aim, TunedQuantity
+from barbalat.studies import contest
 from barbalat.validate import InputError
 
 CASE = """
@@ -94,3 +95,5 @@ def test_ranges_that_nothing_simulated_contains_give_no_plants(tmp_path):
         plants_of(own, own.uncertainty, 4, 0)
     assert extreme_plants(own, own.uncertainty, 4, 0) == []
     assert Aim(quantity=TunedQuantity("rms_e[0]", larger_is_worse=True), plants=1).unseen(own) == []
+    with pytest.raises(InputError, match="validation plants cannot be drawn, because no formula of the simulated plant contains"):
+        contest(path, plants=1, members=20)

@@ -138,8 +138,8 @@ def compete(
     _require(problem, simulation, entrants, rule, members)
     _require_budget(simulation, len(entrants), rule, members)
     assert problem.uncertainty is not None
-    family = plants_of(problem, problem.uncertainty, rule.plants, rule.seed) if family is None else family
     draws = Draws.drawn(problem, members, rule)
+    family = plants_of(problem, problem.uncertainty, rule.plants, rule.seed) if family is None else family
     require_delays([*family, *draws.problems], simulation)
     plants = _Shared(family, rule, simulation)
     tuned = []
