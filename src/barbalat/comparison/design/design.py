@@ -49,6 +49,8 @@ ASKED_IN_WORDS = {
     "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
     "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
+CLEARLY_LESS = 0.9
+"""Largest ratio of two factors by which a requirement is missed at which adaptation counts as helpful."""
 LOST = "lost"
 """The requirement, which always applies, that no validation run is lost or in a limit cycle."""
 
@@ -110,9 +112,9 @@ class Candidate:
         return "misses " + "; ".join(map(self._missed, self.misses))
 
     def missed_less(self, other: Candidate, name: str) -> bool:
-        """Whether both miss a requirement, and this candidate by less or on fewer validation plants."""
+        """Whether both miss a requirement, and this candidate by clearly less or on at most half as many validation plants."""
         counts = [0 if name not in one.held_out else one.held_out[name].count for one in (self, other)]
-        return self.misses[name] < other.misses[name] or counts[0] < counts[1]
+        return self.misses[name] < CLEARLY_LESS * other.misses[name] or 2 * counts[0] <= counts[1] > 0
 
     def _missed(self, name: str) -> str:
         share = self.held_out.get(name)
