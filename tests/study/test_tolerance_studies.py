@@ -26,6 +26,7 @@ CASE = parse_case(DRIVE)
 FINE = Simulation(4.0, 4e-4)
 
 
+@pytest.mark.full
 def test_the_tuning_is_that_of_fine_steps(tmp_path) -> None:
     """There are limits of the control and of the delay. The tuned case keeps its tolerance."""
     options = {

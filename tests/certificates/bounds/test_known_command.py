@@ -112,13 +112,16 @@ def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simu
             barbalat_check.check(alone)
 
 
-def test_the_checker_follows_linear_loops():
+@pytest.mark.parametrize(
+    "command", [*random_problems.COMMANDS, section_v.problem().reference], ids=lambda one: type(one).__name__
+)
+@pytest.mark.short(kept=lambda command: command == section_v.problem().reference)
+def test_the_checker_follows_linear_loops(command):
     """It follows loops with a PI and with an observer through jumps and along sines, with the state away from the model's."""
     given, simulation = section_v.problem(), Simulation(t_end=5.0, dt=1e-3)
     slow = Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")
-    for command in (*random_problems.COMMANDS, given.reference):
-        problem = replace(given, reference=command)
-        refuse_what_is_smaller(problem, [pi_feedback(given.known, unmodelled_delay=0.01), slow], simulation)
+    problem = replace(given, reference=command)
+    refuse_what_is_smaller(problem, [pi_feedback(given.known, unmodelled_delay=0.01), slow], simulation)
 
 
 def test_section_v_is_tight():
