@@ -376,21 +376,22 @@ def test_bounds_that_exclude_the_initial_estimate_are_refused_and_all_three_can_
 @pytest.mark.parametrize("name", ["Mrac-state-midpoint", "Mrac-state-euler", "NormalizedMrac-ball-midpoint", "RobustMrac-state"])
 def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
     """No sample is refused because of it. After the next sample the estimate is at the new bound or inside it."""
-    paths = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2)
-    slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": 1.0})
+    paths, begun = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2), 0.1
+    slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": begun})
     ball = "uncertainty.radius" in slave.at
+    size = (lambda given: math.hypot(*given)) if ball else (lambda given: given[0])
+    start = size(slave.get_all("theta_hat"))
     slave.set({"r": 1.0})
     for k in range(40):
         slave.step(k * T, T)
-    before = slave.get_all("theta_hat")
-    bound = 0.5 * (math.hypot(*before) if ball else before[0])
-    assert abs(bound) > 1e-3
-    slave.set({"uncertainty.radius" if ball else f"uncertainty.{'upper' if bound > 0 else 'lower'}[0]": bound})
+    before = size(slave.get_all("theta_hat"))
+    assert abs(before - start) > 1e-6
+    bound, above = (start + before) / 2, before > start  # between both: the set still contains the initial estimate
+    slave.set({"uncertainty.radius" if ball else f"uncertainty.{'upper' if above else 'lower'}[0]": bound})
     slave.step(40 * T, T)
-    after = slave.get_all("theta_hat")
     assert slave.whole("status") == 0
-    size = math.hypot(*after) if ball else after[0] / bound
-    assert size <= (bound if ball else 1.0) * (1 + 1e-9)
+    after = size(slave.get_all("theta_hat"))
+    assert after <= bound + 1e-12 if above else after >= bound - 1e-12
     slave.close()
 
 

@@ -258,6 +258,16 @@ def test_an_export_with_a_shell_passes_its_own_test(scheme, shell, tmp_path) -> 
 
 
 @needs_gcc
+@pytest.mark.parametrize("rate", [200.0, 2000.0])
+def test_a_rate_as_large_as_the_range_passes_the_self_test(rate, tmp_path) -> None:
+    """Chosen samples once had a last good command out of its range, which the C takes for a corrupted state."""
+    problem, controller = surrounded("Mrac-state-midpoint", Shell(range={"command": (-1.5, 1.5)}, rate={"command": rate}))
+    write(tmp_path, files(problem, controller, SIMULATION))
+    done = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O1")
+    assert done.returncode == 0, done.stdout
+
+
+@needs_gcc
 @pytest.mark.parametrize("fallback", ["hold", "zero", "fade"])
 def test_results_out_of_range_end_in_the_fallback_and_the_controller_returns(fallback, tmp_path) -> None:
     """A command is accepted once and leads the model out of range, and with it every later sample."""

@@ -139,7 +139,7 @@ def _show(screen: Screen, found: Campaign) -> None:
         *(f"max |e|\n{one}" for one in _components(found)),
         "factor",
     ]
-    nominal = ["none", found.verdict, "0 %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1"]
+    nominal = ["none", found.verdict, f"{100 * found.missed:.2g} %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1"]
     screen.table(headings, [nominal, *(_row(found, row) for row in found.rows)])
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
@@ -147,9 +147,10 @@ def _show(screen: Screen, found: Campaign) -> None:
         f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. An outage is tolerated "
         f"if no component's largest |e| exceeds {TOLERATED:g} times its value without faults."
     )
-    draws = max(row.draws for row in found.rows)
+    fewest, most = min(row.draws for row in found.rows), max(row.draws for row in found.rows)
+    draws = counted(most, "draw") if fewest == most else f"{fewest} to {most} draws"
     screen.line(
-        f"Each row is the worst of {counted(draws, 'draw')}, but the number of missed samples is their mean. Time beyond: the "
+        f"Each row is the worst of {draws}, but the number of missed samples is their mean. Time beyond: the "
         f"share of the time in which some |e| exceeds its largest value without faults. Factor: that of the worst component. "
         f"The judge gives a verdict on each draw; a verdict without a count holds for all draws."
     )

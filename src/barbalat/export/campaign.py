@@ -67,6 +67,7 @@ class Campaign:
 
     nominal  the largest |e| of each component without faults
     verdict  the judge's class of that run, and its ``sentence``
+    missed   the share of its samples that the shell refused
     longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, since it is found by bisection
              and a longer outage may be tolerated as well
     most     the longest outage that was tried, in samples
@@ -83,6 +84,7 @@ class Campaign:
     most: int
     verdict: str = ""
     sentence: str = ""
+    missed: float = 0.0
 
     def as_json(self) -> dict[str, Any]:
         """The fields of the document of ``export --json``."""
@@ -153,6 +155,7 @@ def export_campaign(
         most=most,
         verdict=str(flights.verdict.kind),
         sentence=str(flights.verdict),
+        missed=flights.missed,
     )
 
 
@@ -194,7 +197,8 @@ class _Flights:
     def __init__(self, problem: TrackingProblem, exported: Exported, T: float, judge: Judge) -> None:
         self.problem, self.exported, self.simulation, self.T, self.judge = problem, exported, exported.simulation, T, judge
         self.compiled: dict[tuple[tuple[str, str], ...], Exported] = {}
-        batch, _ = self._fly(())
+        batch, refused = self._fly(())
+        self.missed = float(refused / self._samples)
         found = self._errors(batch)
         if found is None:
             raise InputError(
@@ -210,6 +214,10 @@ class _Flights:
         watched = watched_in_sweeps(self.judge)
         return self.compiled[kind].fly(replace(self.problem, faults=faults), watched=watched)  # type: ignore[type-var]
 
+    @property
+    def _samples(self) -> float:
+        return float(np.ceil(self.simulation.t_end / self.T * (1 - 1e-9)))
+
     def _judged(self, batch: Batch, problem: TrackingProblem) -> Verdict:
         return judged(batch, self.simulation, Terms.of(problem, self.simulation, self.judge)).verdict(0)
 
@@ -221,12 +229,11 @@ class _Flights:
     def through(self, words: str, drawn: Sequence[tuple[Fault, ...]]) -> Degradation:
         """The effect of faults over their draws."""
         worst, lost, missed, beyond = np.zeros(len(self.nominal)), 0, 0.0, 0.0
-        samples = np.ceil(self.simulation.t_end / self.T * (1 - 1e-9))
         kinds, draws = [], len(drawn)
         for faults in drawn:
             batch, refused = self._fly(faults)
             kinds.append(self._judged(batch, replace(self.problem, faults=faults)).kind)  # type: ignore[type-var]
-            missed += float(refused / samples / draws)
+            missed += float(refused / self._samples / draws)
             beyond = max(beyond, self._beyond(batch))
             errors = self._errors(batch)
             lost += errors is None

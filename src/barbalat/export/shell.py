@@ -6,6 +6,7 @@ from textwrap import fill
 
 import numpy as np
 
+from barbalat.export.contents import Contents
 from barbalat.export.texts import Printed, comment, indented, readable
 from barbalat.loop.around import MOST_COUNTED, ROUNDINGS, Around
 from barbalat.lowering import c99
@@ -84,7 +85,7 @@ def usable(printed: Printed) -> list[str]:
 def _held_in_range(printed: Printed) -> list[str]:
     """Tests of the last good measurement and command, if there are any: compared with a corrupted one, every good one would be
     too fast."""
-    around, layout, always = printed.contents.around, printed.contents.layout, in_own_range(printed)
+    around, layout, always = printed.contents.around, printed.contents.layout, in_own_range(printed.contents)
     assert around is not None
     found = []
     for part, there, count, tests in (
@@ -98,10 +99,10 @@ def _held_in_range(printed: Printed) -> list[str]:
     return found
 
 
-def in_own_range(printed: Printed) -> set[str]:
+def in_own_range(contents: Contents) -> set[str]:
     """The names of those of the last good measurement and command of which every entry is always within its channel's range,
     also before the first good one."""
-    around, contents = printed.contents.around, printed.contents
+    around = contents.around
     if around is None:
         return set()
     rest, of_x = contents.at_start

@@ -157,7 +157,7 @@ def _estimate_ends(contents: Contents) -> Array:
 
 def _usable(printed: Printed) -> str:
     """Checks of the held control, of the stored inputs, of the fade and of the counters."""
-    held = {part.name: part.size for part in stored(printed.contents) if part.name not in in_own_range(printed)}
+    held = {part.name: part.size for part in stored(printed.contents) if part.name not in in_own_range(printed.contents)}
     tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", *(f"in_range(c->{name}, {size})" for name, size in held.items())]
     tests += ["c->fade_left >= 0L && c->fade_left <= c->fade"]
     if printed.contents.parameters:

@@ -79,10 +79,7 @@ static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
     ${name}_controller before;
     copy(&before, c);
     if (measured ${good} || c->${started}[0] > 0) {
-${advances}    } else { /* nothing has begun */
-        for (i = 0; i < ${macro}_MEASURED; ++i) {
-            c->${last_measured}[i] = in->${measured}[i];
-        }
+${advances}    } else { /* nothing has begun, and the measurement is already the held one */
         for (i = 0; i < ${macro}_COMMANDS; ++i) {
             c->${last_r}[i] = in->r[i];
         }
