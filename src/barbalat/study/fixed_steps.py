@@ -2,7 +2,8 @@
 the tolerance.
 
 A contest adds noise, which jumps every few milliseconds, and tries short delays. Both limit a step whatever its error, so that
-runs at the tolerance itself take 4 to 20 times as long as these.
+a contest at the tolerance itself takes at least four times as long: measured with L1 on Section V, more than 170 s of processor
+time against 44 s at fixed steps.
 """
 
 from __future__ import annotations
