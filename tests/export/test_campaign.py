@@ -10,9 +10,11 @@ import pytest
 from benchmarks.flight_cases import CASES
 
 from barbalat.cases.load import load_case
+from barbalat.commands.export import _show
 from barbalat.export.campaign import LOST_SHARES, TOLERATED, Campaign, Degradation, export_campaign
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.plants import Dropout, Jitter, Shell, Spike
+from barbalat.report.terminal.layout import Screen
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import simulate, with_missed_samples
 from barbalat.solvers.simulation import Simulation
@@ -49,7 +51,7 @@ def test_its_figures_are_those_of_the_simulation(scheme) -> None:
 
 
 @needs_gcc
-def test_with_an_observer_the_errors_are_those_of_all_states() -> None:
+def test_with_an_observer_the_errors_are_those_of_all_states(capsys) -> None:
     """Only two of the four states are measured, and their names once stood above the errors of the first two."""
     case = load_case("flexible-joint")
     controller = next(one for one in case.controllers if one.name == "ADRC")
@@ -57,6 +59,13 @@ def test_with_an_observer_the_errors_are_those_of_all_states() -> None:
     assert found.names == ("theta", "alpha", "theta_dot", "alpha_dot")
     assert found.units == ("rad", "rad", "rad/s", "rad/s")
     assert len(found.nominal) == len(found.names)
+    _show(Screen(), found)
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= 80
+    for row in found.rows:  # one line each, with the component that grows most
+        i = int(np.argmax(np.array(row.worst) / found.nominal))
+        assert found.worst_component(row) == i
+        assert f"{row.worst[i]:.4g} in {found.names[i]} [{found.units[i]}]" in said
 
 
 @needs_gcc

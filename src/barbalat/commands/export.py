@@ -131,16 +131,12 @@ def _show(screen: Screen, found: Campaign) -> None:
 
     screen.title(f"{found.controller}: the compiled C through faults")
     screen.line(f"Without faults: {found.sentence}.")
-    headings = [
-        "faults",
-        "verdict",
-        "missed\nsamples",
-        "time\nbeyond",
-        *(f"max |e|\n{one}" for one in _components(found)),
-        "factor",
-    ]
-    nominal = ["none", found.verdict, f"{100 * found.missed:.2g} %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1"]
-    screen.table(headings, [nominal, *(_row(found, row) for row in found.rows)])
+    all_errors = len(found.names) <= MOST_ERROR_COLUMNS
+    errors = [f"max |e|\n{one}" for one in _components(found)] if all_errors else ["worst\nmax |e|"]
+    unchanged = [f"{value:.4g}" for value in found.nominal] if all_errors else ["-"]
+    nominal = ["none", found.verdict, f"{100 * found.missed:.2g} %", "0 %", *unchanged, "1"]
+    headings = ["faults", "verdict", "missed\nsamples", "time\nbeyond", *errors, "factor"]
+    screen.table(headings, [nominal, *(_row(found, row, all_errors=all_errors) for row in found.rows)])
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
     screen.line(
@@ -161,8 +157,15 @@ def _components(found: Campaign) -> list[str]:
     return [f"{name} [{unit}]" if unit else name for name, unit in zip(found.names, units, strict=True)]
 
 
-def _row(found: Campaign, row: Degradation) -> list[str]:
-    worst = ["-"] * len(found.nominal) if row.worst is None else [f"{value:.4g}" for value in row.worst]
-    factor = "-" if row.worst is None else f"{found.factor(row):.3g}"
+MOST_ERROR_COLUMNS = 3
+"""Number of components up to which each has a column; of more, a row shows the one that grows most."""
+
+
+def _row(found: Campaign, row: Degradation, *, all_errors: bool) -> list[str]:
+    i = found.worst_component(row)
+    factor = "-" if i is None else f"{found.factor(row):.3g}"
     shares = [f"{100 * share:.2g} %" for share in (row.missed, row.beyond)]
-    return [row.faults, row.verdict, *shares, *worst, factor]
+    errors = ["-"] * (len(found.nominal) if all_errors else 1)
+    if row.worst is not None and i is not None:
+        errors = [f"{value:.4g}" for value in row.worst] if all_errors else [f"{row.worst[i]:.4g} in {_components(found)[i]}"]
+    return [row.faults, row.verdict, *shares, *errors, factor]

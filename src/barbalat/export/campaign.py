@@ -92,10 +92,16 @@ class Campaign:
 
     def factor(self, row: Degradation) -> float:
         """The largest ratio of a component's error to its nominal error; infinite if a run diverged."""
-        if row.worst is None:
-            return float("inf")
-        pairs = zip(row.worst, self.nominal, strict=True)
-        return max(worst / nominal if nominal else float("inf") if worst else 1.0 for worst, nominal in pairs)
+        return max(self._ratios(row), default=float("inf"))
+
+    def worst_component(self, row: Degradation) -> int | None:
+        """The index of the component with the largest ratio; None if a run diverged."""
+        ratios = self._ratios(row)
+        return ratios.index(max(ratios)) if ratios else None
+
+    def _ratios(self, row: Degradation) -> list[float]:
+        pairs = zip(row.worst or (), self.nominal, strict=row.worst is not None)
+        return [worst / nominal if nominal else float("inf") if worst else 1.0 for worst, nominal in pairs]
 
 
 def export_campaign(
