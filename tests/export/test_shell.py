@@ -267,6 +267,40 @@ def test_a_rate_as_large_as_the_range_passes_the_self_test(rate, tmp_path) -> No
     assert done.returncode == 0, done.stdout
 
 
+SETTLING = """
+name = "settling"
+[plant]
+transfer_function = { num = [2.0], den = [1.0, -0.5] }
+[reference_model]
+transfer_function = { num = [3.0], den = [1.0, 3.0] }
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 0.5
+[shell]
+stuck = { y = 0.05 }
+[simulation]
+t_end = 12.0
+dt = 2e-3
+[[controller]]
+scheme = "l1-output"
+m = 3.0
+gamma = 1e3
+filter = { num = [15.0], den = [1.0, 15.0] }
+sigma_bound = 100.0
+lipschitz = 0.5
+sample_time = 0.01
+"""
+
+
+def test_a_settled_output_that_repeats_in_32_bits_alone_is_refused_there() -> None:
+    """The C took the healthy sensor for a stuck one, and its self-test failed."""
+    case = parse_case(SETTLING)
+    assert files(case.problem, case.controllers[0], case.simulation, float32=False)
+    with pytest.raises(InputError, match=r"stuck\.y refuses the case's own run: y repeats its value up to t = "):
+        files(case.problem, case.controllers[0], case.simulation, float32=True)
+
+
 @needs_gcc
 @pytest.mark.parametrize("fallback", ["hold", "zero", "fade"])
 def test_results_out_of_range_end_in_the_fallback_and_the_controller_returns(fallback, tmp_path) -> None:

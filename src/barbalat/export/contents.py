@@ -93,7 +93,8 @@ class Contents:
                 "samples: an export would have no test vectors, and it should not be flown"
             )
         if around is not None:
-            around.require_taken(vectors.measured, vectors.commands, surrounded)
+            measured, commands = (part.astype(real.numbers).astype(float) for part in (vectors.measured, vectors.commands))
+            around.require_taken(measured, commands, surrounded)  # as the export reads them: in 32 bits a settled output repeats
         layout, kept = Layout.of(program, loop), largest_numbers(surrounded, controller, simulation)
         of_shell = kept[vectors.states.shape[1] :]
         parts = vectors.states[:, layout.rows], vectors.measured, vectors.commands, kept[layout.rows], of_shell
