@@ -25,7 +25,7 @@ def settable_tests(printed: Printed, at: int, fade: int) -> str:
     return _WHOLE.format(
         name=printed.name, macro=printed.macro, real=printed.real, measured=printed.measured, at=at, fade=fade,
         started=contents.layout.started.name, u=contents.layout.u.name, tried=", ".join(numbers), moves=", ".join(moves),
-        count=len(_beyond(contents)), refused=refused, limits=indented(_limits(printed)),
+        count=len(_beyond(contents)), refused=refused, limits=indented(_limits(printed, at)),
         given=f"in.{printed.measured}, " if contents.measures_state else "", returned=_returned(printed, at),
     )  # fmt: skip
 
@@ -61,7 +61,7 @@ FAR_BEYOND = 1e-3
 """Relative distance from the end of a norm, which is tested up to rounding, to a value beyond it."""
 
 
-def _limits(printed: Printed) -> list[str]:
+def _limits(printed: Printed, at: int) -> list[str]:
     """A newly set limit of the control takes effect."""
     contents, lines = printed.contents, []
     limited = [one.name for one in logged(printed) if one.text.startswith("out.u_limited")]
@@ -79,7 +79,30 @@ def _limits(printed: Printed) -> list[str]:
                 f"{{ const {printed.real} expected = {wanted};",
                 f'  require(same(&log.{limited[i]}, &expected, 1), "a new limit is not respected"); }}',
             ]
+        if (far := _refused_beyond(contents, contents.parameters.index(one), side)) is not None:
+            ends = contents.around is not None and contents.around.longest is not None
+            acts = f"(out.status & {printed.macro}_FALLBACK) != 0u || " if ends else ""
+            names = {"name": printed.name, "macro": printed.macro, "which": which, "at": at, "i": i, "acts": acts}
+            numbers = {"far": c99.constant(far, contents.real), "zero": c99.constant(0.0, contents.real)}
+            lines += _CORRUPTED_LIMIT.format(**numbers, **names).splitlines()
     return lines
+
+
+def _refused_beyond(contents: Contents, k: int, side: int) -> float | None:
+    """A value of a lower (side 0) or upper limit far beyond the other one, which the case refuses; None if it refuses none."""
+    values = np.array([one.value for one in contents.parameters])
+    for far in (10.0, 1e3, 1e5):
+        values[k] = far if side == 0 else -far
+        if not contents.takes(values[:, None])[0]:
+            return float(values[k])
+    return None
+
+
+_CORRUPTED_LIMIT = """\
+c = before; c.last_u[{i}] = {zero}; c.parameter[{which}] = {far};
+in = sample({at});
+require(({name}_step(&c, &in, &out) & {macro}_STATE_REFUSED) != 0u && out.u_limited[{i}] == out.u[{i}]
+        && ({acts}out.u[{i}] == {zero}), "a corrupted limit drives the control");"""
 
 
 def _returned(printed: Printed, at: int) -> str:

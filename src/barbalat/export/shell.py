@@ -259,10 +259,10 @@ def _started(printed: Printed) -> list[str]:
 
 def _limits_of(printed: Printed, member: str) -> str:
     """C that brings a control of the state within the actuators' limits; empty if there are none."""
-    return f"limit({'c, ' if _limits_vary(printed) else ''}c->{member});" if printed.limits() else ""
+    return f"limit({'c, ' if limits_vary(printed) else ''}c->{member});" if printed.limits() else ""
 
 
-def _limits_vary(printed: Printed) -> bool:
+def limits_vary(printed: Printed) -> bool:
     """Whether an actuator's limit is a parameter that can be set."""
     return any("c->" in printed.limit(i, side) for i, side in printed.limits())
 
@@ -274,8 +274,10 @@ def _limit(printed: Printed) -> str:
         for i, side in printed.limits()
         for line in (f"if (u[{i}] {'<>'[side]} {printed.limit(i, side)}) {{", f"    u[{i}] = {printed.limit(i, side)};", "}")
     ]
-    given = f"{f'const {printed.name}_controller *c, ' if _limits_vary(printed) else ''}{printed.real} *u"
-    told = "Brings a control within the actuator's limits."
+    given, told = f"{printed.real} *u", "Brings a control within the actuator's limits."
+    if limits_vary(printed):
+        given, told = f"const {printed.name}_controller *c, {given}", f"{told[:-1]}, unless these are corrupted."
+        lines = ["if (parameters_are_usable(c->parameter)) {", *(f"    {line}" for line in lines), "}"]
     return f"/* {told} */\nstatic void limit({given})\n{{\n{indented(lines)}}}\n\n" if lines else ""
 
 

@@ -12,7 +12,7 @@ from barbalat.export.contents import Contents
 from barbalat.export.layout import StatePart
 from barbalat.export.log import log_body, log_header
 from barbalat.export.settable import settable
-from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, shell, undone
+from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, limits_vary, shell, undone
 from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, comment, comments, filled, indented, readable
 from barbalat.loop.around import LOST
@@ -174,9 +174,14 @@ def _given(printed: Printed) -> list[str]:
     contents = printed.contents
     lines = ["int i;", f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", "    out->u[i] = c->last_u[i];"]
     lines += ["    out->u_limited[i] = out->u[i];", "}"]
+    clips: list[str] = []
     for i, side in printed.limits():
         text = printed.limit(i, side)
-        lines += [f"if (out->u[{i}] {'<>'[side]} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
+        clips += [f"if (out->u[{i}] {'<>'[side]} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
+    if limits_vary(printed):
+        usable = f"(status & {printed.macro}_STATE_REFUSED) == 0u || parameters_are_usable(c->parameter)"
+        clips = [f"if ({usable}) {{", *(f"    {line}" for line in clips), "}"]
+    lines += clips
     if contents.sizes[3]:
         name = contents.layout.theta_hat.name
         lines += [f"for (i = 0; i < {printed.macro}_ESTIMATES; ++i) {{", f"    out->theta_hat[i] = c->{name}[i];", "}"]
