@@ -498,7 +498,7 @@ class Controller:
         return weighted(self.error(), self.fact("gamma"))
 
     def level(self) -> arb:
-        """nu_0/sqrt(Gamma). For disturbances see docs/proofs.md, "Beside bounded disturbances"."""
+        """nu_0/sqrt(Gamma). For disturbances see docs/proofs.md, "With bounded disturbances"."""
         if not self.case.is_disturbed:
             return root(self.weighted_square() / self.earlier("lambda_min"))
         theta, gains = self.require_theta_known(), self.case.interval
@@ -515,7 +515,7 @@ class Controller:
         return gain
 
     def pushed_V(self) -> arb:
-        """The contribution of disturbances to V; see docs/proofs.md, "Beside bounded disturbances"."""
+        """The contribution of disturbances to V; see docs/proofs.md, "With bounded disturbances"."""
         facts = self.fact("carried")
         q, largest = number(facts["decay"]), number(facts["largest"])
         product, one = self.P * self.A, identity(self.case.n)

@@ -1,4 +1,4 @@
-"""The names of the package itself; its public modules have stubs of their own."""
+"""The names of the package itself; its public modules have their own stubs."""
 
 from . import designs as designs
 from . import exports as exports

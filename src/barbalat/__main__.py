@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> int:
-    """Run one command. Return the exit code. Ctrl-C is handled from the first moment on."""
+    """Run one command. Return the exit code. Ctrl-C is handled from the start."""
     try:
         from barbalat.cli import main as command_line
 

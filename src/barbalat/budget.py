@@ -25,7 +25,7 @@ KIB, MIB, GIB = 2.0**10, 2.0**20, 2.0**30
 MINUTE, HOUR, DAY, YEAR = 60.0, 3600.0, 86400.0, 365.25 * 86400.0
 DEFAULT_MEMORY, DEFAULT_SECONDS = 4 * GIB, HOUR
 TOLD_SECONDS = 10.0
-"""Work that is expected to take longer than this [s] is announced, since the user would wonder whether anything happens."""
+"""Work that is expected to take longer than this [s] is announced, so that the user knows that it is running."""
 LARGEST_TRIED = 10**30
 """The number at which the cost of any larger number is evaluated: it exceeds every budget, and its powers are still floats."""
 
@@ -123,7 +123,7 @@ def in_force() -> Budget:
 
 
 def carried(work: Callable[[Given], Found]) -> Callable[[Given], Found]:
-    """The function for other threads, with the budget that is in force here."""
+    """Return the function in a form for other threads, with the budget that is in force here."""
     budgets = _IN_FORCE.get()
 
     def inside(given: Given) -> Found:
@@ -184,7 +184,7 @@ def largest(fitting: Callable[[int], bool], least: int, beyond: int) -> int | No
 
 
 def in_bytes(count: float) -> str:
-    """A memory size for people: 512 MiB, 4 GiB, 7.3 TiB."""
+    """A memory size as text: 512 MiB, 4 GiB, 7.3 TiB."""
     for size, unit in ((2.0**40, "TiB"), (GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")):
         if count >= size:
             return f"{count / size:.3g} {unit}"
@@ -192,14 +192,14 @@ def in_bytes(count: float) -> str:
 
 
 def in_time(seconds: float) -> str:
-    """A duration for people: 40 s, 3 min, 5 h, 2 days, 300 years."""
+    """A duration as text: 40 s, 3 min, 5 h, 2 days, 300 years."""
     for size, unit in ((2 * YEAR, "years"), (2 * DAY, "days"), (HOUR, "h"), (2 * MINUTE, "min")):
         if seconds >= size:
             return f"{seconds / {'years': YEAR, 'days': DAY, 'h': HOUR, 'min': MINUTE}[unit]:.3g} {unit}"
     return f"{seconds:.3g} s"
 
 
-# Costs of work that several rooms size, measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
+# Costs of work whose size several rooms determine, measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
 
 STATE_OPERATIONS = 50
 """Operations of a Runge-Kutta step of order four, with figures, for each state of a loop: 31 for a network's neurons, 48 with

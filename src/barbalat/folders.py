@@ -39,9 +39,9 @@ def refused(refusal: str) -> Iterator[None]:
         yield
     except OSError as error:
         if isinstance(error, (FileExistsError, NotADirectoryError)):
-            reason = "it, or what it would be in, is a file"
+            reason = "it or one of its parent folders is a file"
         elif isinstance(error, FileNotFoundError):  # /proc
-            reason = "no files can be made there"
+            reason = "no files can be created there"
         else:
             reason = error.strerror or str(error)
         raise InputError(f"{refusal}: {reason}") from None

@@ -160,7 +160,7 @@ def test_a_recording_is_replayed_through_the_estimators_of_a_case(replayed, caps
     ("more", "said"),
     [
         (["--out", "new.toml"], "--out must be a page, NAME.html, got 'new.toml'"),
-        (["--noise", "speed=1"], "--noise applies to an identification"),
+        (["--noise", "speed=1"], "--noise applies only to an identification"),
         (["--commands", "q"], "the column 'q' is not in its first line"),
         (["--outputs", "speed,u"], "must be different columns"),
         (["--time", "r"], "must be increasing"),

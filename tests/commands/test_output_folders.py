@@ -124,7 +124,7 @@ def test_an_empty_name_is_no_folder(case_file, tmp_path, capsys, monkeypatch):
 
 @pytest.mark.parametrize(
     ("file", "reason"),
-    [("file/case.toml", "is a file"), ("file/deep/case.toml", "is a file"), ("/proc/case.toml", "no files can be made")],
+    [("file/case.toml", "is a file"), ("file/deep/case.toml", "is a file"), ("/proc/case.toml", "no files can be created")],
 )
 def test_new_says_why_a_folder_cannot_be_used(file, reason, tmp_path, capsys):
     (tmp_path / "file").write_text("kept")

@@ -347,7 +347,7 @@ def test_documents_of_runs_and_certificates_name_the_differences():
     document = run_document(case.name, [result], None)
     assert document["truth"] == of_run["truth"]
     notes = [note for one in certified.certificates.values() for note in one.notes]
-    assert any("the truth departs" in note for note in notes) and not any("invalidates" in note for note in notes)
+    assert any("([truth]) differs from the design" in note for note in notes) and not any("invalidates" in note for note in notes)
 
 
 def test_a_remainder_is_judged_in_any_unit():

@@ -195,7 +195,7 @@ def test_a_number_that_the_truth_gives_itself_is_varied_there(path, instead):
     ):
         with pytest.raises(InputError) as refused:
             varied_case.at([0.3])
-        assert str(refused.value) == f"{path} is not simulated: the truth {instead}"
+        assert str(refused.value) == f"{path} is not simulated: [truth] {instead}"
 
 
 def test_the_design_s_own_number_leaves_the_truth_as_it_is():

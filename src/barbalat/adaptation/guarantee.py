@@ -49,7 +49,7 @@ def nothing(why: str, *, leaks: bool = False) -> Guarantee:
 
 
 class ModifiedLaw(ABC):
-    """A law whose V' is not positive without its modifications."""
+    """The guarantee of a law for which V' <= 0 holds without its modifications."""
 
     leakage: Leakage | None
     dead_zone: DeadZone | None
@@ -57,7 +57,7 @@ class ModifiedLaw(ABC):
     @property
     @abstractmethod
     def metric(self) -> Gain:
-        """Gamma of V; for a covariance it matters only that it is a matrix."""
+        """Gamma of V; of a covariance, only the fact that it is a matrix is used."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

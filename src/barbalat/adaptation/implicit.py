@@ -52,7 +52,7 @@ def correct(
 ) -> tuple[Value, Value]:
     """theta_next with Gamma^-1 (theta_next - theta_hat) = T (a epsilon_next phi - w theta_next), and the dead zone's share a.
 
-    ``weight`` takes the place of T; it equals T without forgetting.
+    ``weight`` replaces T; it equals T without forgetting.
     """
     _, z, phi, m_s_squared = data
 
@@ -80,7 +80,7 @@ def at_rest(
 ) -> tuple[Gain, Value]:
     """G = (Gamma^-1 + T (w I + R))^-1 and G (Gamma^-1 theta_hat + T Q).
 
-    The second is the estimate after T by leakage and memory alone; any other term moves it with the gain G.
+    The second is the estimate after T with leakage and memory alone; any other term acts on it with the gain G.
     """
     if R is None and not gain.is_matrix:
         shrink = 1 / (1 + T * w * gain.value)

@@ -127,7 +127,7 @@ class SampledLaw(Protocol):
 
     @property
     def metric(self) -> Gain:
-        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; for a covariance it matters only that it is a matrix."""
+        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; of a covariance, only the fact that it is a matrix is used."""
         ...
 
     def sampled_step(self, theta_hat: Value, memory: Any, data: SampleData, known_set: EstimateSet | None) -> Moved:

@@ -96,7 +96,9 @@ class Modifications:
         return project(rate, theta_hat, known_set, gamma)
 
 
-ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V depends on the whole state's error, and may grow inside"
+ON_THE_OUTPUT = (
+    "a dead zone on the output's error guarantees nothing: V depends on the whole state's error, and may grow in the zone"
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""From the checked tables of a case file to the objects of the Python API."""
+"""Builds the objects of the Python API from the checked tables of a case file."""
 
 from __future__ import annotations
 
@@ -85,7 +85,8 @@ Bound = tuple[Controller, Any]
 
 @dataclass(eq=False)
 class Parts:
-    """The parts of the first of several cases built together: a later one, with some changed tables, reuses the rest.
+    """The parts of the first of several cases that are built together; a later case with some changed tables reuses the other
+    parts.
 
     Parts are identified by the tables from which they were made, which are kept with them.
     """
@@ -117,7 +118,7 @@ def build(
 
     joining  controllers in addition to the case's own
     parts    parts of the first case that was built with them, which are not built again
-    raw      the file's tables, if they have parameters or a truth
+    raw      the file's tables, if they have parameters or a [truth]
     """
     parts = Parts() if parts is None else parts
     base = Context(folder, objects=parts.objects)
@@ -250,7 +251,7 @@ def _already_bound(equations: Any, _problem: TrackingProblem, _controller: Contr
 
 
 def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Simulation, parts: Parts) -> Case:
-    """The case, after a check of what its parts must agree on."""
+    """The case, after a check that its parts agree."""
     controllers = tuple(controller for controller, _ in found)
     require_controllers(controllers)
     by_tolerance = simulation.tolerance is not None

@@ -30,9 +30,9 @@ DEEPEST_VALUE = 4
 """Depth of nested tables or lists that is shown of a value."""
 BEYOND_RANGE = f"is beyond the range of floating-point numbers, {sys.float_info.max:.2g}"
 BARE_KEY = re.compile(r"[\w-]+")
-"""A key that is written without quotes, or could be except for its script."""
+"""A key that is written without quotes, or that could be if its script were ASCII."""
 SYMMETRIC_LIMITS = ("saturation",)
-"""Keys whose value is a pair of limits, for which a single number may stand for both."""
+"""Keys whose value is a pair of limits, for which a single number may give both."""
 
 KEYS_OF_ONE_NUMBER = {"filter": "kappa"}
 """Tables for which a single number may be given, with the key of that number."""
@@ -58,7 +58,7 @@ def several(found: Iterable[str]) -> InputError:
 
 
 def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) -> list[str]:
-    """The reasons why ``data``, which is modified, is not a table of ``root``: a sentence each, misspelt keys first.
+    """The reasons why ``data``, which is modified, is not a table of ``root``: one sentence each, misspelt keys first.
 
     as_typed  the same data with its numbers as they were typed
     """

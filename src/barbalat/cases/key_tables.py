@@ -94,7 +94,9 @@ def page(text: str) -> str:
         before, mark, rest = text.partition(f"<!-- keys: {name} -->\n")
         _, end, after = rest.partition("<!-- end -->")
         if not end:
-            raise ValueError(f"the page has no place for the keys of {name}: a line <!-- keys: {name} -->, below it <!-- end -->")
+            raise ValueError(
+                f"the page has no place for the keys of {name}: it needs a line <!-- keys: {name} -->, and below it <!-- end -->"
+            )
         text = before + mark + table + end + after
     return text
 

@@ -1,4 +1,4 @@
-"""The keys of a case file's tables: the fields of the settings that they make, with the differences."""
+"""The keys of a case file's tables: the fields of the settings that are built from them, and the exceptions."""
 
 from __future__ import annotations
 

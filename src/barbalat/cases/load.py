@@ -1,4 +1,4 @@
-"""Reading a case: a path or a bundled name in, a validated Case out, or one clear sentence."""
+"""Reads a case: a path or a bundled name gives a validated Case, or one clear sentence."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ TEXT_BYTE = Estimate(memory=100.0, seconds=5e-6)
 """Largest size of a case file: the parser takes 0.1 to 1.1 us and up to 27 bytes, and the tables are read three times and
 checked."""
 PART_PAIR = Estimate(memory=4.0, seconds=5e-8)
-"""Largest total for dotted keys, times the square of their parts, since each part stores those before it: 35 MB and 0.1 s for
+"""Largest sum, over dotted keys, of the squared number of parts, since each part stores those before it: 35 MB and 0.1 s for
 3,000, and it is read three times."""
 MOST_NESTED = 200
 """Largest depth of nested lists or tables, also by keys with this number of parts: each takes two calls of the parser, and

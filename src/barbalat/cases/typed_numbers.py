@@ -17,7 +17,7 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 
 
 class TypedNumber(float):
-    """A number whose text is that of the case file."""
+    """A number that is shown as it was typed in the case file."""
 
     text: str
 

@@ -1,4 +1,4 @@
-"""Compares the truth with the assumptions of certificates: which of their guarantees don't hold for the simulated plant."""
+"""Compares the simulated plant ([truth]) with the assumptions of certificates: some guarantees may not hold for it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Apart:
 
     departures  the differences from the plant and the declared sets
     claimed     by controller, whether the design has any guarantee of the motion
-    voids       by controller, the keys whose guarantees don't hold for the truth
+    voids       by controller, the keys whose guarantees don't hold for the simulated plant
     cells       the same for the cells of Table 1
     """
 
@@ -53,8 +53,8 @@ class Apart:
         rows = ", ".join(PROPERTIES[key] for key in self.cells[name])
         voided = [", ".join(self.voids[name]), rows and f"in Table 1 {rows}"]
         if any(voided):
-            return f"the truth invalidates these guarantees of the design: {'; '.join(filter(None, voided))}"
-        return "the truth invalidates no guarantee of the motion"
+            return f"the simulated plant ([truth]) invalidates these guarantees of the design: {'; '.join(filter(None, voided))}"
+        return "the simulated plant ([truth]) invalidates no guarantee of the motion"
 
     def as_json(self) -> dict[str, Any]:
         """The differences and, by controller, the keys that they void."""
@@ -69,9 +69,9 @@ def apart(
 ) -> Apart | None:
     """The check of a problem's truth; None if the simulated plant is the design plant.
 
-    A truth outside the declared sets voids every guarantee about the motion. If theta and the gain are inside the sets but differ
-    from the plant's, a guarantee stays if the certificate for the truth's numbers guarantees the same value: it was then computed
-    for the whole set.
+    A simulated plant outside the declared sets voids every guarantee about the motion. If its theta and gain are inside the sets
+    but differ from the design's, a guarantee remains if the certificate for the simulated plant's numbers guarantees the same
+    value, which was then computed for the whole set.
     """
     if not isinstance(problem, Problem) or problem.simulated is None:
         return None
@@ -107,7 +107,7 @@ def _missing_in(kept: Mapping[str, Any], claimed: Mapping[str, Any]) -> tuple[st
 
 
 def _at_the_truth(problem: Problem) -> Problem:
-    """The design with the truth's theta and gains in place of the plant's."""
+    """The design with the simulated plant's theta and gains in place of its own."""
     values, design = true_parameters(problem), problem.design
     assert values is not None
     p = len(problem.plant.theta)
@@ -119,8 +119,8 @@ def _at_the_truth(problem: Problem) -> Problem:
 
 
 def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
-    """The blocks of the JSON document besides the certificates: the sets derived from ranges of parameters, and the check of
-    the truth."""
+    """The blocks of the JSON document besides the certificates: the sets derived from ranges of parameters, and the check of the
+    simulated plant."""
     return sets_and_truth(problem) | ({} if found is None else {"truth": found.as_json()})
 
 
@@ -135,7 +135,7 @@ def _claims_more(entry: Entry) -> bool:
 
 
 def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate], found: Apart | None) -> dict[str, Certificate]:
-    """The certificates in which guarantees that the truth voids are marked as guarantees of the design, with notes on that and
+    """The certificates, with guarantees that the simulated plant voids marked as guarantees for the design, and notes on that and
     on derived sets."""
     derived = problem.derived if isinstance(problem, Problem) else None
     shared = [] if derived is None else list(derived.sentences)

@@ -22,7 +22,8 @@ FREQUENCIES_TRIED = (
     "mu is exact at the frequencies tried (a grid, the critical frequencies, and each refined peak), not between them"
 )
 BEYOND_ONE_LINEAR_INPUT = (
-    "conditions, and margins for any state, are known for one input with phi(x) = x and a known gain: not for this plant"
+    "conditions, and margins that hold for any state, are known only for one input with phi(x) = x and a known gain, and this "
+    "plant is not of that kind"
 )
 ON_THE_BOX = "|phi(x)| is bounded if every |x_i| is at most the model's bound plus that of e"
 ERROR_ASSUMED = "this assumes |e| <= nu_0/sqrt(Gamma), which is not proven for this scheme"
@@ -68,13 +69,14 @@ def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assu
 
 NO_FAULTS = Assumption("every sample arrives as it was measured", "the case has faults, see the notes")
 WHOLE_RANGES = Assumption(
-    "the known set contains what the parameters' ranges give", "the parameters' ranges exceed the case's own set, see the notes"
+    "the known set contains every theta that the parameters' ranges allow",
+    "the parameters' ranges exceed the case's own set, see the notes",
 )
 """The assumptions that the simulated loop or the declared ranges do not satisfy, so that guarantees hold for the design only."""
 
 
 def unmet_by(problem: TrackingProblem) -> list[Assumption]:
-    """The assumptions that restrict a case's guarantees to its design, apart from its truth."""
+    """The assumptions that restrict a case's guarantees to its design, apart from its [truth]."""
     derived = problem.derived if isinstance(problem, Problem) else None
     unmet = [NO_FAULTS] if problem.faults else []
     if derived is not None and derived.outside:

@@ -135,7 +135,7 @@ def margins_cell(certificate: Certificate) -> Entry:
         if "unstable_at" in loop:
             parts.append(f"unstable for part of {over} ({name})")
         elif "delay_margin" in loop:
-            parts.append(f"over {over} {loop['delay_margin']['value']:.4g} s at least, as far as found ({name})")
+            parts.append(f"over {over} {loop['delay_margin']['value']:.4g} s or more, as far as found ({name})")
     if adapting is not None and adapting.value is not None:
         parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
     each = certificate.entry("delay_margin_each")

@@ -142,8 +142,8 @@ class Certificate:
         return (*(f"{', '.join(of)}: does not apply ({why})" for why, of in keys.items()), *self.notes)
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a controller: flat keys for values that apply and are not of the design only, and all
-        entries."""
+        """The JSON contract's block for a controller: flat keys for values that apply and do not hold for the design only, and
+        all entries."""
         of_design = {entry.key for entry in self.entries if entry.kind == OF_THE_DESIGN}
         document = {key: value for key, value in self.values.items() if value is not None and key not in of_design}
         document["guaranteed"] = sorted(self.guaranteed)

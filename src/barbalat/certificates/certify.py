@@ -63,9 +63,9 @@ def certify(
     For a class from outside the package, it contains the values that need no proof; the rest is marked as unknown. If a
     certificate cannot be computed with the case's numbers, its finding says so. Raises InputError, with the name, for a
     controller that does not fit the problem and could not be simulated either. ``progress`` is called with the fraction done. If
-    only some ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
+    only some ``keys`` are needed, certificates may lack others, such as searches over the known set and limits along the command.
 
-    The values follow from the plant and the declared sets alone; those that a problem's truth voids are marked "guaranteed for
+    The values follow from the plant and the declared sets alone; those that the simulated plant voids are marked "guaranteed for
     the design", with the reason in the notes. With faults, all values are those of the loop without them.
     """
     found, told, design = {}, numbered(controllers), problem.design

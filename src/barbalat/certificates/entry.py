@@ -13,10 +13,9 @@ Kind = Literal["guaranteed", "guaranteed for the design", "exact", "estimate", "
 """How far a value can be trusted.
 
 guaranteed                a bound, or a statement, that holds for this case; every assumption was checked
-guaranteed for the design  the same, but only for the plant and the declared sets, not for the truth, which is simulated, and for
-                           the loop without faults; with a user's own set, not for all of the parameters' ranges
-exact                     exact for the linear loop that ``of`` names, and for no other loop
-estimate                  computed, without a guarantee
+guaranteed for the design  the same, but only for the plant and the declared sets, not for the simulated plant ([truth]), and for
+the loop without faults; with a user's own set, not for all of the parameters' ranges exact                     exact for the
+linear loop that ``of`` names, and for no other loop estimate                  computed, without a guarantee
 advice                    a fact for orientation, without a claim about the loop
 does not apply            nothing is claimed for this case; ``why`` gives the reason
 """
@@ -145,7 +144,7 @@ class Entry:
 
 
 def of_the_design(entry: Entry, *unmet: Assumption) -> Entry:
-    """The entry of a guarantee that does not cover the truth, or whose further assumptions do not hold."""
+    """The entry of a guarantee that does not cover the simulated plant, or whose further assumptions do not hold."""
     sentences = tuple(one.sentence for one in unmet)
     return replace(entry, kind=OF_THE_DESIGN, assumptions=(*entry.assumptions, *sentences), rests_on=(*entry.rests_on, *unmet))
 

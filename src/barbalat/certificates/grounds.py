@@ -30,7 +30,7 @@ def of_lyapunov_law(
     """The numbers of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, with P of ``closed``, and its law's
     modifications.
 
-    If V ``carries`` bounded disturbances, they include the eigenvalues that this requires.
+    With ``carries``, V includes bounded disturbances, and the numbers include the eigenvalues that this requires.
     """
 
     def name_of(part: Any) -> str | None:

@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--held-out", type=float, default=0.25, metavar="SHARE",
-        help="share of the samples, at the end, that is used only for validation; default 0.25",
+        help="share of the samples, at the end of the recording, that is used only for validation; default 0.25",
     )  # fmt: skip
     parser.add_argument(
         "--out", metavar="FILE",
@@ -115,7 +115,7 @@ def _replay(options: argparse.Namespace) -> int:
 
     for name in OF_IDENTIFICATION:
         if getattr(options, name):
-            raise InputError(f"--{name} applies to an identification, and --replay makes none")
+            raise InputError(f"--{name} applies only to an identification, and --replay identifies nothing")
     if not options.commands:
         raise InputError("--replay needs --commands, the columns of the commands that were flown")
     case = load_case(options.replay)

@@ -121,11 +121,11 @@ BAD_INPUT = 2
 """Exit code for bad input."""
 REQUIRED = "the following arguments are required: "
 UNKNOWN = "unrecognized arguments: "
-"""How these messages of argparse begin. Its other messages begin with the argument that they concern."""
+"""The beginning of these messages of argparse. Its other messages begin with the argument that they concern."""
 CHOICE = re.compile(r"argument (?P<name>\S+): invalid choice: (?P<given>.+) \(choose from (?P<known>.+)\)$")
 NUMBER = re.compile(r"argument (?P<name>\S+): invalid (?P<kind>whole|float) value: (?P<given>.+)$")
 SENTENCE = re.compile(r"^argument (\S+): must be")
-"""How argparse's message begins when an option's type rejects a value."""
+"""The beginning of argparse's message if an option's type rejects a value."""
 KINDS = {"whole": "a whole number", "float": "a number"}
 VALUE = re.compile(r"-\.?\d")
 """Start of an argument that is a negative value, such as -1e3 or -1GiB, and not an option."""

@@ -92,7 +92,8 @@ BEYOND_GRID = 100.0
 
 
 def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
-    """Return the scheme's knobs in the controller's table, each at the only position of its name. InputError if there is none."""
+    """Return the scheme's knobs in the controller's table, each at the only place where its name occurs. InputError if there is
+    none."""
     found: dict[FieldPath, Range] = {}
     for name, values in knobs.values.items():
         places = list(_places(tables, name))

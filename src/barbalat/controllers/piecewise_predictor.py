@@ -13,7 +13,7 @@ from barbalat.roles import Role
 from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
-SPAN = Role.other("samples that the prediction error gathers over: 1 unless measurements are missed")
+SPAN = Role.other("samples over which the prediction error accumulates: 1 unless measurements are missed")
 """The role of the sample counter; see ``next_span``."""
 
 

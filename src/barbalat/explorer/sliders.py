@@ -64,7 +64,7 @@ class Slider:
         return rows or both or self._bends(other) or other._bends(self)
 
     def _bends(self, other: Slider) -> bool:
-        """Whether moving this number changes signals that are multiples of the other one to something else."""
+        """Whether moving this number turns signals that are multiples of the other number into something else."""
         scales, value = other.signals.scales, other.number.value
         if not scales or self.signals.grids is None:
             return False
@@ -255,9 +255,9 @@ TRIED_TURNS = 1 + len(FAR_SHARES)
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
     """Return the places tried for the k-th slider.
 
-    These are one value to either side of the case's own in the first turn, near it, and one value, different from earlier ones
-    if possible, in later turns, farther away. A number that is not ``handed`` affects only the signals. Many of these may
-    exclude each other, and each is tried once.
+    In the first turn these are one value to either side of the case's own, near it; in later turns one value farther away,
+    different from earlier ones if possible. A number that is not ``handed`` affects only the signals. Many of these may exclude
+    each other, and each is tried once.
 
     copied  whether any value can be used, not only the tabulated ones
     handed  whether modules receive anything that follows from the number
@@ -313,7 +313,8 @@ class Together:
             self._part(int(one), int(two))
 
     def search(self, moves: Sequence[Move], *, everywhere: bool) -> None:
-        """Try every pair of these moves. If cases should be valid ``everywhere``, two moves that give none are incompatible."""
+        """Try every pair of these moves. If cases should be valid ``everywhere``, two moves that give no valid case are
+        incompatible."""
         seen = Search(self, moves).seen()
         if everywhere:
             self.apart |= ~seen & ~np.eye(len(self.apart), dtype=bool)
@@ -383,7 +384,7 @@ class Search:
         return setting
 
     def _smallest(self, setting: Sequence[int]) -> list[int]:
-        """Return a smallest set of moves of a failing setting that fails together: without any of its moves it does not fail."""
+        """Return a minimal set of a failing setting's moves that fail together: without any one of them the set does not fail."""
         needed: list[int] = []
         others = list(setting)
         while not needed or self._of(needed) is Outcome.FITS:
@@ -396,7 +397,7 @@ class Search:
         return needed
 
     def _refuse(self, moves: Sequence[int], outcome: Outcome) -> None:
-        """Keep these moves, or if the numbers are incompatible any two of their moves, out of all further settings."""
+        """Exclude from all further settings these moves or, if the numbers are incompatible, any two of their moves."""
         numbers = self._numbers[list(moves)].tolist()
         if outcome is Outcome.DIFFERS:
             self.known.part(numbers)

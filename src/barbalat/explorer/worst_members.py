@@ -15,7 +15,7 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.validate import InputError
 
 MOST_PAGES = 6
-"""Largest number of pages. Each takes a second and a fifth of a megabyte."""
+"""Largest number of pages. Each takes one second and 0.2 MB."""
 
 
 @dataclass(frozen=True, eq=False)

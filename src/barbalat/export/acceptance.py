@@ -178,7 +178,7 @@ class Norm:
 
 
 ROUNDINGS = 64
-"""Number of rounding errors of its numbers for which the test of a norm allows."""
+"""Number of rounding errors that the test of a norm allows."""
 Condition = Order | Apart | Norm
 
 

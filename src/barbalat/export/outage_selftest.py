@@ -75,7 +75,7 @@ def _script(around: Around) -> Iterator[tuple[int, int, int]]:
         yield MISS, STAYS, STAYS
         yield MISS, STAYS, 0
         yield GOOD, STAYS, STAYS
-        if longest:  # after no more misses than are tolerated, there is no return
+        if longest:  # if no more samples are missed than are tolerated, there is no return
             yield MISS, longest - 1, STAYS
             yield GOOD, STAYS, STAYS
             yield MISS, STAYS, STAYS

@@ -312,7 +312,7 @@ def _fresh(printed: Printed) -> list[str]:
 
 
 def _limits(printed: Printed) -> list[str]:
-    """An estimate outside the known set makes the state a refused one, unless the bound is a parameter."""
+    """An estimate outside the known set causes the state to be refused, unless the bound is a parameter."""
     contents = printed.contents
     if contents.limits is None or not contents.sizes[3]:
         return []

@@ -83,7 +83,7 @@ def usable(printed: Printed) -> list[str]:
 
 
 def _held_in_range(printed: Printed) -> list[str]:
-    """Tests of the last good measurement and command, if there are any: compared with a corrupted one, every good one would be
+    """Tests of the last good measurement and command, if there are any: if one were corrupted, every good value would count as
     too fast."""
     around, layout, always = printed.contents.around, printed.contents.layout, in_own_range(printed.contents)
     assert around is not None
@@ -100,7 +100,7 @@ def _held_in_range(printed: Printed) -> list[str]:
 
 
 def in_own_range(contents: Contents) -> set[str]:
-    """The names of those of the last good measurement and command of which every entry is always within its channel's range,
+    """The names of the last good measurement and command, of each only if every entry is always within its channel's range,
     also before the first good one."""
     around = contents.around
     if around is None:

@@ -40,7 +40,7 @@ def shell_tests(printed: Printed) -> str:
 
 
 ROUNDINGS_BEYOND = 16
-"""Distance of a time from the edge of the band at which it is beyond it, in the roundings that the edge allows."""
+"""Distance beyond the edge of the band, in the rounding errors that the edge allows, at which a time is certainly outside."""
 
 
 def _filled(printed: Printed, lines: list[str]) -> list[str]:

@@ -33,7 +33,8 @@ def draw(found: Identification, *, narrow: bool = False, shown: bool = False) ->
         rest.set_ylabel(f"residual of {name}")
         if i == 0:
             axes.set_title(
-                "held out: to the right of the dotted line" if found.trained < len(data.times) else "all samples", fontsize=9
+                "validation data: to the right of the dotted line" if found.trained < len(data.times) else "all samples",
+                fontsize=9,
             )
             rest.set_title("measured - simulated" + (", dotted: the noise bound" if found.noise is not None else ""), fontsize=9)
             axes.legend(loc="best", fontsize=8, frameon=False)

@@ -33,8 +33,8 @@ LEVELLING_SHARE = 0.5
 FEWEST_WINDOWS = 3
 """Smallest number of windows. The first shows the effect of holding the command, and the other two are compared."""
 FIRST_PIECES = 3
-"""Number of pieces of the first window. A run whose control is quiet in all pieces but the first, and no less in the last, needs
-no other window."""
+"""Number of pieces of the first window. A run whose control is quiet in all pieces but the first, and in the last at least as
+quiet, needs no further window."""
 MOST_WINDOWS = 7
 
 

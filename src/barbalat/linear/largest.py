@@ -86,7 +86,7 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
 
 
 def _ends(bears: Callable[[float], bool], start: float, factor: float, least: float) -> tuple[float, float]:
-    """A tolerated value and, a ``factor`` above it, one that is not; the first is 0 if none is, infinite if all are."""
+    """A tolerated value, and one larger by ``factor`` that is not; the first is 0 if none is tolerated, infinite if all are."""
     low = start
     while not bears(low):
         if low <= least:

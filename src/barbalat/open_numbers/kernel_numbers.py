@@ -20,7 +20,7 @@ Member = tuple[Any, ...]
 
 
 OTHER_STRUCTURE = (
-    "members must have the structure of the first one, and vary in no more than the few that were tried before: "
+    "members must have the structure of the first one, and may differ only in the numbers that varied in a few trials: "
     "narrow the range, or sweep its parts one by one; a delay must be 0 in all members, or at least one solver step in all"
 )
 ROUNDING = 1e-9

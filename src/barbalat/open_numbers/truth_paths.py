@@ -1,5 +1,5 @@
-"""Paths of studies that vary the truth: a number of the plant is changed in the simulated plant, and the design stays the
-same."""
+"""Paths of studies that vary the simulated plant ([truth]): a number of the plant is changed in the simulated plant, and the
+design stays the same."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ THETA = ("plant", "theta")
 OF_THE_PLANT = ("A", "b")
 """Keys of [plant] from which designs follow."""
 APART = (*OF_THE_PLANT, "x0", "disturbance", "unmatched")
-"""Keys of [plant] without effect on the simulated plant if a truth has its own values. Its states may be others."""
+"""Keys of [plant] without effect on the simulated plant if [truth] has its own values. The states of [truth] may be others."""
 
 
 def is_parameter(path: FieldPath) -> bool:
@@ -57,7 +57,7 @@ def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozen
         _require_simulated(path, names_simulated(plant | {"sensor": tables.get("sensor")}, truth))
         return FieldPath(("truth", PARAMETERS, str(path.keys[-1])))
     if path.keys[:2] == THETA and "A" in own and redesign is not None:
-        raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary truth.A")
+        raise InputError(f"{path} is not simulated: [truth] has its own matrix A; vary truth.A")
     if path.keys[0] == "plant" and path.keys[1:2] and path.keys[1] in own:
         if redesign is False:
             raise _in_both(path, tables["truth"].get("states"), tables.get("labels", {}).get("names"))
@@ -67,7 +67,7 @@ def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozen
 
 
 def is_of_the_design(problem: Problem, path: FieldPath) -> bool:
-    """Whether a number of the plant, or a parameter, is not simulated because the truth has its own numbers."""
+    """Whether a number of the plant, or a parameter, is not simulated because [truth] has its own numbers."""
     if is_parameter(path):
         physical = problem.plant.physical
         return physical is not None and path.keys[-1] not in names_simulated(vars(physical), vars(problem.truth or Truth()))
@@ -83,7 +83,7 @@ def with_own_input(tables: Tables) -> Tables:
 
 
 def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> InputError:
-    """The error for a number of the plant for which the truth has its own, with the path of the latter.
+    """The error for a number of the plant for which [truth] has its own value, with the path of that value.
 
     states  the truth's, by which indices of the plant's states become indices of the truth's; None if both have the same
     labels  names of the plant's states; None for x_1, x_2, ...
@@ -94,7 +94,7 @@ def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> Inpu
     known = (i for i in rows if i is not None)
     there = f"truth.{key}" if None in rows else str(FieldPath(("truth", key, *known, *index[of_states:])))
     design = ", or give --redesign to vary the design" if key in OF_THE_PLANT else ""
-    return InputError(f"{path} is not simulated: the truth has its own {key}; vary {there}{design}")
+    return InputError(f"{path} is not simulated: [truth] has its own {key}; vary {there}{design}")
 
 
 def _row_of(i: Key, states: Any, labels: Sequence[str] | None) -> int | None:
@@ -177,7 +177,7 @@ def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | 
     truth = problem.truth or Truth()
     if path.keys[:2] == THETA and ("A" in own or problem.plant.physical is not None):
         instead = "truth.A" if "A" in own else "parameters or plant.A"
-        raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary {instead}")
+        raise InputError(f"{path} is not simulated: [truth] has its own matrix A; vary {instead}")
     if redesign is False and path.keys[0] == "plant" and key in own:
         raise _in_both(path, truth.states, None if problem.labels is None else problem.labels.names)
     if path.keys[0] != "plant" or key not in OF_THE_PLANT or redesign is not False or not problem.plant.is_linear:

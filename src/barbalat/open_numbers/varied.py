@@ -137,7 +137,7 @@ def _with_entries(part: Any, by_key: dict[Key, list[Place]]) -> Any:
     for key, some in by_key.items():
         path = some[0][0]
         if not isinstance(part, (tuple, list, np.ndarray)):
-            raise InputError(f"{path} does not name a field: [{key}] stands behind {validate.show(part)}, which has no entries")
+            raise InputError(f"{path} does not name a field: [{key}] follows {validate.show(part)}, which has no entries")
         if not isinstance(key, int):
             raise InputError(f"{path} does not name a field: {type(part).__name__} has no {key!r}; its fields are none")
         if key >= len(part):

@@ -46,7 +46,7 @@ def departures(problem: Problem) -> list[Departure]:
 
 def apart_sentence(found: Sequence[Departure]) -> str:
     """Return one sentence on all differences, or an empty text if there are none."""
-    return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else ""
+    return f"the simulated plant ([truth]) differs from the design: {'; '.join(one.sentence for one in found)}" if found else ""
 
 
 def sets_and_truth(problem: TrackingProblem) -> dict[str, Any]:
@@ -95,7 +95,7 @@ def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departu
     if simulated.S is not None:
         count = len(simulated.x0)
         other = f"it has {validate.counted(count, 'state')}, and the plant has {plant.states}"
-        yield Departure("the plant's states are a matrix times its own" if count == plant.states else other)
+        yield Departure("the plant's states are a matrix times its states" if count == plant.states else other)
     else:
         theta, omega = _projected(problem, simulated)
         yield from _of_theta(problem, theta)

@@ -196,7 +196,7 @@ class FromRanges:
             found.append(BOX_NOTE.format("the entries of theta" if self.input_gain is None else "theta and omega"))
         if self.outside:
             found.append(
-                f"the case's own [uncertainty] does not contain all that the parameters' ranges give: {self.outside}; no "
+                f"the case's own [uncertainty] does not contain everything that the parameters' ranges allow: {self.outside}; no "
                 "guarantee covers the ranges"
             )
         return found if self.too_wide is None else [*found, self.too_wide]

@@ -45,8 +45,8 @@ class Shell(Settings):
     fallback  what acts then: "hold", the last control; "zero"; "fade", from the last control to zero; or "baseline", the case's
               fixed controller alone, with the last good measurement, the present command and its own states held
     fade     duration of that fade, of the transition to the baseline, and of the bumpless return of the control after a fallback
-             [s]; by default the longest outage. A fade of the return waits while samples are lost. After wrong times for at most
-             the longest outage the return takes no longer than they did
+             [s]; by default the longest outage. A fade of the return waits while samples are lost. After calls at wrong times for
+             at most the longest outage, the return takes no longer than these calls
 
     On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
     continue; an observer predicts the state without the measurement. Raises InputError.

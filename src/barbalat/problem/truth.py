@@ -313,7 +313,7 @@ def _values(truth: Truth, plant: Plant) -> Mapping[str, float]:
 
 
 WITH_FORMULAS = ("A", "b", "x0", "input", "sensor")
-"""What a truth takes from the plant, with its formulas, unless it has its own."""
+"""What the simulated plant takes from the design plant, with its formulas, unless [truth] has its own."""
 
 
 def names_simulated(plant: Mapping[str, Any], truth: Mapping[str, Any]) -> set[str]:

@@ -22,7 +22,7 @@ ADAPTIVE = "adaptive"
 """The CSS class of the scheme's adaptive part: predictor and integrator."""
 RADIUS, BLOCK_HEIGHT = 0.16, 1.1
 WIDTH, UNIT = 14.8, 60.0
-"""Width of the drawing in units of length, and pixels of a unit."""
+"""Width of the drawing in units of length, and pixels per unit."""
 FONT, LABEL, CHARACTER = 17.0, 15.0, 0.6
 """Largest size of a text and size of a line's label [px]; width of a character, as a share of the size, in the widest of the
 usual fonts."""

@@ -1,4 +1,4 @@
-"""HTML pages that load nothing from elsewhere.
+"""HTML pages that load nothing from the network.
 
 A page contains its pictures, so that it can be sent alone, unless it would exceed the limit for a page. A larger page, such as
 the claims with their dozen maps, links to its pictures as files and says so in its last line.

@@ -188,7 +188,7 @@ class Simulation(Settings):
         return said if self.fused else said | {"fused": False}
 
     def time(self, step: Array | float) -> Array:
-        """The instant of a step, or of a fraction between two; exact where t_end is a whole number of seconds."""
+        """The instant of a step, or of a fraction between two steps; exact where t_end is a whole number of seconds."""
         return np.asarray(step) * self.t_end / self.steps
 
     @property

@@ -1,9 +1,9 @@
 """Fixed steps for contests and pages of a case with a tolerance: the longest steps with which its own runs agree with those at
 the tolerance.
 
-A contest adds noise, which jumps every few milliseconds, and tries short delays. Both limit a step whatever its error, so that
-a contest at the tolerance itself takes at least four times as long: measured with L1 on Section V, more than 170 s of processor
-time against 44 s at fixed steps.
+A contest adds noise, which jumps every few milliseconds, and tries short delays. Both limit a step independently of its error, so
+a contest at the tolerance itself takes at least four times as long: with L1 on Section V, more than 170 s of processor time,
+compared with 44 s at fixed steps.
 """
 
 from __future__ import annotations

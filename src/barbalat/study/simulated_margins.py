@@ -200,7 +200,7 @@ def less_than_half(measured: float, linear: float | None, largest: float = LONGE
 
 def half_sentence(measured: str, linear: Sequence[str]) -> str:
     """The finding that a measured margin is less than half of linear ones."""
-    return f"the measured {measured} is less than half of {'; of '.join(linear)}: of linear loops, which know no limits"
+    return f"the measured {measured} is less than half of {'; of '.join(linear)}: of linear loops, which have no limits"
 
 
 def _of_linear(value: float | None) -> str:

@@ -39,7 +39,7 @@ class SweepResult:
     resumed     number of members found in the store
     seconds     time for everything that was simulated now
     redesigned  the designs that are repeated for each member, by the paths on which they depend
-    of_the_design  the varied paths of the plant and of parameters that are not simulated, because the truth has its own numbers
+    of_the_design  the varied paths of the plant and of parameters that are not simulated, because [truth] has its own numbers
     redesign    whether that was requested
     audit       the effect of a finer step on the verdicts of some members
     member_steps  solver steps of all members simulated now, over all controllers; 0 with a tolerance

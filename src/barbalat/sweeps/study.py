@@ -51,7 +51,7 @@ def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
     """The designs that are repeated for each member, by the paths of the plant's numbers on which they depend.
 
     A gain or a reference model computed from the plant is no longer that of the case: such a sweep tries many designs, each on
-    its own plant or on that of the truth, and not one design on many plants.
+    its own plant or on the simulated one, and not one design on many plants.
     """
     found: dict[str, tuple[str, ...]] = {}
     base = varied.at(tried.middle)
@@ -307,7 +307,7 @@ class Study:
 
     @cached_property
     def of_the_design(self) -> tuple[str, ...]:
-        """The varied numbers of the plant and the parameters that are not simulated, because the truth has its own."""
+        """The varied numbers of the plant and the parameters that are not simulated, because [truth] has its own."""
         problem = self.example.problem
         if not isinstance(problem, Problem):
             return ()

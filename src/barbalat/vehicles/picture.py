@@ -93,7 +93,7 @@ def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> 
 
 
 def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
-    """Make the box as large as fits below the legend, and the figure no higher than both. The flight determines the box's
+    """Make the box as large as fits below the legend, and the figure only as high as both need. The flight determines the box's
     shape."""
     width, height = figure.get_size_inches()
     (legend,) = figure.legends

@@ -28,7 +28,8 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 NORM_TOLERANCE = 2.0**-46
-"""A norm relatively this close to its bound counts as equal to it; ``bounded`` leaves it within a sixteenth of this distance."""
+"""A norm within this relative distance of its bound counts as equal to it; ``bounded`` leaves it within a sixteenth of this
+distance."""
 
 COVARIANCE_METRIC = Gain(np.eye(1))
 """The metric of any covariance law, whatever its initial covariance."""
@@ -50,7 +51,7 @@ class CovarianceLaw(ModifiedLaw):
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
-        """P', with the reduction ``taken`` due to the data."""
+        """P', where ``taken`` is the reduction due to the data."""
 
     def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
         """P after T [s] without data, and the weight of the data from that time."""

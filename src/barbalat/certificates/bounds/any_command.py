@@ -66,7 +66,7 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
     """The bound over the known set, and that set with its cells; InputError, with the reason, if there is none."""
     known_set, order = problem.uncertainty, itertools.count()
     if not isinstance(known_set, ParameterBox):
-        raise InputError("the known set is a ball, and the loop is bounded over cells of a box")
+        raise InputError("the known set is a ball, but this bound is computed over the cells of a box")
     states = problem.known.n + (1 + problem.known.n) * len(loop.B)
     if states > MOST_STATES:
         raise InputError(f"the loop has {states} states with its variations, and the limit is {MOST_STATES}")

@@ -59,8 +59,8 @@ class Rest:
 
     @cached_property
     def is_one_of_many(self) -> bool:
-        """Whether a neighbouring state is an equilibrium too and has another Jacobian; estimates at their true values stay
-        there."""
+        """Whether a neighbouring state is also an equilibrium, with another Jacobian; estimates at their true values keep
+        them."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
         others = np.setdiff1d(np.arange(self.loop.size), rows_of(self.loop, self.ideal))
@@ -179,7 +179,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     if state is None:
         return NotApplicable(f"no equilibrium of the loop was found {under}")
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
-        return NotApplicable(f"at the equilibrium of the loop {under}, its own limit acts")
+        return NotApplicable(f"the controller's own limit acts at the equilibrium of the loop {under}")
     ideal = ideal or tuple(part for part, value in true.items() if np.array_equal(state[part.rows], value))
     return Rest(loop, state, signals, level, ideal)
 
@@ -247,8 +247,8 @@ def rows_of(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
 
 
 def adapting_parts(loop: ClosedLoop, signals: Array) -> list[StatePart]:
-    """The estimates that change. An estimate whose rate is zero for every state is a setting and not an estimate of the
-    plant's numbers."""
+    """The estimates that change. An estimate whose rate is zero in every state is a setting, not an estimate of a plant
+    parameter."""
     _, state = symbols("state", loop.size)
     rates = column(loop.derivative(state, signals))
     return [part for part in estimates_of(loop) if not rates[part.rows].is_zero()]
@@ -288,9 +288,9 @@ def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting
 def newton(
     rates: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, free: Array, resting: Array
 ) -> Array | None:
-    """The state at which the ``resting`` rates vanish, found by changing only the ``free`` parts, in the shortest steps.
+    """The state at which the ``resting`` rates vanish, found by the shortest changes of the ``free`` parts.
 
-    None if no step leads closer to one.
+    None if no step leads closer to such a state.
     """
     state = start.copy()
 

@@ -236,7 +236,7 @@ def robustness(
             if found.delta is not None:
                 values["theta_destabilising"] = (known_set.middle + width * found.delta).tolist()
             if not known_set.fills_its_extent:
-                findings.append("mu is that of the box around the known set, which is more than the set's own")
+                findings.append("mu is computed for the box around the known set, so it may exceed the mu of the set")
         if weight is not None:
             values["mu_dynamics"] = measure(0 * width, weight).peak
             if known_set is not None:

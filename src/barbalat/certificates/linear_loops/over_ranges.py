@@ -55,7 +55,7 @@ DRAWN, DELAYS = 40, 3
 hundred other margins: where the ratio of phase margin and frequency is smallest."""
 SEARCHED = (
     "{count} plants of the parameters' ranges, at {corners} corners, the nominal values and {drawn} seeded points: "
-    "the least found, not a guarantee"
+    "the smallest found, not a guarantee"
 )
 SHIFT, FREQUENCIES = 1e-3, 20
 """Size of the displacement at which the loop is checked for linearity, and the number of frequencies of this check."""
@@ -273,7 +273,7 @@ def _alone(loop: ClosedLoop) -> ClosedLoop:
 
 @dataclass(frozen=True, eq=False)
 class OverRanges:
-    """The least margins found, by their names in ``Margins``, each with its plant; or the plant whose loop is unstable."""
+    """The smallest margins found, by their names in ``Margins``, each with its plant; or the plant whose loop is unstable."""
 
     least: dict[str, tuple[float, PlantAt]]
     unstable_at: PlantAt | None
@@ -281,7 +281,7 @@ class OverRanges:
 
 
 def over_ranges(loops: Iterable[tuple[StateSpace | SampledLoop, PlantAt]]) -> OverRanges:
-    """The least margins of the loops in addition to the plants' delays."""
+    """The smallest margins of the loops in addition to the plants' delays."""
     found, delays, lost = [], [], []
     for loop, plant in loops:
         if isinstance(loop, SampledLoop):

@@ -136,7 +136,7 @@ def _combined(thetas: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class WorstCase:
-    """The smallest margins found over the set, each with its theta, which the input's gain follows where it varies too.
+    """The smallest margins found over the set, each with its theta, followed by the input's gain if that varies too.
 
     least        by the margin's name in ``Margins``; gain_down is the largest one. Infinite if nothing destabilises
     unstable_at  a theta of the set at which the loop is unstable from the start; ``None`` if none was found

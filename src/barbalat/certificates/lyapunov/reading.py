@@ -101,7 +101,9 @@ class Reading:
         """The function's derivative along the loop's motion."""
         inside = function.used - set(self.theta)
         if not inside <= self.rates.keys():
-            raise NotRational("V and what stays zero may depend only on the state, x, x_m and theta, not on r or functions of x")
+            raise NotRational(
+                "V and the quantities that stay zero may depend only on the state, x, x_m and theta, not on r or functions of x"
+            )
         return sum((function.derivative(i) * self.rates[i] for i in inside), self.ring.constant(fmpq(0)))
 
 
@@ -138,7 +140,7 @@ def _of_lines(
     if any(one is not other and not (one - other).is_zero for one, other in zip(
         _flat(equations.limit(state), ring), _flat(state, ring), strict=True
     )):  # fmt: skip
-        raise NotRational("`limit` changes the state beyond the projection onto the known set, and V may grow by that")
+        raise NotRational("`limit` changes the state beyond the projection onto the known set, which may increase V")
     kept = known.estimate_set
     b, A_m, phi = known.b, known.A_m, ring.exact(np.asarray(problem.known.matched.phi(x)))
     drive = phi.T @ theta + u

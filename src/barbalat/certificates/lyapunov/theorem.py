@@ -298,7 +298,7 @@ def _without_normals(reading: Reading, falls: Rational) -> Rational:
         if not normals.alone and len(set(shares)) > 1:
             raise Refused("the projection is not shown to lower V: V must weight all parameters as the projection's gain does")
     if not reading.limited <= lowers:
-        raise Refused("`limit` keeps estimates in the known set whose rate is not projected, and V may grow by that")
+        raise Refused("`limit` keeps estimates in the known set although their rates are not projected, which may increase V")
     zero = {place: ring.constant(fmpq(0)) for normals in reading.normals for place in normals.places}
     return falls.replaced(zero)
 

@@ -63,11 +63,11 @@ class FixedLoop:
     def with_gain_of_1(
         cls, problem: Problem, *, at: Callable[[Array], StateSpace], own: tuple[Assumption, ...] = (), **rest: Any
     ) -> FixedLoop:
-        """The loop of a controller that takes the input's gain as 1, which is assumed where the case does not know it."""
+        """The loop of a controller that takes the input's gain as 1, as the certificate does if the gain is unknown."""
         if problem.input_gain is None:
             return cls(at=at, own=own, **rest)
         omega = float(problem.plant.paths[0].gain)
-        other = "" if omega == 1 else f"input gain {omega:g}, where the controller takes it as 1"
+        other = "" if omega == 1 else f"input gain {omega:g}, which the controller assumes to be 1"
         return cls(at=at, own=(*own, Assumption("the input's gain is 1", other)), gain=1.0, **rest)
 
     def nominal_response(self) -> StateSpace:

@@ -35,8 +35,8 @@ NO_MIDPOINT_LIMITS = "no gain makes its law numerically unstable, so there is no
 EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all integrators of the controller"
 WHOLE_LOOP_LIMITS = (
     "step_max is that of Euler's method "
-    "on the whole loop including the plant; with a sampled controller the plant moves exactly, so that longer samples may "
-    "be possible, or only shorter ones"
+    "on the whole loop including the plant; with a sampled controller the plant moves exactly, so that the largest possible "
+    "sample time may be longer or shorter"
 )
 HELD_LIMITS = "gamma_max and step_max are those of the frozen law from sample to sample, with A_m's exact motion between samples"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}

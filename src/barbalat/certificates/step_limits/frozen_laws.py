@@ -62,8 +62,8 @@ def of_lyapunov_law(
 ) -> dict[str, Any]:
     """Limits of a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), from a matrix's extreme eigenvalues.
 
-    gamma_max is ``None`` if no gain is too large, which requires x = 0, and for a matrix; it is a reason if no gain is shown to
-    be tolerated.
+    gamma_max is ``None`` if no gain is too large, which requires x = 0, and for a matrix; it is the reason, as a text, if no gain
+    is shown to be tolerated.
     """
     oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     root_g = math.sqrt(Gain(gamma).largest) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x

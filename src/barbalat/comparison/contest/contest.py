@@ -251,7 +251,7 @@ def _notes(
             said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} satisfies the rule{also}")
         elif one.refused:
             said.append(
-                f"{one.name}: better tunings, {len(one.refused)} of them, satisfy the rule only at {own} of the case: "
+                f"{one.name}: {len(one.refused)} better tunings satisfy the rule only at {own} of the case: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
@@ -277,7 +277,10 @@ def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
             continue
         if one.start is None:
             if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
-                said.append(f"{one.name}: its estimates are not known to be those of theta, and start at the scheme's own values")
+                said.append(
+                    f"{one.name}: it is not known whether its estimates are those of theta, so they start at the "
+                    "scheme's own values"
+                )
         elif not np.array_equal(one.start, theta_set.middle):
             said.append(
                 f"{one.name} starts with estimates of {validate.show(one.start)}, and not in the middle of the known set, "

@@ -248,7 +248,7 @@ class Trials:
             trial.undelayed = found.of(slice(i * count, (i + 1) * count))
 
     def _values(self, quantity: TunedQuantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
-        """Return a quantity (K, P). For probes it is found up to the requirement, or completely."""
+        """Return a quantity (K, P). For probes the quantity is found up to the requirement, or completely."""
         plants, members = self._members(group)
         known = [trial.undelayed for trial in group if trial.undelayed is not None]
         if quantity.origin is Origin.RUN:

@@ -291,7 +291,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
             said.append(f"{name}: {_unmet(tuner, one)}; the case file keeps its original values")
         elif one.refused:
             said.append(
-                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint only at {own} of the case: "
+                f"{name}: {len(one.refused)} better tunings meet every constraint only at {own} of the case: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]

@@ -1,4 +1,4 @@
-// The judge of barbalat run. It turns the memory that a kernel keeps behind the loop's states into a verdict and its sentence.
+// The judge of barbalat run. It turns the memory that a kernel keeps after the loop's states into a verdict and its sentence.
 // The kernel's own operations update the memory (judge/beside.py). The rules are those of judge/judged.py and
 // run/engine/judging.py; their numbers are in the page's data.
 
@@ -216,7 +216,7 @@ function frequencyOf(times, values) {
 }
 
 // A run beyond its end: commands and disturbances are held, and the measurement has no noise. advance(blocks, length, step, table)
-// takes the loop further and gives out the rows of its blocks; state is the whole of it, the memory behind the loop's own states.
+// advances the loop and returns the rows of its blocks; state is the whole state, with the memory after the loop's own states.
 export class Continued {
   constructor(task, held, state, good, advance) {
     Object.assign(this, { task, held, state, good, advance, step: task.grid.steps, places: placesOf(task.judge.rows) });

@@ -127,7 +127,7 @@ function spurious(polynomial, z) {
 
 // The largest h |lambda| of a matrix's eigenvalues, and whether the method amplifies a mode that the equations do not amplify.
 export function look(matrix, size, task) {
-  if (!matrix.every(Number.isFinite)) return { largest: 0, outside: true }; // an overflow is far outside
+  if (!matrix.every(Number.isFinite)) return { largest: 0, outside: true }; // an overflow counts as far outside
   const found = eigenvalues(matrix, size);
   if (found === null) return { largest: 0, outside: false }; // no statement is made without eigenvalues
   let [largest, outside] = [0, false];

@@ -38,7 +38,7 @@ class Unit:
 
     @property
     def title(self) -> str:
-        """The unit's name for people."""
+        """The unit's display name."""
         what = "controller" if self.made is None else "closed loop" if self.controller else "plant"
         return f"{self.printed.contents.controller.name}, {what}"
 

@@ -4,7 +4,7 @@
 #include <stdint.h>
 
 uint64_t barbalat_refused = 0;
-int barbalat_in_a_row = 0; /* refused results: no simulation has them, so its state holds no place for their count */
+int barbalat_in_a_row = 0; /* the count of refused results has no place in the simulation's state, because no simulation has any */
 
 void barbalat_sample(double *numbers, int64_t step);
 

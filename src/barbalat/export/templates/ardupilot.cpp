@@ -68,7 +68,7 @@ ${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
 }
 
 // Angle and rate in the case's units${units_said}. Where a heading passes south, angle and command turn on without a jump, and
-// both are in the same turn. An angle that passes half a turn from the command jumps into another turn: the other way is shorter.
+// both are in the same turn. When a heading passes south, angle and command continue without a jump, in the same turn.
 bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
 {
     Quaternion body, target = _att_control->get_attitude_target_quat();
@@ -98,7 +98,7 @@ bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
     return turned;
 }
 
-// The main controller's output remains on the ground and on the other axes. It returns until the first sample after a start is
+// An angle more than half a turn from the command jumps by one turn, because the other way is then shorter. It returns until the first sample after a start is
 // accepted, if the state or the result is refused, and instead of any fallback of the case.
 Vector3f AC_CustomControl_${kind}::update(void)
 {

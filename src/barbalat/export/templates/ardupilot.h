@@ -30,7 +30,7 @@ protected:
     bool _keeping; // whether this start keeps the estimates, as after an outage
     uint8_t _logged; // updates since the last line of the log
     float _at; // [rad] the last angle, in the command's turn
-    float _command; // [rad] the last command, which turns on beyond half a turn
+    float _command; // [rad] the last command, continued beyond half a turn
     float _u; // the last control
     float _period; // period of the main loop [s]
     uint64_t _last; // [us] time of the last update, if it is measured; 0 after a start

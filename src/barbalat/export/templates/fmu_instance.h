@@ -43,7 +43,7 @@ static double now(const fmu_state *s)
     return s->start + s->steps * MODEL_STEP;
 }
 
-/* Values follow from all values that were set, also before the start. */
+/* Calculated values follow from all values that were set, also before the start. */
 static void refresh(fmu_state *s)
 {
     if (s->stage <= INITIALIZING) {

@@ -289,7 +289,7 @@ class Tolerances:
     remainder_rate: arb  # Taylor remainder per unit of time
     tail: arb
     piece: arb  # unresolved sign of one piece
-    horizon: float  # time until the tail is met
+    horizon: float  # time until the tail begins
 
 
 def tolerances(model: NormModel, start: arb_mat, budget: arb) -> Tolerances:

@@ -72,7 +72,8 @@ def normal_module(channels: int) -> bytes:
 
 
 def _drawn(name: str, k: int, numbers: int) -> list[str]:
-    """The first numbers of the row's count number ``k``, stored in their places; the prefix of its values is ``name``."""
+    """The numbers of a row that its counter value number ``k`` gives, stored in their places; the prefix of the values' names is
+    ``name``."""
     lines, words = [f"  %{name} = add i64 %count, {k + 1}"], [f"%{name}", "0", "0", "0"]
     for i in range(ROUNDS):
         more, words = _round(f"{name}.{i}", words, i)

@@ -53,7 +53,7 @@ TINY = 1e-9
 MEETS = 0.1
 """Share of the tolerance by which the state may move between a change of choice and the end of the step."""
 JOINS = 4.0
-"""Multiple of that movement within which a rate limiter that has met its demand joins it."""
+"""Multiple of that movement within which a rate limiter that has reached its demand follows it again."""
 LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
 """Smallest step relative to the time; a shorter step does not advance the time."""
 BEYOND = 2.0
@@ -84,8 +84,7 @@ class Carried:
     """The kernel's state: the loop's state (S,), followed by the data for the next attempt; J is the number of choices.
 
     ``leaving`` is the number of the record that leaves a delay, ``records`` the number of the record of this step, see
-    ``past``. From the
-    time ``pause`` [s] on, at which a piece must begin, no attempt is made.
+    ``past``. No attempt is made from the time ``pause`` [s] on, at which a piece must begin.
     """
 
     states: int

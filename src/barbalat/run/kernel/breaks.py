@@ -102,7 +102,7 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
         sentences.append(f"the command or a disturbance {what} {where}: {_ORDERS[left]} order there")
     if bends and order > BEND_ORDER:
         sentences.append(
-            "behind the delay the control's bends, at t = 0 and a delay after each jump, are interpolated: "
+            "after the delay the control's bends, at t = 0 and one delay after each jump, are interpolated: "
             f"{_ORDERS[BEND_ORDER]} order there"
         )
     return LostOrder(jumps, corners, left, "; ".join(sentences), bends and order > BEND_ORDER)

@@ -2,7 +2,7 @@
 
 For each input a step stores two values: at its start, and at its end with the signals' limits from the left. The difference
 between the end of one step and the start of the next is a jump of the input: from a command, a sampled controller, a noisy
-measurement, or the history before t = 0. Jumps are not interpolated across. The delayed input of a step is the cubic through four
+measurement, or the history before t = 0. No interpolation crosses a jump. The delayed input of a step is the cubic through four
 neighbouring values with the jumps removed, whose error is of fourth order in the step, like that of RK4; the jump inside the step
 is represented by stage values with its moments, see ``jump_weights``.
 """

@@ -231,7 +231,9 @@ class Observed:
 
     @cached_property
     def _end(self) -> Program:
-        """The states at a step's end before they are limited, from the row that it wrote."""
+        """The data that a single run writes for its nodes in addition to signals and states, and the nodes that are due; from the
+        step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and ``before``, the time of the
+        waiting node, and the times before and after the attempt [s]."""
         import casadi as ca
 
         states = self.attempts.loop.size

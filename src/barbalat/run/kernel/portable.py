@@ -95,7 +95,7 @@ def standard_normal_at(seed: int, member: int, rows: Array, channels: int) -> Ar
 
 
 def _drawn(seed: int, member: int, parts: Sequence[tuple[int, int]], channels: int) -> Array:
-    """The rows of these parts (first row, rows), which are in rising order, joined."""
+    """Join the rows of these parts, each given as (first row, rows), in rising order."""
     counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on its own count
     generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
     raw, passed = [], 0

@@ -263,7 +263,7 @@ class SampledList:
     def of(cls, problem: TrackingProblem, controller: Controller, program: Program | None = None) -> SampledList:
         """InputError if the controller does not fit the problem, or acts in continuous time.
 
-        program  a list of the same controller without parameters, in place of its own
+        program  a list of the same controller without parameters, which replaces its own
         """
         loop = ClosedLoop.of(problem, controller)
         if not loop.sampled:

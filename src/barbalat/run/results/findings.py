@@ -81,8 +81,8 @@ def behind_the_delay(problem: TrackingProblem, verdict: Verdict | None, t: Array
     unit = f" {verdict.unit}" if verdict.unit else ""
     return (
         f"the delay of {problem.delay:g} s at the plant's input alone keeps {verdict.component} up to {behind:.3g}{unit} from "
-        f"the model, which has no delay, and its band is {verdict.band:.3g}{unit}: a loop that followed the model perfectly, but "
-        "later by the delay, would be off too"
+        f"the model, which has no delay, and its band is {verdict.band:.3g}{unit}: a loop that followed the model perfectly, "
+        "but later by this delay, would also be off"
     )
 
 

@@ -132,7 +132,7 @@ class Spectrum:
     def at(self, states: Array, signals: Array) -> Looks:
         """states (K, size), signals (K, channels)."""
         matrices = evaluated(self.jacobian, states, signals)
-        finite = np.isfinite(matrices).all(axis=(1, 2))  # matrices that overflow are far outside
+        finite = np.isfinite(matrices).all(axis=(1, 2))  # matrices that overflow count as far outside
         h_lambda, outside = np.full(len(states), np.inf), ~finite
         z = self.simulation.dt * _eigenvalues(matrices[finite])
         with np.errstate(divide="ignore"):  # R may vanish: no growth at all

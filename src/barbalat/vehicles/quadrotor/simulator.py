@@ -12,7 +12,7 @@ from barbalat.vehicles.quadrotor.body import INTEGRATOR, SLOPE, STEP, Quadrotor,
 
 ROTORS = 4
 BODY_COORDINATES = 7
-"""How many numbers give a free body's place: three for its position and four for its quaternion."""
+"""Number of entries of a free body's place: three of its position and four of its quaternion."""
 
 
 def _unheard(_: str) -> None:

@@ -120,7 +120,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
     settled = "V of the law never grows"
     if found.bounded:
         settled += "; if the regressor is persistently exciting, which is not checked here, they converge"
-    auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
+    auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no numerical bound is known"
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
         return statement(key, text, *rest) if holds else nothing(key, laws.kept_from_zero(found))

@@ -126,8 +126,8 @@ def _shows_them(row: StiffRow, gain: StiffSetting) -> bool:
 
 
 def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
-    """Return the readings on codes that choose their steps. The runs with a tight tolerance last beyond the onset of the
-    phenomenon and the first second on a bound; others have a loose tolerance."""
+    """Return the readings on codes that choose their steps. The runs with a tight tolerance extend beyond the start of the
+    phenomenon and the first second at a bound; others have a loose tolerance."""
     right, failing = PAPER_SETTING.right, _failing(tried)
     return (
         Reading(

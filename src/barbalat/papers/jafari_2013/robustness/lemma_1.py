@@ -144,7 +144,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
 
 
 def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
-    """Return the reading that the constants are at most the bounds that follow from V'. Each run has some constant."""
+    """Return the reading that the constants are at most the bounds that follow from V'. Every run has some
+    constants; the question is their size."""
     bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
     return Reading(
         what, all(bool((constants[name] <= bound).all()) for name, bound in bounds.items()), _at_most(constants), "beside"

@@ -272,8 +272,8 @@ SAME_SHARE = 0.01
 
 
 def is_mrac() -> Claim:
-    """Test a filter after the unchanged standard MRAC, whose law is driven by e, over gains and filters, and C = 1 in the form
-    with a predictor."""
+    """Test the unchanged standard MRAC, whose law is driven by e, with a filter at its output, over gains and filters; and the
+    form with a predictor and C = 1."""
     given, gamma, sentence = section_v.problem(), section_v.MODERATE_GAIN, SENTENCES["filtered-mrac"]
     one, other = (figures([(given, law)], 60.0, 1e-4) for law in (L1Adaptive(gamma=gamma, filter=None), Mrac(gamma=gamma)))
     difference = float(np.abs(one.max_abs_e / other.max_abs_e - 1).max())
