@@ -83,7 +83,7 @@ def unmet_by(problem: TrackingProblem) -> list[Assumption]:
         unmet.append(WHOLE_RANGES)
     if derived is not None and derived.around:
         moved = f"the parameters' ranges change {', '.join(derived.around)}"
-        unmet.append(Assumption("inputs' paths, sensor and initial state are those of the declared values", moved))
+        unmet.append(Assumption("inputs' paths, sensor and initial state are the declared ones", moved))
     return unmet
 
 

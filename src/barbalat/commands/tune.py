@@ -26,8 +26,8 @@ def add(commands: Commands) -> None:
     add_list(
         parser, "--subject-to", metavar="REQUIREMENT", form="[<>]",
         help='such as "delay_margin_measured >= 0.02", "gain_margin_measured >= 1.5", "condition < 1" (L1), "max_abs_u < 9"; '
-        "delay_margin is that of the loop with frozen estimates, on which MRAC's gain has no influence, and "
-        "delay_margin_adapting that of the linear loop with its law; neither includes limits of the input or a changing command",
+        "delay_margin belongs to the loop with frozen estimates, on which MRAC's gain has no influence, and "
+        "delay_margin_adapting to the linear loop with its law; neither includes limits of the input or a changing command",
     )  # fmt: skip
     add_list(
         parser, "--vary", metavar="PATH=START:STOP[:log]", form="=",

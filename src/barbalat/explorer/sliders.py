@@ -242,9 +242,9 @@ def _precedence(given: tuple[FieldPath, float]) -> tuple[int, bool]:
 Place = tuple[float, int]
 """A value of a slider, and its index among the tabulated values, if any."""
 NEAR_SHARES = (0.04, 0.12)
-"""Limits of the distance, as a share of the slider's length, by which a slider is moved to either side together with others. Each
-slider uses a different value in between, so that two numbers that enter as a difference do not move equally. This close to the
-case all pairs should be valid."""
+"""Smallest and largest distance, as a share of the slider's length, by which a slider is moved up or down together with others.
+Each slider uses a different value in between, so that two numbers that enter as a difference do not move equally. This close to
+the case all pairs should be valid."""
 FAR_SHARES = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
 """Limits of further distances to one side. They differ because some pairs change a last bit only at some values."""
 GOLDEN_RATIO = 0.6180339887498949

@@ -27,7 +27,7 @@ class Logged:
     row      of the flat state
     minus    factors and rows of the subtracted entries
     text     C text of the number, if it is not simply an entry of the state
-    label    its name for people, with its unit
+    label its display name, with its unit
     meaning  one phrase
     """
 
@@ -134,7 +134,7 @@ def of_the_channels(printed: Printed, part: StatePart) -> bool:
 
 
 def _named(printed: Printed) -> list[str]:
-    """The measured channels by their names for people, with units."""
+    """The measured channels by their display names, with units."""
     problem = printed.contents.problem
     names, labels = problem.measured_names, problem.measured_labels
     inputs = () if problem.labels is None else problem.labels.input_units

@@ -75,7 +75,7 @@ def identify(
     model, plain, reference = recording, structure, None
     if offset:
         if CONSTANT in (*names, *whole.input_names):
-            raise InputError(f"with offset a column cannot have the name {CONSTANT!r}, which is that of the constant term")
+            raise InputError(f"with offset a column cannot have the name {CONSTANT!r}, which names the constant term")
         reference = np.column_stack([recording.outputs, recording.inputs])[:trained].mean(axis=0)
         model, structure = recording.about(reference), structure.about(reference)
     p = structure.start.shape[1]

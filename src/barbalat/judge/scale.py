@@ -84,7 +84,7 @@ def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Arr
     """Return the signals that move the simulated state, and their directions in the plant's state (k, n)."""
     b, acting = getattr(problem.plant, "b", None), problem.surroundings
     matched = [] if acting.disturbance is None else [(acting.disturbance, B if b is None else b)]
-    measured = problem.dynamics.output  # converts a truth's other states to those of the plant
+    measured = problem.dynamics.output  # converts other states of [truth] to the plant's
     every = [*matched, *((one.signal, measured(np.asarray(one.direction, dtype=float))) for one in acting.unmatched)]
     rows = [np.pad(np.reshape(direction, -1), (0, len(B) - np.size(direction))) for _, direction in every]
     return [signal for signal, _ in every], np.array(rows).reshape(-1, len(B))  # no disturbance enters a baseline's own states

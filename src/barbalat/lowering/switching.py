@@ -40,7 +40,7 @@ class Switched(NamedTuple):
     """An expression with its J choices as inputs.
 
     values      with the choices as given
-    conditions  the conditions of all choices at the given arguments, with the other choices as given
+    conditions  the conditions of all choices at the given arguments, if the choices have the given values
     """
 
     values: list[Any]

@@ -76,7 +76,7 @@ def suspects(found: FlightComparison, failure: Failing) -> list[str]:
 
 
 NOT_TAKEN_FURTHER = (
-    "the judge's classes are those of run, over the last quarter of each flight"
+    "the judge's classes are the same as in barbalat run, over the last quarter of each flight"
     "; flights are not continued with a constant command, so a limit cycle is only suspected here, never confirmed"
 )
 

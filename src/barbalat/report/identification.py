@@ -62,7 +62,7 @@ def operating(found: Identification) -> str:
         said.append(
             "The plant has a constant drift and no equilibrium."
             if point is None
-            else f"The plant is that of deviations from the operating point {point_text(point)}."
+            else f"The plant describes deviations from the operating point {point_text(point)}."
         )
     return " ".join(said)
 

@@ -19,7 +19,8 @@ from barbalat.sweeps.spread import CutNormal, Distribution, InBall, LogUniform, 
 from barbalat.validate import InputError
 
 KNOWN_SET, BETWEEN = "known-set", "between"
-"""The words given instead of a distribution to draw from the known set or from the range of a physical parameter."""
+"""The words that are given instead of a distribution and mean a draw from the known set or from the range of a physical
+parameter."""
 GAIN = "gain"
 """The last key of the path of an input's gain."""
 

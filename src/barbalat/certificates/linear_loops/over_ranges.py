@@ -380,7 +380,7 @@ def with_margins_over_ranges(
     assert problem.derived is not None
     draft = Draft({entry.key: entry for entry in certificate.entries}, list(certificate.notes))
     if problem.derived.unmatched and draft.get("mu_parameters") is not None:
-        draft.note("mu is that of the known set of theta, without the unmatched remainders of the parameters' ranges")
+        draft.note("mu covers the known set of theta, without the unmatched remainders of the parameters' ranges")
     apart = frozen_controller(problem, controller, linear=linear)
     if isinstance(apart, NotApplicable):
         draft.note(f"{NONE}: {apart.why}")

@@ -238,7 +238,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
         "estimates": advice(
             "estimates", "it does not estimate parameters: sigma_hat is the total input disturbance, delayed by one sample"
         ),
-        "modelling_error": estimate("modelling_error", "see the margins: they are those of a linear controller"),
+        "modelling_error": estimate("modelling_error", "see the margins, which are those of a linear controller"),
         "tuning": advice(
             "tuning",
             "no adaptive gain, only C(s) and T"

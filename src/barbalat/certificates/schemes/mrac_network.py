@@ -46,7 +46,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 ROUNDING = 1e-12
-"""Share of |P| |A|, far more than the rounding errors of an entry of P A + A'P."""
+"""Tolerance as a share of |P| |A|: far more than the rounding errors of an entry of P A + A'P."""
 MOST_TRIALS = 100
 GROWTH = 1.02
 """Factor from one trial bound of e to the next, beyond the result of the last one: MOST_TRIALS of them span the whole useful
@@ -225,7 +225,8 @@ def bounds(problem: Problem, equations: Equations) -> WeightBounds:
 
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
-    """A bound of every entry of |u|, from that of one neuron's outer weights or, with the sigma-modification, of all together."""
+    """A bound of every entry of |u|, from the bound of one neuron's outer weights or, with the sigma-modification, from that of
+    all outer weights together."""
     together = equations.leakage.per_error is None
     weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
     return (weights * W_hat + float(command_bounds(problem).max())) * OUTWARD_FACTOR**2

@@ -30,7 +30,7 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         _change(REFEREE, "holds", "fails", "one tuning out of 64 had been compared with an untuned L1-AC, which seven of the tuned L1-ACs beat too; both sides are tuned now, and the comparison with Section V's L1-AC is supplementary"),
     ),
     "no-advantage": (
-        _change(AUDIT, "fails", "fails", "the quotation now includes the paper's reason, the robust MRAC, with which the row therefore compares"),
+        _change(AUDIT, "fails", "fails", "the quotation now includes the paper's reason, the robust MRAC, so the row compares with that"),
         _change(REFEREE, "fails", "fails", "only this row now decides about tunings that no tuning of the other side beats; robust-mrac-better has its own literal reading"),
     ),
     "filter-reduces-margins": (

@@ -269,7 +269,7 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
         "tracking": tracking,
         "transient": transient,
         "estimates": advice("estimates", "it does not estimate parameters: sigma_hat is the input disturbance of the model"),
-        "modelling_error": estimate("modelling_error", "see the margins: they are those of a linear controller"),
+        "modelling_error": estimate("modelling_error", "see the margins, which are those of a linear controller"),
         "tuning": advice(
             "tuning",
             "no adaptive gain, only C(s) and T"

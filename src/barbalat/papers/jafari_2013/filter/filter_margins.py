@@ -84,10 +84,12 @@ def claim(*, full: bool = False) -> Claim:
         *effect.readings,
         _at_rest(slow),
         _reading(
-            "the filter lowers the simulated margins, delays and actuators, up to the beginning of an oscillation", found, "onset"
+            "the filter lowers the simulated margins (the tolerated delays and actuators) up to the beginning of an oscillation",
+            found,
+            "onset",
         ),
         _reading(
-            "the filter lowers the simulated margins, delays and actuators, up to the loss of the motion, with or without oscillations",
+            "the filter lowers the simulated margins (the tolerated delays and actuators) up to the loss of the motion, with or without oscillations",
             found,
             "loss",
         ),
@@ -136,7 +138,7 @@ def _at_large_commands(found: Sequence[Simulated]) -> Reading:
     return Reading(
         f"with a filter of {TWO_SLOPES} in place of (6), at equal error and under commands of size 50, the loop begins to oscillate earlier",
         all(change(one.onset) == "down" for one in some),
-        f"the onset is raised in {len(raised)} of {len(some)} readings: {told}",
+        f"oscillations begin later in {len(raised)} of {len(some)} readings: {told}",
         "beside",
     )
 

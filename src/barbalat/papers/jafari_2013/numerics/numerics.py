@@ -1,4 +1,4 @@
-"""Claims on the cause, the onset and the remedies of the oscillations."""
+"""Claims on the cause of the oscillations, their beginning and their remedies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The claim on the onset of the oscillations, predicted and observed over the plane of gain and step."""
+"""The claim on where the oscillations begin, predicted and observed over the plane of gain and step."""
 
 from __future__ import annotations
 
