@@ -107,7 +107,7 @@ def lagging(axes: Axes, axis: Axis) -> PlantInput:
     return PlantInput(actuator=actuator, delay=delay)
 
 
-def borne_alone(axes: Axes, axis: Axis) -> float:
+def tolerated_alone(axes: Axes, axis: Axis) -> float:
     """The delay margin of the feedback behind the lags and half a sample, from the linear loop [s]."""
     path = lagging(axes, axis)
     assert path.actuator is not None
@@ -146,7 +146,7 @@ def _samples(axis: Axis, of_frequency: float) -> float:
 
 def rule_of(axes: Axes, axis: Axis, trials: int) -> Rule:
     """The rule of one axis."""
-    delay = float(f"{DELAY_SHARE * borne_alone(axes, axis):.2g}")
+    delay = float(f"{DELAY_SHARE * tolerated_alone(axes, axis):.2g}")
     return Rule(delay_margin=delay, gain_margin=GAIN_MARGIN, until=Criterion.LOSS, plants=1, trials=trials)
 
 

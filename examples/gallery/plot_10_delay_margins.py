@@ -20,7 +20,7 @@ controllers = [
 found = delay_margins(problem, controllers, Simulation(t_end=40, dt=2e-3))
 fig, ax = plt.subplots(figsize=(8, 3), layout="constrained")
 for i, (name, margin) in enumerate(found.items()):
-    ax.barh(name, margin.loss.bears * 1e3, height=0.6, color="0.8", label=None if i else "keeps its motion")
-    ax.barh(name, margin.onset.bears * 1e3, height=0.3, color="C0", label=None if i else "without oscillation")
+    ax.barh(name, margin.loss.tolerates * 1e3, height=0.6, color="0.8", label=None if i else "keeps its motion")
+    ax.barh(name, margin.onset.tolerates * 1e3, height=0.3, color="C0", label=None if i else "without oscillation")
 ax.set(xlabel="delay at the plant's input [ms]")
 ax.legend()

@@ -106,7 +106,7 @@ class Unbounded(Twice):
     largest = np.inf
 
 
-def test_a_leakage_from_outside_is_borne_for_what_it_answers():
+def test_a_leakage_from_outside_is_tolerated_for_what_it_answers():
     assert Gradient(1.0, leakage=Unbounded(0.1)).leakage is not None
     assert LeastSquaresResetting(rho_0=2.0, rho_1=1.0, leakage=Twice(0.1)).leakage is not None
     assert "FixedSigma or SwitchingSigma can" in refusal(

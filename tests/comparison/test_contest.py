@@ -59,7 +59,7 @@ class ThenHeld:
         return np.where(np.asarray(t) <= 4.0, DRIVE.reference(np.asarray(t)), 1.0)
 
 
-def borne_by_hand(controller, theta: float, delay: float = 0.0, gain: float = 1.0) -> bool:
+def tolerated_by_hand(controller, theta: float, delay: float = 0.0, gain: float = 1.0) -> bool:
     """Whether u becomes constant under a constant command in a single long run."""
     path = PlantInput(delay=delay, gain=gain) if delay or gain != 1 else None
     plant = Plant(A_m=[[-2.0]], b=[1.5], theta=[theta], x0=[0.3], input=path)
@@ -85,14 +85,14 @@ def test_the_winner_keeps_the_rule_by_hand_and_a_little_more_delay_breaks_it(fou
     assert min(kept.slack(RULE).values()) >= 1
     errors = [(1.05 * kept.delay, 1.0), (0.0, 1.05 * kept.gain_up), (0.0, 1 / (1.05 * kept.gain_down))]
     finite = [one for one, most in zip(errors, (2.0, 16.0, 16.0), strict=True) if max(one[0], one[1], 1 / one[1]) < most]
-    assert finite and all(not all(borne_by_hand(Mrac(gamma=gamma), theta, *error) for theta in thetas) for error in finite)
+    assert finite and all(not all(tolerated_by_hand(Mrac(gamma=gamma), theta, *error) for theta in thetas) for error in finite)
     higher = [g for g in np.geomspace(gamma, 1e4, 6)[1:] if all(_keeps(Mrac(gamma=g), theta) for theta in thetas)]
     worst = [max(_rms(Mrac(gamma=g), theta) for theta in thetas) for g in (gamma, *higher)]
     assert worst[0] <= min(worst) and winner.error == pytest.approx(worst[0], rel=1e-9)
 
 
 def _keeps(controller, theta: float) -> bool:
-    return all(borne_by_hand(controller, theta, *error) for error in ((0.03, 1.0), (0.0, 1.5), (0.0, 1 / 1.5)))
+    return all(tolerated_by_hand(controller, theta, *error) for error in ((0.03, 1.0), (0.0, 1.5), (0.0, 1 / 1.5)))
 
 
 def _rms(controller, theta: float) -> float:

@@ -487,7 +487,7 @@ def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tm
     (gamma,) = chosen.tuning.values()
     still = parse_case(DRIVE)
     (alone,) = delay_margins(still.problem, [Mrac(gamma=gamma)], still.simulation).values()
-    assert alone.onset.bears[0] >= 0.97 * asked  # bisection to 2 %
+    assert alone.onset.tolerates[0] >= 0.97 * asked  # bisection to 2 %
     assert any("without the case's measurement noise" in note for note in found.notes)
 
 

@@ -93,8 +93,8 @@ def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
     found = delay_margins(problem, controllers, simulation, scan=4, resolution=0.2)
     assert list(found) == ["MRAC", "plain", "bare", "proportional"]
     for name in ("plain", "bare"):
-        assert found[name].loss.bears == found["MRAC"].loss.bears
-        assert found[name].onset.bears <= found[name].loss.bears
+        assert found[name].loss.tolerates == found["MRAC"].loss.tolerates
+        assert found[name].onset.tolerates <= found[name].loss.tolerates
     knobs = [TuningGrid(scheme=m.__name__, values={"gamma": np.array([1.0, 10.0])}, make=m) for m in (Plain, Bare)]
     own = trade_off(problem, simulation, knobs=tuple(knobs), plants=2).clouds
     np.testing.assert_array_equal(own[0].error, own[1].error)

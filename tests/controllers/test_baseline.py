@@ -140,7 +140,7 @@ def test_the_optimal_gains_place_the_hamiltonians_stable_eigenvalues(kind):
     np.testing.assert_allclose(plant.A[: len(A), : len(A)], A, atol=1e-12)
 
 
-def test_integral_action_leaves_no_error_beside_a_constant_disturbance_that_state_feedback_bears():
+def test_integral_action_leaves_no_error_beside_a_constant_disturbance_that_state_feedback_tolerates():
     from barbalat.signals import Constant
 
     rest = Simulation(t_end=40.0, dt=1e-2)

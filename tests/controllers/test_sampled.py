@@ -184,7 +184,7 @@ def test_the_predictor_of_mrac_tends_to_the_model_with_the_sample_time(section_v
     assert ((ratios > 1.5) & (ratios < 3)).all()
 
 
-def test_the_fast_loop_bears_one_sample_of_delay(section_v):
+def test_the_fast_loop_tolerates_one_sample_of_delay(section_v):
     """For Gamma -> infinity, u_next = u - v - theta'phi + k_0 r with the input v of the plant, so that z^2 - a z + a = 0 for a
     delay of a T and |z|^2 = a. 0.9 T is tolerated without chatter, but 1.1 T is not. With a filter five samples and more are
     tolerated.

@@ -180,7 +180,7 @@ def test_a_nominal_set_off_zero(section_v):
     np.testing.assert_allclose(closed, np.sort_complex(by_hand), rtol=1e-8)
 
 
-def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
+def test_hinf_tolerates_more_than_pi_for_the_same_delay(section_v):
     """The purpose of the synthesis is to use the bandwidth that the delay allows. (pi_controller keeps a margin.)"""
     pytest.importorskip("slycot")
     known, delay = section_v.known, 0.02

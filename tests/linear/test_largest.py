@@ -24,12 +24,12 @@ def test_neighbours_of_a_known_limit(limit):
         assert largest_from(up_to(limit), start) == pytest.approx(limit, rel=eight_roundings)
 
 
-def test_what_is_found_is_borne_and_what_is_a_little_above_is_not():
+def test_what_is_found_is_tolerated_and_what_is_a_little_above_is_not():
     found = largest(up_to(math.pi), 1.0, 10.0, within=1e-3)
     assert found <= math.pi < found * (1 + 1e-3 / (1 - 1e-3))
 
 
-def test_where_nothing_or_everything_is_borne():
+def test_where_nothing_or_everything_is_tolerated():
     assert largest(lambda _: False, 0.0, 1.0) == 0.0
     assert largest_from(lambda _: False, 1.0) == 0.0
     assert largest_from(up_to(0.4), 1.0, least=0.5) == 0.0
@@ -62,7 +62,7 @@ def test_secants_find_the_limit_that_bisection_finds(name, start):
     assert len(asked) - steps <= (10 if smooth else 5 * 20), "bisection from a factor of 2 takes 20"
 
 
-def test_secants_where_nothing_or_everything_is_borne():
+def test_secants_where_nothing_or_everything_is_tolerated():
     assert largest_of_size(lambda _: 2.0, 1.0, within=1e-6) == 0.0
     assert largest_of_size(lambda _: 0.5, 1.0, within=1e-6) == math.inf
     assert largest_of_size(lambda _: 0.0, 1.0, within=1e-6) == math.inf
@@ -94,10 +94,10 @@ def test_the_largest_whole_number(bound, stride):
     """All values up to the bound are tolerated. Nothing is tried beyond the last stride."""
     tried = []
 
-    def bears(number):
+    def tolerates(number):
         tried.append(number)
         return number <= bound
 
     last = 20 // stride * stride
-    assert largest_whole(bears, stride=stride, most=20) == (20 if bound >= last else bound)
+    assert largest_whole(tolerates, stride=stride, most=20) == (20 if bound >= last else bound)
     assert len(tried) == len(set(tried)) and 0 not in tried

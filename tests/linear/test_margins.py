@@ -172,8 +172,8 @@ def random_delayed_loops(count: int):
     """Random loops with a delay that is a fraction of the tolerated one or of one of their time constants."""
     rng = np.random.default_rng(9)
     for loop in random_loops(count):
-        borne = margins(loop).delay
-        longest = borne if np.isfinite(borne) else 1 / np.abs(np.linalg.eigvals(loop.A)).max()
+        tolerated = margins(loop).delay
+        longest = tolerated if np.isfinite(tolerated) else 1 / np.abs(np.linalg.eigvals(loop.A)).max()
         yield loop, float(longest * rng.uniform(0.05, 0.95))
 
 
@@ -241,7 +241,7 @@ def test_an_integrator_with_a_delay():
     assert (nothing.gain_up, nothing.gain_down, nothing.phase, nothing.delay) == (math.inf, 0.0, math.inf, math.inf)
 
 
-def test_a_loop_that_does_not_fall_off_bears_no_more_than_its_end():
+def test_a_loop_that_does_not_fall_off_tolerates_no_more_than_its_end():
     """With the delay, L = 0.5 (s + 3)/(s + 1) rotates for ever at |L| -> 0.5, so that stability is lost at the factor 2."""
     loop = TransferFunction([0.5, 1.5], [1.0, 1.0]).realise()
     assert margins(loop, 0.01).gain_up == pytest.approx(2, rel=1e-3)

@@ -68,7 +68,7 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
     assert seen > 0
 
 
-def test_a_loop_whose_gain_stays_just_below_one_bears_every_delay():
+def test_a_loop_whose_gain_stays_just_below_one_tolerates_every_delay():
     """|L| is at most 0.985, so that no delay destabilises the loop and the search for one would not end."""
     A = np.array([[0.0, 1.0, 0.0], [-3.2281, -3.6519, 0.0], [0.0, 0.0, 0.0]])
     J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.4941, -2.048, 0.3927]])
@@ -150,7 +150,7 @@ def test_the_gain_of_one_of_several_inputs_and_of_all():
     assert found[None][1] < min(found[0][1], found[1][1])
 
 
-def test_an_unstable_plant_bears_no_factor_that_is_too_small():
+def test_an_unstable_plant_tolerates_no_factor_that_is_too_small():
     """Two plants x' = a x + v with u = -3 f x have |e^(aT) - 3 f (e^(aT) - 1)/a| < 1 between two factors f each."""
     T = 0.1
     for a, b in ((0.5, 1.0), (1.5, 0.3)):

@@ -48,8 +48,8 @@ def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
     """The delays are the true ones times these factors. The finer step says on which side the true delay is."""
     members = [(DRIVE, Mrac(gamma=100.0))]
     found = delay_margins_ensemble(members, SIMULATION)
-    assert 0 < 2 * found.onset.bears[0] < found.loss.bears[0] < 1.0  # the factors keep the two apart
-    false = (Bracket(f * one.bears, f * one.loses) for f, one in zip(factors, (found.onset, found.loss), strict=True))
+    assert 0 < 2 * found.onset.tolerates[0] < found.loss.tolerates[0] < 1.0  # the factors keep the two apart
+    false = (Bracket(f * one.tolerates, f * one.loses) for f, one in zip(factors, (found.onset, found.loss), strict=True))
     (confirmed,) = delays_confirmed(
         members, SIMULATION, replace(found, **dict(zip(("onset", "loss"), false, strict=True))), numbers=NUMBERS
     )
@@ -64,8 +64,8 @@ def test_true_gains_are_confirmed_and_false_ones_are_not(factor, said):
     delayed = replace(DRIVE, plant=replace(DRIVE.plant, input=PlantInput(delay=0.1)))
     members, error, sizes = [(delayed, Adrc(bandwidth=4.0))], GainError(), gains_scanned()
     found = margins_ensemble(members, SIMULATION, sizes, Ideals(SIMULATION, sizes, error))
-    assert found.onset.bears[0] > 0 and np.isfinite(found.loss.loses[0])
-    false = (Bracket(factor * one.bears, factor * one.loses) for one in (found.onset, found.loss))
+    assert found.onset.tolerates[0] > 0 and np.isfinite(found.loss.loses[0])
+    false = (Bracket(factor * one.tolerates, factor * one.loses) for one in (found.onset, found.loss))
     false = replace(found, **dict(zip(("onset", "loss"), false, strict=True)))
     (confirmed,) = gains_confirmed(members, SIMULATION, false, error, numbers=NUMBERS, by=Judging())
     assert confirmed.asked > 0 and bool(confirmed.changes) == (said is not None)
@@ -120,7 +120,7 @@ def test_a_limit_cycle_at_the_actuators_limits_is_told():
     assert wild.verdict.cycle.amplitude == pytest.approx(2.0)
     assert wild.verdict.cycle.frequency == pytest.approx(2 * np.pi / np.diff(late).mean(), rel=0.02)
     margins = delay_margins_ensemble([(RELAY_LIKE, Gain(60.0))], simulation)
-    assert margins.oscillates[0] and margins.onset.bears[0] == margins.onset.loses[0] == 0
+    assert margins.oscillates[0] and margins.onset.tolerates[0] == margins.onset.loses[0] == 0
 
 
 def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():

@@ -58,8 +58,8 @@ def test_margins_are_those_of_much_finer_steps() -> None:
     found = delay_margins(CASE.problem, MRAC, CASE.simulation, scan=6)["MRAC"]
     finer = delay_margins(CASE.problem, MRAC, Simulation(4.0, 2e-5), scan=6)["MRAC"]
     assert found.loss.loses[0] < np.inf
-    assert found.loss.bears == pytest.approx(finer.loss.bears, rel=0.04)  # twice the resolution
-    assert found.onset.bears == pytest.approx(finer.onset.bears, rel=0.04)
+    assert found.loss.tolerates == pytest.approx(finer.loss.tolerates, rel=0.04)  # twice the resolution
+    assert found.onset.tolerates == pytest.approx(finer.onset.tolerates, rel=0.04)
 
 
 def test_the_trade_off_is_that_of_fine_steps() -> None:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from barbalat import validate
 from barbalat.adaptation.guarantee import CORNERS, Estimates, Guarantee, nothing
 from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.modifications import Borne, DeadZone, Leakage, accept_dead_zone, accept_leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage, Tolerated, accept_dead_zone, accept_leakage
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.roles import Role
@@ -49,7 +49,7 @@ class Modifications:
             accept_leakage(self.leakage, "the Lyapunov law")
             return
         validate.instance("learning", self.learning, CompositeLearning)
-        accept_leakage(self.leakage, "composite learning", Borne.BOUNDED, "its V' is not proportional to the present error")
+        accept_leakage(self.leakage, "composite learning", Tolerated.BOUNDED, "its V' is not proportional to the present error")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone cannot be combined with composite learning: the memory keeps adapting inside the zone, on data "

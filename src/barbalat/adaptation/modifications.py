@@ -90,7 +90,7 @@ class Leakage(Protocol):
         ...
 
 
-class Borne(Enum):
+class Tolerated(Enum):
     """The leakages that a law admits, with the package's own leakages of that kind."""
 
     ALL = "FixedSigma, SwitchingSigma or EpsilonModification"
@@ -99,17 +99,17 @@ class Borne(Enum):
 
     def includes(self, leakage: Leakage) -> bool:
         bounded, harmless = math.isfinite(leakage.largest), leakage.harmless_within is not None
-        return {Borne.ALL: True, Borne.BOUNDED: bounded, Borne.HARMLESS: bounded and harmless}[self]
+        return {Tolerated.ALL: True, Tolerated.BOUNDED: bounded, Tolerated.HARMLESS: bounded and harmless}[self]
 
 
-def accept_leakage(leakage: Leakage | None, law: str, borne: Borne = Borne.ALL, reason: str = "") -> None:
+def accept_leakage(leakage: Leakage | None, law: str, tolerated: Tolerated = Tolerated.ALL, reason: str = "") -> None:
     """InputError for an object that is not a leakage, and, with the reason, for a leakage that the law does not admit."""
     if leakage is None:
         return
     if not isinstance(leakage, Leakage) or isinstance(leakage, type):  # type: ignore[redundant-expr]
-        raise InputError(f"leakage must be a {Borne.ALL.value}, got {show(leakage)}")
-    if not borne.includes(leakage):
-        raise InputError(f"{type(leakage).__name__} cannot be combined with {law}: {reason}; {borne.value} can")
+        raise InputError(f"leakage must be a {Tolerated.ALL.value}, got {show(leakage)}")
+    if not tolerated.includes(leakage):
+        raise InputError(f"{type(leakage).__name__} cannot be combined with {law}: {reason}; {tolerated.value} can")
 
 
 class PullingLeakage(ABC):

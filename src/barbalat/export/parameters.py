@@ -186,7 +186,7 @@ def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | No
         except (InputError, StructureError):
             continue
         copied = effect is not None and effect.copied and not effect.nothing
-        return (tried, other) if copied and _bears_symbols(family) else None
+        return (tried, other) if copied and _tolerates_symbols(family) else None
     return None
 
 
@@ -247,7 +247,7 @@ def _is_refused(varied: VariedObjects, *values: float) -> bool:
     return False
 
 
-def _bears_symbols(family: Family) -> bool:
+def _tolerates_symbols(family: Family) -> bool:
     """Whether equations from outside the package also accept a symbol in place of the number; they do not if they branch on
     it."""
     if not comes_from_outside(family.reader.loop.equations):

@@ -23,7 +23,7 @@ SECANTS = 5
 """Every SECANTS-th step of a search by secants is a bisection, which bounds the search if the size jumps."""
 
 
-def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
+def largest(tolerates: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
     """A value between ``low``, which is tolerated or 0, and ``high``, which is not: it is tolerated, and the value larger by the
     share ``within`` is not.
 
@@ -33,12 +33,12 @@ def largest(bears: Callable[[float], bool], low: float, high: float, *, within: 
         middle = geometric_mean(low, high) if low > 0 else high / 16
         if not low < middle < high:  # already neighbours, or below the smallest float
             break
-        low, high = (middle, high) if bears(middle) else (low, middle)
+        low, high = (middle, high) if tolerates(middle) else (low, middle)
     return low
 
 
 def largest_from(
-    bears: Callable[[float], bool],
+    tolerates: Callable[[float], bool],
     start: float,
     *,
     factor: float = 2.0,
@@ -49,8 +49,8 @@ def largest_from(
 
     0 if nothing is tolerated down to ``least``; infinite if every float is.
     """
-    low, high = _ends(bears, start, factor, least)
-    return low if low == 0 or math.isinf(high) else largest(bears, low, high, within=within)
+    low, high = _ends(tolerates, start, factor, least)
+    return low if low == 0 or math.isinf(high) else largest(tolerates, low, high, within=within)
 
 
 def largest_of_size(size: Callable[[float], float], start: float, *, within: float) -> float:
@@ -62,11 +62,11 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
     """
     logarithms: dict[float, float] = {}
 
-    def bears(value: float) -> bool:
+    def tolerates(value: float) -> bool:
         logarithms[value] = math.log(max(size(value), SMALLEST_FLOAT))
         return logarithms[value] < 0
 
-    low, high = _ends(bears, start, 2.0, SMALLEST_FLOAT)
+    low, high = _ends(tolerates, start, 2.0, SMALLEST_FLOAT)
     if low == 0 or math.isinf(high):
         return low
     below, above, raised = logarithms[low], logarithms[high], None
@@ -78,41 +78,41 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
         middle *= 1 - within / 3 if middle > geometric_mean(low, high) else 1 + within / 3
         if step % SECANTS == 0 or not low < middle < high:
             middle = geometric_mean(low, high)
-        if bears(middle):
+        if tolerates(middle):
             low, below, above, raised = middle, logarithms[middle], above / 2 if raised is True else above, True
         else:
             high, above, below, raised = middle, logarithms[middle], below / 2 if raised is False else below, False
     return low
 
 
-def _ends(bears: Callable[[float], bool], start: float, factor: float, least: float) -> tuple[float, float]:
+def _ends(tolerates: Callable[[float], bool], start: float, factor: float, least: float) -> tuple[float, float]:
     """A tolerated value, and one larger by ``factor`` that is not; the first is 0 if none is tolerated, infinite if all are."""
     low = start
-    while not bears(low):
+    while not tolerates(low):
         if low <= least:
             return 0.0, low
         low /= factor
     high = low * factor
-    while bears(high):
+    while tolerates(high):
         low, high = high, high * factor
         if math.isinf(high):
             return high, high
     return low, high
 
 
-def largest_whole(bears: Callable[[int], bool], *, stride: int, most: int) -> int:
+def largest_whole(tolerates: Callable[[int], bool], *, stride: int, most: int) -> int:
     """A tolerated whole number up to ``most`` such that the next one is not, by strides from 0, which is assumed to be
     tolerated, and then by bisection.
 
     ``most`` if all numbers tried are tolerated.
     """
-    high = next((trial for trial in range(stride, most + 1, stride) if not bears(trial)), None)
+    high = next((trial for trial in range(stride, most + 1, stride) if not tolerates(trial)), None)
     if high is None:
         return most
     low = high - stride
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if bears(middle) else (low, middle)
+        low, high = (middle, high) if tolerates(middle) else (low, middle)
     return low
 
 

@@ -108,7 +108,7 @@ def losses(found: FlightComparison) -> list[list[str]]:
 
 def loss_headings(found: FlightComparison) -> tuple[str, ...]:
     """The headings of the table of ``losses``."""
-    return ("controller", "flights lost", *([] if found.delays is None else ["added delay\nborne"]))
+    return ("controller", "flights lost", *([] if found.delays is None else ["tolerated\nadded delay"]))
 
 
 def _delay(found: FlightComparison, seconds: float) -> str:

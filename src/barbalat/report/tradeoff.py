@@ -61,13 +61,13 @@ def rows(found: TradeOff, which: str, criterion: str) -> list[tuple[str, ...]]:
 def at_equal_error(found: TradeOff, which: str) -> list[tuple[str, ...]]:
     """Return table rows with the largest delay that each scheme tolerates at each error of ``ERRORS``, by both criteria."""
     return [
-        (f"{error:g}", *(_borne(found, cloud, which, name, error) for name in ("onset", "loss") for cloud in found.clouds))
+        (f"{error:g}", *(_tolerated(found, cloud, which, name, error) for name in ("onset", "loss") for cloud in found.clouds))
         for error in ERRORS
     ]
 
 
-def _borne(found: TradeOff, cloud: Cloud, which: str, criterion: str, error: float) -> str:
-    delay = cloud.bears(which, criterion, error)
+def _tolerated(found: TradeOff, cloud: Cloud, which: str, criterion: str, error: float) -> str:
+    delay = cloud.tolerates(which, criterion, error)
     if np.isnan(delay):
         return "no tuning"
     return f"{delay:.3g}" if delay > 0 else f"< {found.shortest:.3g}"
@@ -97,7 +97,7 @@ def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
 def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[list[str]]:
     """Return the schemes sorted by the tolerated delay, the largest first. Schemes within the bisection's resolution are one
     group."""
-    delays = {cloud.scheme: cloud.bears(which, criterion, error) for cloud in found.clouds}
+    delays = {cloud.scheme: cloud.tolerates(which, criterion, error) for cloud in found.clouds}
     groups: list[list[str]] = []
     last = np.nan
     for scheme, delay in sorted(((s, d) for s, d in delays.items() if not np.isnan(d)), key=lambda pair: -pair[1]):

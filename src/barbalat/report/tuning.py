@@ -18,8 +18,8 @@ def verdicts(found: Tuning) -> list[tuple[str, str, bool]]:
         reached = f"{found.aim.quantity.name} {number_text(_known(point.value))}"
         asked = "" if not found.aim.constraints else "; meets every constraint" if meets else "; no tuning meets every constraint"
         measured = one.delay_margin_measured
-        bears = "" if measured is None else f"; tolerates {measured:.3g} s of delay as measured"
-        rows.append((name, f"{one.verdict}; {reached}{asked}{bears}", meets))
+        tolerates = "" if measured is None else f"; tolerates {measured:.3g} s of delay as measured"
+        rows.append((name, f"{one.verdict}; {reached}{asked}{tolerates}", meets))
     return rows
 
 

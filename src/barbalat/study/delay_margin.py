@@ -78,7 +78,7 @@ class DelaySearch:
     def __init__(self, tracks: Array, begun: Array, scan: int, halvings: int) -> None:
         """tracks (M,) and begun (M,): which members follow the model, and which oscillate without any modelling error."""
         self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
-        self.bears = np.zeros((2, len(tracks)))
+        self.tolerates = np.zeros((2, len(tracks)))
         self.loses = np.tile(np.where(tracks, np.inf, 0.0), (2, 1))
         self.loses[0, begun] = 0.0
 
@@ -88,8 +88,8 @@ class DelaySearch:
 
     def between(self) -> tuple[Array, Array]:
         """(members, sizes): the middle of every bracket, only once if both criteria have the same bracket."""
-        middles = np.sqrt(self.bears * self.loses)
-        asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
+        middles = np.sqrt(self.tolerates * self.loses)
+        asked = [(i, middles[c, i]) for c, i in np.argwhere((self.tolerates > 0) & np.isfinite(self.loses))]
         pairs = sorted(set(asked))
         return np.array([i for i, _ in pairs], dtype=int), np.array([size for _, size in pairs])
 
@@ -97,16 +97,16 @@ class DelaySearch:
         """Narrow the brackets of the ``chosen`` members from the verdicts (onset, loss) at the sizes ``added``."""
         for size in np.unique(added):  # from short to long, because a member may have been run with several sizes
             for c, lost in enumerate(verdicts):
-                within = (added == size) & (self.bears[c, chosen] < size) & (size < self.loses[c, chosen])
+                within = (added == size) & (self.tolerates[c, chosen] < size) & (size < self.loses[c, chosen])
                 self.loses[c, chosen[within & lost]] = size
-                self.bears[c, chosen[within & ~lost]] = size
+                self.tolerates[c, chosen[within & ~lost]] = size
         self.runs += len(chosen)
 
     def to_come(self) -> float:
         """Expected number of further runs, assuming that the open members are lost at a constant rate over the rest of the
         scan."""
         scans = len(self.open_members()) * (1 + self.scans_left / 2)
-        inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
+        inside = (self.loses > 0) & ~((self.tolerates == 0) & np.isfinite(self.loses))
         both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
         return float(scans + self.halvings_left * (inside.sum() - 0.5 * both.sum()))
 
@@ -115,11 +115,11 @@ class DelaySearch:
 class Bracket:
     """The delay [s], or the size of another modelling error, at which each of M loops is lost, (M,) each.
 
-    bears  the largest size tried below the first at which the loop is lost; 0 if it is lost at the first size tried
-    loses  the smallest size tried at which the loop is lost; infinite if there is none, 0 if it is lost without any error
+    tolerates  the largest size tried below the first at which the loop is lost; 0 if it is lost at the first size tried
+    loses      the smallest size tried at which the loop is lost; infinite if there is none, 0 if it is lost without any error
     """
 
-    bears: Array
+    tolerates: Array
     loses: Array
 
 
@@ -151,8 +151,8 @@ class DelayMargins(Plotted):
     def of(self, chosen: Array) -> DelayMargins:
         """The margins of the members ``chosen``, (J,); ``runs`` remains the total."""
         return DelayMargins(
-            onset=Bracket(self.onset.bears[chosen], self.onset.loses[chosen]),
-            loss=Bracket(self.loss.bears[chosen], self.loss.loses[chosen]),
+            onset=Bracket(self.onset.tolerates[chosen], self.onset.loses[chosen]),
+            loss=Bracket(self.loss.tolerates[chosen], self.loss.loses[chosen]),
             tracks=self.tracks[chosen],
             oscillates=self.oscillates[chosen],
             fills=self.fills[chosen],
@@ -164,7 +164,7 @@ class DelayMargins(Plotted):
 
     def __repr__(self) -> str:
         least = ", ".join(
-            f"{name} from {found.bears.min():.4g} s" for name, found in (("onset", self.onset), ("loss", self.loss))
+            f"{name} from {found.tolerates.min():.4g} s" for name, found in (("onset", self.onset), ("loss", self.loss))
         )
         return f"<DelayMargins of {len(self.tracks)} loops: {least}; {self.runs} runs>"
 
@@ -175,7 +175,7 @@ class DelayMargins(Plotted):
         """
         from barbalat.pictures.shares import Shares, draw
 
-        values = {"until it oscillates": self.onset.bears, "until it is lost": self.loss.bears}
+        values = {"until it oscillates": self.onset.tolerates, "until it is lost": self.loss.tolerates}
         panel = Shares(title="Delay tolerated", axis="delay at the plant's input [s]", values=values, at_least=True)
         return draw([panel], "", shown=shown)
 
@@ -229,7 +229,7 @@ def delay_margins_ensemble(
     scan        number of delays tried first, geometrically from two solver steps (the shortest that can be simulated; with a
                 tolerance a 10,000th of the run or less) to ``longest``: a loop that is lost, recovers and is lost again as the
                 delay grows is detected if the scan resolves it
-    resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
+    resolution  relative distance of ``tolerates`` and ``loses`` at which bisection ends
     judge       the criteria for being lost and for a limit cycle; by default derived from the model's motion
     lost        the criterion for the loss of the motion
     numbers     as in ``simulate_ensemble``: a member has the same noise in all its runs, whatever the other members are.
@@ -275,7 +275,7 @@ def margins_ensemble(
         judged.tracks, judged.oscillates, len(sizes), halvings(float((sizes[1:] / sizes[:-1]).max()), resolution)
     )
     _advance(search, judged, sizes, progress)
-    brackets = [Bracket(search.bears[c], search.loses[c]) for c in range(2)]
+    brackets = [Bracket(search.tolerates[c], search.loses[c]) for c in range(2)]
     return DelayMargins(
         onset=brackets[0],
         loss=brackets[1],

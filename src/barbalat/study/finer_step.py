@@ -189,7 +189,7 @@ class _Asking:
 
 def _beside(found: DelayMargins) -> Array:
     """The sizes on either side of those found."""
-    both = np.concatenate([found.onset.bears, found.loss.bears])
+    both = np.concatenate([found.onset.tolerates, found.loss.tolerates])
     return np.unique(np.outer([1 - BESIDE_SHARE, 1 + BESIDE_SHARE], both[both > 0]))
 
 
@@ -208,9 +208,9 @@ def _confirmed(
     count = found.oscillates.astype(int)
     for i in np.flatnonzero(found.oscillates & ~judged.oscillates):
         changes[i].append(f"at {fine.step} it does not oscillate without a delay")
-    for c, bears in enumerate((found.onset.bears, found.loss.bears)):
+    for c, tolerates in enumerate((found.onset.tolerates, found.loss.tolerates)):
         for sign in (-1, 1):
-            size = (1 + sign * BESIDE_SHARE) * bears
+            size = (1 + sign * BESIDE_SHARE) * tolerates
             which = np.flatnonzero((size > 0) & (size >= asking.least) & (size <= asking.most))
             count[which] += 1
             lost = judged.lost(which, size[which])[c]

@@ -105,7 +105,7 @@ class _Measured:
     @property
     def gain(self) -> float:
         """The factor by which the input's effectiveness may be multiplied and divided."""
-        return 1 + float(min(one.onset.bears[0] for one in self.gains))
+        return 1 + float(min(one.onset.tolerates[0] for one in self.gains))
 
     def on(self, certificate: Certificate, problem: TrackingProblem, simulation: Simulation) -> Certificate:
         """The certificate with these measurements."""
@@ -125,13 +125,13 @@ class _Measured:
         noisy = (NOISE_SENTENCE,) if self.delay.noisy else ()
         plain = (*resting, *noisy, *self.plain.sentences)
         beside = (*plain, *filter(None, [self.confirmed]))
-        onset, begun = float(self.delay.onset.bears[0]), self._begun
-        limit = _limit(self.delay.onset.bears[0], self.delay.onset.loses[0], simulation)
+        onset, begun = float(self.delay.onset.tolerates[0]), self._begun
+        limit = _limit(self.delay.onset.tolerates[0], self.delay.onset.loses[0], simulation)
         loss = (
             "delay_margin_simulated was measured on the case's own run, no guarantee: the loop is taken to be lost when the "
             f"judge calls it so, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so that a "
             f"smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
-            f"{_limit(self.delay.loss.bears[0], self.delay.loss.loses[0], simulation)}"
+            f"{_limit(self.delay.loss.tolerates[0], self.delay.loss.loses[0], simulation)}"
         )
         drawn = Draft()
         delay = f"delay_margin_measured was {MEASURED_SENTENCE}{begun}{limit}"
@@ -143,7 +143,7 @@ class _Measured:
             *self.gains_confirmed,
         )
         drawn.estimate({"delay_onset_simulated": onset}, delay, *beside)
-        drawn.estimate({"delay_margin_simulated": float(self.delay.loss.bears[0])}, loss, *beside)
+        drawn.estimate({"delay_margin_simulated": float(self.delay.loss.tolerates[0])}, loss, *beside)
         return drawn
 
     @property
@@ -154,19 +154,19 @@ class _Measured:
     def _in_words(self, simulation: Simulation) -> str:
         if self.delay.oscillates[0]:
             return "none: it is in a limit cycle, or oscillates more and more, without any delay"
-        delay, loses = float(self.delay.onset.bears[0]), float(self.delay.onset.loses[0])
+        delay, loses = float(self.delay.onset.tolerates[0]), float(self.delay.onset.loses[0])
         longest = " at least" if np.isinf(loses) else ""
-        borne = (
+        tolerated = (
             f"delay{longest} {delay:.3g} s" if delay > 0 else f"delay below {SHORTEST_DELAY_STEPS * simulation.resolution:.3g} s"
         )
         all_gains = all(np.isinf(one.onset.loses[0]) for one in self.gains)
         ends = self.delay.ends[0]
-        first = min(self.gains, key=lambda one: float(one.onset.bears[0])).ends[0]
-        return f"{borne}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
+        first = min(self.gains, key=lambda one: float(one.onset.tolerates[0])).ends[0]
+        return f"{tolerated}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
 
     def _beside(self, certificate: Certificate, longest: float) -> list[str]:
         """Findings if the linear loop tolerates more than twice as much as the case."""
-        values, delay = certificate.values, float(self.delay.onset.bears[0])
+        values, delay = certificate.values, float(self.delay.onset.tolerates[0])
         keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
@@ -226,11 +226,11 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
     return f"{', '.join(parts)}; {stepped}"
 
 
-def _limit(bears: float, loses: float, simulation: Simulation) -> str:
+def _limit(tolerates: float, loses: float, simulation: Simulation) -> str:
     """The remark that the search ended at its first or last delay."""
     if np.isinf(loses):
         return "; it tolerates the longest delay that was tried"
-    if bears == 0 and loses > 0:
+    if tolerates == 0 and loses > 0:
         steps, shortest = "two steps, " * (simulation.tolerance is None), SHORTEST_DELAY_STEPS * simulation.resolution
         return f"; it does not tolerate even the shortest delay that can be simulated, {steps}{shortest:g} s"
     return ""

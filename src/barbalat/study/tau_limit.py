@@ -56,32 +56,32 @@ class Grown:
         """(M,) truth values from the largest |e| of each quarter, (M, 4, n), NaN if diverged, and the largest |x_m|."""
         errors = quarters.max(axis=2)
         allowed = np.maximum(self.growth * errors[:, :-1].min(axis=1), ROUNDING_SHARE * amplitude)
-        borne = (errors[:, -1] <= allowed) & (errors[:, 1:].max(axis=1) <= self.share * amplitude)  # NaN is lost
-        return np.asarray(~borne)
+        tolerated = (errors[:, -1] <= allowed) & (errors[:, 1:].max(axis=1) <= self.share * amplitude)  # NaN is lost
+        return np.asarray(~tolerated)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TauLimits(Plotted):
     """For S sizes of the modelling error and K values of tau.
 
-    tail     (S, K) max |e| in the run's last quarter; NaN if the run is lost
-    bears    (S,) the smallest tau found that is tolerated, with every smaller tau of the scan lost; NaN if none is tolerated
-    loses    (S,) the largest tau found below ``bears`` that is lost; 0 if the scan has none
-    at_bears (S,) max |e| in the last quarter of the run at ``bears``; NaN if none is tolerated
-    runs     number of simulations
+    tail          (S, K) max |e| in the run's last quarter; NaN if the run is lost
+    tolerates     (S,) the smallest tau found that is tolerated, with every smaller tau of the scan lost; NaN if there is none
+    loses         (S,) the largest tau found below ``tolerates`` that is lost; 0 if the scan has none
+    at_tolerated  (S,) max |e| in the last quarter of the run at ``tolerates``; NaN if none is tolerated
+    runs          number of simulations
     """
 
     sizes: Array
     taus: Array
     tail: Array
-    bears: Array
+    tolerates: Array
     loses: Array
-    at_bears: Array
+    at_tolerated: Array
     runs: int
 
     def __repr__(self) -> str:
-        borne = self.bears[np.isfinite(self.bears)]
-        least = f"tau from {borne.min():.4g} to {borne.max():.4g} tolerated" if len(borne) else "no tau tolerated"
+        tolerated = self.tolerates[np.isfinite(self.tolerates)]
+        least = f"tau from {tolerated.min():.4g} to {tolerated.max():.4g} tolerated" if len(tolerated) else "no tau tolerated"
         sizes = f"{len(self.sizes)} sizes of the modelling error, {len(self.taus)} of tau"
         return f"<TauLimits for {sizes}: {least}; {self.runs} runs>"
 
@@ -140,7 +140,7 @@ class TauStudy:
         sizes, taus  ascending, above zero
         near         simulation settings near the boundary; by default those of the map. A longer run detects slower growth: a tau
                      that is tolerated on the map and lost there counts as lost, and the next larger tau is tried
-        resolution   relative distance of ``bears`` and ``loses`` at which bisection ends
+        resolution   relative distance of ``tolerates`` and ``loses`` at which bisection ends
         """
         sizes, taus = _ascending("sizes", sizes), _ascending("taus", taus)
         ratio = float((taus[1:] / taus[:-1]).max(initial=1.0))
@@ -162,9 +162,9 @@ class TauStudy:
             sizes=sizes,
             taus=taus,
             tail=tail,
-            bears=search.bears,
+            tolerates=search.tolerates,
             loses=search.loses,
-            at_bears=search.error,
+            at_tolerated=search.error,
             runs=tail.size + search.runs,
         )
 
@@ -182,30 +182,30 @@ class _TauSearch:
     """The brackets of S sizes: first up the scan to a tau that is also tolerated near the boundary, then bisection below it."""
 
     def __init__(self, sizes: Array, taus: Array, tail: Array) -> None:
-        borne = ~np.isnan(tail)
+        tolerated = ~np.isnan(tail)
         self.taus = taus
-        self.next = np.where(borne.any(axis=1), borne.argmax(axis=1), len(taus))  # index of the tau to try
-        self.bears, self.error = np.full(len(sizes), np.nan), np.full(len(sizes), np.nan)
+        self.next = np.where(tolerated.any(axis=1), tolerated.argmax(axis=1), len(taus))  # index of the tau to try
+        self.tolerates, self.error = np.full(len(sizes), np.nan), np.full(len(sizes), np.nan)
         self.loses = np.where(self.next > 0, np.append(0.0, taus)[self.next], 0.0)
         self.halved, self.runs = np.zeros(len(sizes), dtype=int), 0
 
     def open_members(self, halvings: int) -> tuple[Array, Array]:
         """Indices of the unfinished sizes, and the tau to try for each."""
-        climbing = np.isnan(self.bears) & (self.next < len(self.taus))
-        between = (self.loses > 0) & (self.halved < halvings) & ~np.isnan(self.bears)
+        climbing = np.isnan(self.tolerates) & (self.next < len(self.taus))
+        between = (self.loses > 0) & (self.halved < halvings) & ~np.isnan(self.tolerates)
         chosen = np.flatnonzero(climbing | between)
         scanned = self.taus[np.minimum(self.next, len(self.taus) - 1)]
-        self.trial = np.where(np.isnan(self.bears), scanned, np.sqrt(self.bears * self.loses))
+        self.trial = np.where(np.isnan(self.tolerates), scanned, np.sqrt(self.tolerates * self.loses))
         return chosen, self.trial[chosen]
 
     def take(self, chosen: Array, tail: Array) -> None:
         """Update the brackets by the results."""
         lost, trial = np.isnan(tail), self.trial[chosen]
-        climbing = np.isnan(self.bears[chosen])
+        climbing = np.isnan(self.tolerates[chosen])
         self.next[chosen[climbing]] += 1
         self.halved[chosen[~climbing]] += 1
         self.loses[chosen[lost]] = trial[lost]
-        self.bears[chosen[~lost]], self.error[chosen[~lost]] = trial[~lost], tail[~lost]
+        self.tolerates[chosen[~lost]], self.error[chosen[~lost]] = trial[~lost], tail[~lost]
         self.runs += len(chosen)
 
 
@@ -229,7 +229,7 @@ def _drawn(found: TauLimits, *, shown: bool) -> Figure:
     figure = new_figure(WIDE, FIGURE_HEIGHT, shown=shown, layout="constrained")
     limits, errors = figure.subplots(1, 2)
     theme, lost = Theme.current(), found.loses > 0
-    limits.plot(found.sizes, found.bears, "o-", color=theme.colour(0), markersize=4, label="smallest tau tolerated")
+    limits.plot(found.sizes, found.tolerates, "o-", color=theme.colour(0), markersize=4, label="smallest tau tolerated")
     limits.plot(
         found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest smaller tau that is lost"
     )

@@ -57,11 +57,11 @@ def fly(
     model = vehicle.nominal(condition, equipment)
     lists = aboard(vehicle, model, wanted, controllers)
     flying = lists if maker is None else aboard(vehicle, model, wanted, controllers, maker)
-    flights, borne = [], {}
+    flights, tolerated = [], {}
     for i, (one, flies) in enumerate(zip(lists, flying, strict=True)):
         flights.append(tuple(_flown(vehicle, model, flies, chosen)))
         if delays:
-            borne[one.name] = isolated(STARTING_SECONDS + 20 * SECONDS_PER_FLIGHT, delay_borne, vehicle, model, one)
+            tolerated[one.name] = isolated(STARTING_SECONDS + 20 * SECONDS_PER_FLIGHT, tolerated_delay, vehicle, model, one)
         if progress is not None:
             progress((i + 1) / len(lists))
     return FlightComparison(
@@ -70,7 +70,7 @@ def fly(
         version=metadata.version(vehicle.simulator),
         failures=chosen,
         flights=tuple(flights),
-        delays=borne if delays else None,
+        delays=tolerated if delays else None,
         exported=maker is not None,
     )
 
@@ -152,7 +152,7 @@ def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Fail
         return [flight for failure in failures for flight in _flown(vehicle, model, one, [failure])]
 
 
-def delay_borne(vehicle: AnyVehicle, model: Any, one: Aboard, timing: Timing | None = None) -> float:
+def tolerated_delay(vehicle: AnyVehicle, model: Any, one: Aboard, timing: Timing | None = None) -> float:
     """Return the largest added delay [s] with which control is kept to the end, found by trials upwards and then by bisection.
 
     The result is at least one stride of the vehicle's ``DelaySearch`` below a delay with which control was lost, or 0.0. If

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from barbalat import NormalizedMrac, ReferenceModel, RobustMrac, Simulation, TransferFunction, simulate_ensemble
-from barbalat.certificates.linear_loops.frozen import FrozenLoops, borne, small_gain
+from barbalat.certificates.linear_loops.frozen import FrozenLoops, small_gain, tolerated
 from barbalat.laws import Gradient, LeastSquares
 from barbalat.linear.peaks import peak_gain
 from barbalat.linear.systems import complementary_sensitivity, sensitivity, series
@@ -77,7 +77,7 @@ def test_the_limit_is_exact_and_the_small_gain_size_below_it(problems, error, re
     for order, problem in problems.items():
         for tau in (0.02, 0.1, 0.5):
             loops = FrozenLoops(problem, scheme(tau))
-            found = borne(loops, error)
+            found = tolerated(loops, error)
             loop = loops.at_theta
             for part in (0.1, 0.5, 0.99):  # sufficient: stable for every smaller size
                 assert real_part(loop, part * found.small_gain) < 0
@@ -106,15 +106,17 @@ def test_small_gain_against_the_h_infinity_norm_and_a_dense_grid(problems):
 def test_over_the_known_set(section_v):
     for tau in (0.01, 0.08):
         loops = FrozenLoops(section_v, scheme(tau, c_0=[1.0, 1.0]))
-        found = borne(loops, DelayError())
+        found = tolerated(loops, DelayError())
         rng = np.random.default_rng(3)
         each = [small_gain(loops.at(theta), DelayError()) for theta in rng.uniform(-5, 5, (10, 2))]
         corners = [small_gain(loops.at(np.array([a, b])), DelayError()) for a in (-5.0, 5.0) for b in (-5.0, 5.0)]
         assert min(corners) * 0.99 < found.over_set <= min(*corners, *each) * 1.01  # its grid is coarser
-    slow = borne(FrozenLoops(section_v, scheme(0.5, c_0=[1.0, 1.0])), DelayError())
+    slow = tolerated(FrozenLoops(section_v, scheme(0.5, c_0=[1.0, 1.0])), DelayError())
     assert slow.over_set == 0  # A_m + b (theta - theta_hat)' is unstable at a corner, and F is too slow to stabilise it
     assert np.linalg.eigvals(section_v.plant.A_m + np.outer(section_v.plant.b, [9.0, 2.0])).real.max() > 0
-    assert borne(FrozenLoops(replace(section_v, uncertainty=None), scheme(0.5, c_0=[1.0, 1.0])), DelayError()).over_set is None
+    assert (
+        tolerated(FrozenLoops(replace(section_v, uncertainty=None), scheme(0.5, c_0=[1.0, 1.0])), DelayError()).over_set is None
+    )
 
 
 @pytest.mark.parametrize("theta_hat", [[4.0, -3.0], [4.5, -2.0]])

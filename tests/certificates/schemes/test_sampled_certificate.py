@@ -12,7 +12,7 @@ def findings(controller, **settings):
     return " ".join(certify(variant(), (sampled,), Simulation(t_end=1.0, dt=1e-3))[controller.name].findings)
 
 
-def test_a_sampled_mrac_names_the_delay_that_fast_adaptation_bears():
+def test_a_sampled_mrac_names_the_delay_that_fast_adaptation_tolerates():
     """The delay is one sample without a filter. With a filter or Euler's method there is no such statement. With a gain matrix
     the model is not matched during projection."""
     assert "one sample, 0.002 s" in findings(Mrac(gamma=10.0))

@@ -36,7 +36,7 @@ def test_the_largest_gain_is_that_of_the_damped_oscillator(sample_time):
     assert found.values["gamma_max"] == pytest.approx(gamma, rel=0.02)
 
 
-def test_where_no_gain_is_shown_to_be_borne_the_reason_stands_there():
+def test_where_no_gain_is_shown_to_be_tolerated_the_reason_stands_there():
     """By hand, nu_0 alone exceeds sqrt(b'b/(2 (b'P b)^2 T)) for a long sample time."""
     found = certificate(euler(Mrac(gamma=1e-4), 0.05))
     entry = found.entry("gamma_max")

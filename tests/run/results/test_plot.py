@@ -197,14 +197,14 @@ def test_studies_and_ensembles_show_themselves_in_a_notebook():
     margins = delay_margins(problem(reference=Sine(1.0, 2.0)), Mrac(5), SHORT, scan=4)["MRAC"]
     limits = TauLimits(
         sizes=np.array([0.01, 0.1]), taus=np.array([0.1, 1.0]), tail=np.array([[0.1, 1.0], [np.nan, 1.0]]),
-        bears=np.array([0.1, 0.5]), loses=np.array([0.0, 0.4]), at_bears=np.array([0.1, 0.6]), runs=7,
+        tolerates=np.array([0.1, 0.5]), loses=np.array([0.0, 0.4]), at_tolerated=np.array([0.1, 0.6]), runs=7,
     )  # fmt: skip
     for shown in (found, margins, limits):
         html = shown._repr_html_()
         assert repr(shown).strip("<>") in html and "data:image/svg+xml;base64," in html
     assert "tau from 0.1 to 0.5" in repr(limits)
-    borne, lost = limits.plot().axes[0].lines
-    np.testing.assert_array_equal(borne.get_xydata(), [[0.01, 0.1], [0.1, 0.5]])
+    tolerated, lost = limits.plot().axes[0].lines
+    np.testing.assert_array_equal(tolerated.get_xydata(), [[0.01, 0.1], [0.1, 0.5]])
     np.testing.assert_array_equal(lost.get_xydata(), [[0.1, 0.4]])  # of the first size no smaller tau was tried
 
 

@@ -165,7 +165,7 @@ def test_what_is_tuned_is_what_the_guide_s_table_says_and_it_meets_the_rule():
         assert (slack >= 1, min(up, down) >= quadrotor_tuning.GAIN_MARGIN) == (True, True)
 
 
-def test_the_rule_asks_for_half_of_what_the_feedback_bears(axes):
+def test_the_rule_asks_for_half_of_what_the_feedback_tolerates(axes):
     """The phase of L = (k_R + k_Omega s)/s^2 and of the lags at the crossover is computed by hand."""
     for axis in (axes.attitude[0], axes.attitude[2], axes.position[0]):
         path = quadrotor_tuning.lagging(axes, axis)
@@ -177,7 +177,7 @@ def test_the_rule_asks_for_half_of_what_the_feedback_bears(axes):
 
         crossover = brentq(lambda w, loop=loop: abs(loop(w)) - 1, 0.5 * axis.frequency, 4 * axis.frequency)
         by_hand = (np.angle(loop(crossover)) + np.pi) / crossover
-        assert quadrotor_tuning.borne_alone(axes, axis) == pytest.approx(by_hand, rel=1e-5)  # A is by differences, to 1e-5
+        assert quadrotor_tuning.tolerated_alone(axes, axis) == pytest.approx(by_hand, rel=1e-5)  # A is by differences, to 1e-5
         assert quadrotor_tuning.rule_of(axes, axis, 288).delay_margin == pytest.approx(by_hand / 2, rel=0.05)
 
 

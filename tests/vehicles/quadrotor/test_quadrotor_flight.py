@@ -137,17 +137,17 @@ def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_i
         assert abs(acting.controller.sigma_hat[0]) < 0.05 * axis.limit
 
 
-def test_the_delay_borne_is_found_to_a_sample(axes):
+def test_the_delay_tolerated_is_found_to_a_sample(axes):
     scheme, early, none = scheme_on(axes, "geometric"), Timing(duration=7.0, fails_at=3.0), FAILURES["none"]
-    borne = flying.delay_borne(QUADROTOR, axes, scheme, early)
-    assert borne == pytest.approx(ATTITUDE_SAMPLE * round(borne / ATTITUDE_SAMPLE))
-    more = [replace(none, delay=borne), replace(none, delay=borne + ATTITUDE_SAMPLE)]
+    tolerated = flying.tolerated_delay(QUADROTOR, axes, scheme, early)
+    assert tolerated == pytest.approx(ATTITUDE_SAMPLE * round(tolerated / ATTITUDE_SAMPLE))
+    more = [replace(none, delay=tolerated), replace(none, delay=tolerated + ATTITUDE_SAMPLE)]
     (kept, lost) = quadrotor_through(axes, scheme, more, early)
     assert (bool(kept.lost), bool(lost.lost)) == (False, True)
     roll = axes.attitude[0]
     crossover = 1.55 * roll.frequency
     margin = np.deg2rad(65.5) / crossover - roll.lag
-    assert margin < borne < 3 * margin  # that of the linear loop for small signals; the motion grows slowly
+    assert margin < tolerated < 3 * margin  # that of the linear loop for small signals; the motion grows slowly
 
 
 class Overflowing:

@@ -12,7 +12,7 @@ from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import Guarantee, with_modifications
 from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram, require_room
-from barbalat.adaptation.modifications import Borne, Leakage, accept_leakage
+from barbalat.adaptation.modifications import Leakage, Tolerated, accept_leakage
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.roles import Role
@@ -60,7 +60,9 @@ class IntegralCost(Settings):
     def __post_init__(self) -> None:
         validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        accept_leakage(self.leakage, "the integral-cost law", Borne.BOUNDED, "its V' is not proportional to the present error")
+        accept_leakage(
+            self.leakage, "the integral-cost law", Tolerated.BOUNDED, "its V' is not proportional to the present error"
+        )
 
     @property
     def metric(self) -> Gain:

@@ -20,7 +20,7 @@ from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import Guarantee, ModifiedLaw
 from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram, require_room
-from barbalat.adaptation.modifications import Borne, DeadZone, Leakage, accept_dead_zone, accept_leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage, Tolerated, accept_dead_zone, accept_leakage
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.roles import Role
@@ -87,14 +87,14 @@ class BoundedCovarianceLaw(CovarianceLaw):
     dead_zone: DeadZone | None = None
 
     jump: ClassVar[str] = "the bound of the covariance"
-    bears: ClassVar[tuple[str, Borne, str]]
+    tolerates: ClassVar[tuple[str, Tolerated, str]]
     """The law's name in messages, the leakages that it accepts, and the reason why it accepts no others."""
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
         validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        accept_leakage(self.leakage, *self.bears)
+        accept_leakage(self.leakage, *self.tolerates)
         accept_dead_zone(self.dead_zone)
 
     def initial(self, n: int) -> Memory:
@@ -211,7 +211,7 @@ class LeastSquares(CovarianceLaw, Settings):
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        accept_leakage(self.leakage, "pure least squares", Borne.HARMLESS, NO_LOWER_BOUND)
+        accept_leakage(self.leakage, "pure least squares", Tolerated.HARMLESS, NO_LOWER_BOUND)
         accept_dead_zone(self.dead_zone)
 
     def initial(self, n: int) -> Memory:
@@ -252,7 +252,7 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        accept_leakage(self.leakage, "least squares with forgetting", Borne.HARMLESS, "its covariance has no bounds")
+        accept_leakage(self.leakage, "least squares with forgetting", Tolerated.HARMLESS, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone cannot be combined with unbounded forgetting: inside the zone the estimates do not change and "
@@ -307,7 +307,7 @@ class LeastSquaresResetting(CovarianceLaw, Settings):
     def __post_init__(self) -> None:
         for name in ("rho_0", "rho_1"):
             validate.freeze(self, **{name: validate.positive(f"law.{name}", getattr(self, name))})
-        accept_leakage(self.leakage, "least squares", Borne.BOUNDED, NOT_PROPORTIONAL)
+        accept_leakage(self.leakage, "least squares", Tolerated.BOUNDED, NOT_PROPORTIONAL)
         if not self.rho_1 < self.rho_0:
             raise InputError.of("law.rho_1", f"must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
         accept_dead_zone(self.dead_zone)
@@ -347,7 +347,7 @@ class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3.
     """
 
-    bears: ClassVar[tuple[str, Borne, str]] = ("least squares", Borne.BOUNDED, NOT_PROPORTIONAL)
+    tolerates: ClassVar[tuple[str, Tolerated, str]] = ("least squares", Tolerated.BOUNDED, NOT_PROPORTIONAL)
 
     def covariance_rate(self, P: Value, taken: Value) -> Value:
         return held(P, self.forgetting * P - taken, self.covariance_bound)
@@ -385,7 +385,7 @@ class LeastSquaresBoundedGain(BoundedCovarianceLaw, Settings):
     Source: Slotine and Li, Applied Nonlinear Control, section 8.7.5.
     """
 
-    bears: ClassVar[tuple[str, Borne, str]] = ("bounded-gain forgetting", Borne.HARMLESS, NO_LOWER_BOUND)
+    tolerates: ClassVar[tuple[str, Tolerated, str]] = ("bounded-gain forgetting", Tolerated.HARMLESS, NO_LOWER_BOUND)
 
     def covariance_rate(self, P: Value, taken: Value) -> Value:
         beta = self.forgetting * (1 - np.sqrt(np.sum(P * P)) / self.covariance_bound)

@@ -133,7 +133,7 @@ class FrozenLoops:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BorneSizes:
+class ToleratedSizes:
     """Sizes of a modelling error that a frozen loop tolerates.
 
     small_gain  below this size the loop with theta_hat = theta is stable by the small-gain theorem
@@ -148,13 +148,13 @@ class BorneSizes:
     over_set: float | None
 
 
-def borne(loops: FrozenLoops, error: ModellingError) -> BorneSizes:
+def tolerated(loops: FrozenLoops, error: ModellingError) -> ToleratedSizes:
     """The sizes of one family of modelling errors that the loop with frozen estimates tolerates."""
     over_set = None
     if loops.gain_over_set is not None:
         w, gain = loops.gain_over_set
         over_set = float(error.allowed(w, gain).min()) if np.isfinite(gain).all() else 0.0
-    return BorneSizes(small_gain=small_gain(loops.at_theta, error), limit=error.limit(loops.at_theta), over_set=over_set)
+    return ToleratedSizes(small_gain=small_gain(loops.at_theta, error), limit=error.limit(loops.at_theta), over_set=over_set)
 
 
 def small_gain(loop: StateSpace, error: ModellingError) -> float:

@@ -231,7 +231,7 @@ def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]
     count = len(N)
     at, N_at, D_at, rows = _crossings(np.abs(N) - np.abs(D), N, D, w)
     lag = np.angle(-N_at * D_at.conj()) % (2 * np.pi)
-    borne = (lag + at * delay) % (2 * np.pi) / at
+    tolerated = (lag + at * delay) % (2 * np.pi) / at
     at, N_at, D_at, crossed = _crossings(N.imag * D.real - N.real * D.imag, N, D, w)
     real = (N_at * D_at.conj()).real
     start = (N[:, 0] * D[:, 0].conj()).real  # zero frequency, nearly
@@ -242,7 +242,7 @@ def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]
     factors, crossed = -size[negative] / real[negative], crossed[negative]
     up = factors > 1
     return {
-        "delay": _least(count, rows, borne),
+        "delay": _least(count, rows, tolerated),
         "phase": _least(count, rows, np.minimum(lag, 2 * np.pi - lag)),
         "gain_up": _least(count, crossed[up], factors[up]),
         "gain_down": np.minimum(1.0, _least(count, crossed[~up], 1 - factors[~up])),

@@ -91,18 +91,18 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled, a
 def _longest(problem: TrackingProblem, controller: Sampled, adapting: frozenset[str], *, stable: bool) -> float | NotApplicable:
     """The sample time up to which the loop with its law is stable: at the first loss above the present one, or below it."""
 
-    def bears(T: float) -> bool:
+    def tolerates(T: float) -> bool:
         rest = sampled_rest(problem, replace(controller, sample_time=T), adapting, frozen=False)
         return isinstance(rest, SampledRest) and rest.with_its_law().radius(problem.delay) < 1
 
     T = controller.sample_time
     if not stable:
         least = max(T / LONGEST_SAMPLE, problem.delay / MOST_SAMPLES_OF_DELAY)
-        found = largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=least)
+        found = largest_from(tolerates, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=least)
         return found or NotApplicable(f"no sample time down to {least:.3g} s was found to be stable")
     low = T
-    while bears(low * LONGER_SAMPLE):
+    while tolerates(low * LONGER_SAMPLE):
         low *= LONGER_SAMPLE
         if low > LONGEST_SAMPLE * T:
             return NotApplicable(f"stable at every sample time tried, up to {low:.3g} s")
-    return largest(bears, low, low * LONGER_SAMPLE, within=SAMPLE_TIME_WITHIN)
+    return largest(tolerates, low, low * LONGER_SAMPLE, within=SAMPLE_TIME_WITHIN)

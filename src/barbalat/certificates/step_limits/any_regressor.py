@@ -108,7 +108,7 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     |phi|^2 decreases with Gamma, as the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
     """
 
-    def bears(gamma: float) -> bool:
+    def tolerates(gamma: float) -> bool:
         return gamma * excited.largest_square(nu_0 / math.sqrt(gamma)) <= largest_g
 
     if largest_g == 0:
@@ -117,7 +117,7 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     if at_rest == 0:
         return None
     beyond = largest_g / at_rest * (1 + 1e-9)
-    found = largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
+    found = largest_from(tolerates, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
     return found or NotApplicable(
         f"no gain is shown to be tolerated: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
         f"{largest_g:.4g} that the step tolerates"

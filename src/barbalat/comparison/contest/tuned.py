@@ -189,7 +189,7 @@ def _probed(
     trials.runs += probing.runs
 
     def least(which: Criterion, found: DelayMargins) -> float:
-        return float((found.onset if which is Criterion.ONSET else found.loss).bears.min())
+        return float((found.onset if which is Criterion.ONSET else found.loss).tolerates.min())
 
     return {
         which: Probed(delay=least(which, delay), gain_up=1 + least(which, up), gain_down=1 + least(which, down))

@@ -272,17 +272,17 @@ def _measured(
     metrics, lost = found.noisy.metrics, found.noisy.lost | ~found.noisy.tracks
     if until is Criterion.ONSET:
         lost = lost | found.noisy.oscillates | found.quiet.oscillates
-    borne = {}
+    tolerated = {}
     for name, (size, ideals) in asked.errors.items():
         question = Question(members, simulation, found, size, until, streams, ideals, np.zeros(0), asked.by, threads)
-        borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
+        tolerated[name] = question.tolerates(np.arange(len(members)), graded=False) >= size
     return Validation(
         error=np.where(lost, np.inf, np.linalg.norm(metrics.rms_e, axis=1) / motion.rms),
         diverged=np.isfinite(metrics.diverged_at),
         lost=lost,
-        delay=~borne["delay"],
-        gain_up=~borne["gain_up"],
-        gain_down=~borne["gain_down"],
+        delay=~tolerated["delay"],
+        gain_up=~tolerated["gain_up"],
+        gain_down=~tolerated["gain_down"],
         effort=metrics.max_abs_u.reshape(len(members), -1).max(axis=1),
         unsound=found.noisy.lost | found.noisy.oscillates | found.quiet.oscillates,
     )

@@ -344,14 +344,14 @@ def design(
             left_out=[*filter(None, [steps.sentence]), *left_out],
             finer=validated, family=tuning, threads=threads, progress=part_of(part, 0, SEARCH_SHARE),
         )  # fmt: skip
-        borne = {}
+        tolerated = {}
         if validated:  # the case's own command, whose demands the specification limits
             streams, same = len(tuning) + np.arange(len(unseen)), np.ones((len(unseen), 2))
             drawn = Draws(problems=unseen, streams=streams, commands=same)
-            borne = measure(found.entrants, drawn, found.rule, simulation, judge=whole.judge, threads=threads)
+            tolerated = measure(found.entrants, drawn, found.rule, simulation, judge=whole.judge, threads=threads)
         candidates, missed = [], []
         for i, one in enumerate(found.entrants):
-            made, on = _candidate(one, tuning, unseen, borne.get(one.name), test, whole, asked)
+            made, on = _candidate(one, tuning, unseen, tolerated.get(one.name), test, whole, asked)
             candidates.append(made)
             missed.append(on)
             if part is not None:
@@ -412,7 +412,7 @@ def _candidate(
     one: Qualified,
     tuning: Sequence[Problem],
     unseen: Sequence[Problem],
-    borne: Validation | None,
+    tolerated: Validation | None,
     test: StepTest,
     case: Case,
     asked: Specification,
@@ -441,13 +441,13 @@ def _candidate(
     if asked.gain is not None:
         worst["gain"] = one.gain_margin_measured
         factor["gain"] = np.inf if worst["gain"] <= 1 else (asked.gain - 1) / (worst["gain"] - 1)
-    if borne is not None:
-        asked_of = {"delay": borne.delay, "gain": borne.gain_up | borne.gain_down}
+    if tolerated is not None:
+        asked_of = {"delay": tolerated.delay, "gain": tolerated.gain_up | tolerated.gain_down}
         for name in [one for one in asked_of if one in factor]:
             shares[name], missed = Share.of(asked_of[name]), missed | asked_of[name]
             if shares[name].count:  # the tolerated size is not searched for
                 factor[name] = max(factor[name], 1 + shares[name].share)
-        shares[LOST], missed = Share.of(borne.unsound), missed | borne.unsound
+        shares[LOST], missed = Share.of(tolerated.unsound), missed | tolerated.unsound
         worst[LOST], factor[LOST] = shares[LOST].share, np.inf if shares[LOST].count else 0.0
     return Candidate(tuned=one, worst=worst, factor=factor, held_out=shares, step=which), missed & met
 

@@ -42,7 +42,7 @@ class Question:
         )
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
-    def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
+    def tolerates(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
         """Return the largest tolerated size (M,), up to ``limit``; 0 if there is none, or if it is not searched for.
 
         group   (M,) members with the same number are decided together; if one is lost at ``limit``, the others are not run again
@@ -104,8 +104,8 @@ class Probing:
     threads: int | None = None
     runs: int = 0
 
-    def bears(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
-        """Return the tolerated size of the probe's errors (M,), up to ``limit``. Further arguments as in ``Question.bears``.
+    def tolerates(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
+        """Return the tolerated size of the probe's errors (M,), up to ``limit``. Further arguments as in ``Question.tolerates``.
 
         undelayed  the members' runs without an added delay or gain error
         """
@@ -123,9 +123,9 @@ class Probing:
                 self.by,
                 self.threads,
             )
-            borne = question.bears(group, graded=graded, below=below, among=among)
+            tolerated = question.tolerates(group, graded=graded, below=below, among=among)
             self.runs += question.runs
-            found = np.where(among, np.minimum(found, borne), found)
+            found = np.where(among, np.minimum(found, tolerated), found)
             # a member that is lost with one modelling error is not tried with the next
             among &= ~np.isin(group, group[found < limit])
         return found
@@ -134,7 +134,7 @@ class Probing:
         """Return the tolerated size of the probe's errors (M,), without a limit. The ``asked`` size is among the tried ones."""
         found = []
         for each in self.each_margin(probe, asked):
-            found.append((each.onset if probe.criterion is Criterion.ONSET else each.loss).bears)
+            found.append((each.onset if probe.criterion is Criterion.ONSET else each.loss).tolerates)
         return np.asarray(np.min(found, axis=0))
 
     def each_margin(self, probe: Probe, asked: float | None) -> list[DelayMargins]:

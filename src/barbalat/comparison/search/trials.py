@@ -262,7 +262,9 @@ class Trials:
         else:
             alone = np.arange(len(members))
             together = alone // len(plants.problems) if self.aim.quantile == 1 and not looking.each else alone
-            values = probing.bears(probe, Undelayed.together(known), size, together, graded=looking.graded, below=looking.below)
+            values = probing.tolerates(
+                probe, Undelayed.together(known), size, together, graded=looking.graded, below=looking.below
+            )
         self.runs += probing.runs
         return np.asarray((probe.none + values).reshape(len(group), -1))
 

@@ -67,7 +67,7 @@ class Cloud:
         error."""
         return pareto_front(*self.at(which, criterion))
 
-    def bears(self, which: str, criterion: str, error: float) -> float:
+    def tolerates(self, which: str, criterion: str, error: float) -> float:
         """Return the largest margin [s] among the tunings with at most this error; NaN if there is none."""
         errors, margins = self.at(which, criterion)
         good = errors <= error  # false where the error is NaN
@@ -339,7 +339,8 @@ def _delay_margins(
 def _cloud(k: TuningGrid, found: DelayMargins, scale: float, plants: int) -> Cloud:
     error = np.linalg.norm(found.undelayed.rms_e, axis=1) / scale
     error, onset, loss = (
-        values.reshape(-1, plants) for values in (np.where(found.tracks, error, np.nan), found.onset.bears, found.loss.bears)
+        values.reshape(-1, plants)
+        for values in (np.where(found.tracks, error, np.nan), found.onset.tolerates, found.loss.tolerates)
     )
     return Cloud(scheme=k.scheme, tunings=tuple(k.tunings()), error=error, onset=onset, loss=loss)
 

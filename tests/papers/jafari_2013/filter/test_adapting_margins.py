@@ -59,10 +59,10 @@ def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
     shown = effect.maps[1]
     assert (shown.values[shown.y.values <= adapting_margins.MODERATE_KAPPA] < 1).all()
     for size in (3e-3, 7.0, 2e5):
-        borne = margins(adapting_margins.loop(None)(size)).gain_up * 0.9999
+        tolerated = margins(adapting_margins.loop(None)(size)).gain_up * 0.9999
         for kappa, stable in ((None, True), (0.02, False)):
             loop = adapting_margins.loop(kappa)(size)
-            assert (np.linalg.eigvals(loop.A - borne * np.outer(loop.B, loop.C)).real.max() < 0) == stable
+            assert (np.linalg.eigvals(loop.A - tolerated * np.outer(loop.B, loop.C)).real.max() < 0) == stable
 
 
 def test_the_ends_of_the_curves():
@@ -115,17 +115,17 @@ def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_d
     gain."""
     for kappa, phase, size, down in zip((None, 0.02), phases, sizes, downwards, strict=True):
         own = linearised(gain / 2500, 50.0, kappa)
-        borne = adapting_margins.bears(adapting_margins.loop(kappa)(gain))
+        tolerated = adapting_margins.tolerates(adapting_margins.loop(kappa)(gain))
         poles = np.linalg.eigvals(own.A - np.outer(own.B, own.C))  # the slower its poles decay, the narrower the peaks of T
         around = np.abs(poles.imag[:, None] + poles.real[:, None] * np.linspace(-3, 3, 2001)).ravel()
         at = own.response(np.concatenate([np.geomspace(1e-3, 1e6, 20_001), around]))
-        assert borne.small_gain == pytest.approx(size, rel=0.01)
-        assert 1 / np.abs(at / (1 + at)).max() == pytest.approx(borne.small_gain, rel=1e-4)
-        turned = own.response(np.array(borne.margins.crossovers))  # e^(-+ j phase) moves one of them to -1
+        assert tolerated.small_gain == pytest.approx(size, rel=0.01)
+        assert 1 / np.abs(at / (1 + at)).max() == pytest.approx(tolerated.small_gain, rel=1e-4)
+        turned = own.response(np.array(tolerated.margins.crossovers))  # e^(-+ j phase) moves one of them to -1
         turns = np.exp(1j * phase * np.array([[1], [-1]]))
         assert np.abs(1 + turned * turns).min() < 0.01 * phase + 1e-6
-        assert borne.margins.phase == pytest.approx(phase, rel=0.01)
-        assert borne.margins.gain_down == pytest.approx(down, rel=0.01, abs=1e-8)
+        assert tolerated.margins.phase == pytest.approx(phase, rel=0.01)
+        assert tolerated.margins.gain_down == pytest.approx(down, rel=0.01, abs=1e-8)
         if down:
             for k, stable in ((0.98 * down, False), (1.02 * down, True)):
                 assert (np.linalg.eigvals(own.A - k * np.outer(own.B, own.C)).real.max() < 0) == stable
@@ -149,7 +149,7 @@ def test_what_l1s_authors_say_of_its_margins():
     phase, delay = claim.readings[:2]
     assert "0.0932 at the smallest" in phase.measured and "1.6 at the largest" in phase.measured
     assert delay.holds and "0.03277 s in the limit" in delay.measured
-    least = adapting_margins.bears(adapting_margins.loop(0.02)(100.0)).margins.delay
+    least = adapting_margins.tolerates(adapting_margins.loop(0.02)(100.0)).margins.delay
     assert (
         least == pytest.approx(1.03e-4, rel=0.01) and "0.000103 s" in claim.shows
     )  # the dip is reported beside the restored margin

@@ -41,5 +41,7 @@ def test_both_sides_have_one_range_of_gains_and_as_many_tunings():
     assert len(found.mrac.tunings) == len(found.l1.tunings) == 4
     assert sum("(6)" in one for one in found.l1.tunings) == 2
     gamma = float(found.mrac.tunings[0].removeprefix("Gamma "))
-    (alone,) = delay_margins_ensemble([(variant(reference=signal), Mrac(gamma=gamma))], simulation, resolution=0.05).onset.bears
+    (alone,) = delay_margins_ensemble(
+        [(variant(reference=signal), Mrac(gamma=gamma))], simulation, resolution=0.05
+    ).onset.tolerates
     assert -found.mrac.reached[0, 1] == pytest.approx(alone, rel=0.15)  # gamma was printed with three digits

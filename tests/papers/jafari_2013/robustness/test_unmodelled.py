@@ -62,7 +62,7 @@ def test_gamma_over_c_squared_is_the_same_motion_c_times_as_large():
     np.testing.assert_allclose(other.theta_hat_final, one.theta_hat_final, rtol=1e-12)
 
 
-def test_the_size_that_small_gain_bears():
+def test_the_size_that_small_gain_tolerates():
     """Both norms are computed by trapezoids. At this size the gain is one."""
     h, states, state = 1e-3, [], B
     step = expm(A_M * h)

@@ -3,7 +3,7 @@ sides."""
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.frozen import FrozenLoops, borne
+from barbalat.certificates.linear_loops.frozen import FrozenLoops, tolerated
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures
 from barbalat.papers.jafari_2013.tracking import does_better
@@ -84,13 +84,13 @@ def test_the_robust_mracs_numbers_are_scipys():
         np.testing.assert_allclose(found.max_abs_e[0], np.abs(e).max(axis=0), rtol=1e-4)
 
 
-def test_the_delay_that_is_borne_is_that_of_the_frozen_loop_for_short_time_constants():
+def test_the_delay_that_is_tolerated_is_that_of_the_frozen_loop_for_short_time_constants():
     """The exact limit of the frozen loop is within the bisection's last interval."""
     tau = 0.03
     robust = section_v.robust_mrac("r", tau)
     reached = does_better._reached([robust], 5e-4)
     ratio = (does_better.DELAYS[1] / does_better.DELAYS[0]) ** (0.5**does_better.HALVINGS)
-    exact = borne(FrozenLoops(section_v.problem(), robust), DelayError()).limit
+    exact = tolerated(FrozenLoops(section_v.problem(), robust), DelayError()).limit
     assert -reached[0, -1] <= exact <= -ratio * reached[0, -1]
     np.testing.assert_allclose(
         reached[0, 0], figures([(section_v.problem(), section_v.robust_mrac("r", tau))], 60.0, 1e-4).max_abs_e.max(), rtol=0.02

@@ -180,12 +180,12 @@ def _limits(controller: L1Output, simulation: Simulation) -> dict[str, Any]:
     """The largest gamma for this step, and the largest step for this gamma, with s^2 + m s + gamma m within the solver's
     region."""
     solver, m = simulation.solver, controller.m
-    gamma = largest_from(lambda value: _bears(solver, simulation.dt, m, value), controller.gamma, within=LIMITS_TOLERANCE)
-    step = largest_from(lambda value: _bears(solver, value, m, controller.gamma), simulation.dt, within=LIMITS_TOLERANCE)
+    gamma = largest_from(lambda value: _tolerates(solver, simulation.dt, m, value), controller.gamma, within=LIMITS_TOLERANCE)
+    step = largest_from(lambda value: _tolerates(solver, value, m, controller.gamma), simulation.dt, within=LIMITS_TOLERANCE)
     return {"gamma_max": finite(gamma), "step_max": finite(step)}
 
 
-def _bears(solver: Tableau, h: float, m: float, gamma: float) -> bool:
+def _tolerates(solver: Tableau, h: float, m: float, gamma: float) -> bool:
     poles: Array = np.roots([1.0, m, gamma * m])
     return bool((np.abs(solver.amplification(h * poles)) <= 1).all())
 

@@ -238,10 +238,10 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
     values["step_max"] = step
     if np.ndim(law.gamma) == 0 and frozen.omega_squared > 0:
 
-        def bears(g: float) -> bool:
+        def tolerates(g: float) -> bool:
             return not amplifies(simulation, simulation.dt, frozen.modes(g))
 
-        largest_g = largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
+        largest_g = largest_from(tolerates, 1e-12, factor=1.5) if tolerates(0.0) else 0.0
         values["gamma_max"] = largest_g / frozen.omega_squared if largest_g else STEP_TOO_LONG
     return values
 

@@ -39,7 +39,7 @@ MODERATE_KAPPA = 0.1
 METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends only on Gamma r^2"
 
 
-class BorneMargins(NamedTuple):
+class LoopMargins(NamedTuple):
     """The margins of a stable loop.
 
     small_gain  1/||T||_inf; a Delta_m of (11) that is smaller at every frequency cannot destabilise the loop
@@ -50,12 +50,12 @@ class BorneMargins(NamedTuple):
 
 
 UPWARDS, DOWNWARDS = "gain margin upwards", "gain margin downwards"
-MARGINS: dict[str, Callable[[BorneMargins], float]] = {
-    UPWARDS: lambda borne: borne.margins.gain_up - 1,
-    DOWNWARDS: lambda borne: 1 - borne.margins.gain_down,
-    "phase margin": lambda borne: borne.margins.phase,
-    "delay margin": lambda borne: borne.margins.delay,
-    "small-gain margin 1/||T||_inf": lambda borne: borne.small_gain,
+MARGINS: dict[str, Callable[[LoopMargins], float]] = {
+    UPWARDS: lambda tolerated: tolerated.margins.gain_up - 1,
+    DOWNWARDS: lambda tolerated: 1 - tolerated.margins.gain_down,
+    "phase margin": lambda tolerated: tolerated.margins.phase,
+    "delay margin": lambda tolerated: tolerated.margins.delay,
+    "small-gain margin 1/||T||_inf": lambda tolerated: tolerated.small_gain,
 }
 """The margins by name, each zero for a loop without margin: k - 1 and 1 - k for the gain margins k, the phase margin [rad], the
 delay margin [s], and the smallest destabilising size of Delta_m."""
@@ -128,9 +128,9 @@ def _reading(name: str, moderate: Array) -> Reading:
 def changed(name: str, gain: float) -> str:
     """Return a text with the values without and with the filter. For the downward gain margin it gives the factor itself, for
     which smaller is better."""
-    plain, filtered = (bears(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
+    plain, filtered = (tolerates(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
     assert plain is not None and filtered is not None
-    of = MARGINS[name] if name != DOWNWARDS else (lambda borne: borne.margins.gain_down)
+    of = MARGINS[name] if name != DOWNWARDS else (lambda tolerated: tolerated.margins.gain_down)
     return f"{'k = ' if name == DOWNWARDS else ''}{of(plain):.3g} to {of(filtered):.3g}"
 
 
@@ -205,23 +205,23 @@ def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
 
 
 @cache
-def scan(kappa: float | None) -> tuple[BorneMargins | None, ...]:
+def scan(kappa: float | None) -> tuple[LoopMargins | None, ...]:
     """Return the margins over ``GAINS``, each ``None`` if the loop is unstable."""
     at = loop(kappa)
-    return tuple(bears(at(float(gamma))) for gamma in GAINS)
+    return tuple(tolerates(at(float(gamma))) for gamma in GAINS)
 
 
-def bears(loop: StateSpace) -> BorneMargins | None:
+def tolerates(loop: StateSpace) -> LoopMargins | None:
     """Return the margins of the loop, or ``None`` if it is unstable."""
     try:
         found = margins(loop)
     except InputError:  # the loop is unstable, which is a valid result here
         return None
-    return BorneMargins(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
+    return LoopMargins(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
 
 
 def _ratios(
-    with_filter: Sequence[BorneMargins | None], without: Sequence[BorneMargins | None], of: Callable[[BorneMargins], float]
+    with_filter: Sequence[LoopMargins | None], without: Sequence[LoopMargins | None], of: Callable[[LoopMargins], float]
 ) -> Array:
     """Return the ratios of the margins, NaN if one of the loops is unstable."""
     pairs = zip(with_filter, without, strict=True)

@@ -82,7 +82,7 @@ def _reached(signal: Signal, tunings: Sequence[Controller], simulation: Simulati
     problem = variant(reference=signal)
     found = delay_margins_ensemble([(problem, one) for one in tunings], simulation, resolution=RESOLUTION)
     error = np.linalg.norm(found.undelayed.rms_e, axis=1)
-    return np.column_stack([np.where(np.isfinite(error), error, np.inf), -found.onset.bears, -found.loss.bears])
+    return np.column_stack([np.where(np.isfinite(error), error, np.inf), -found.onset.tolerates, -found.loss.tolerates])
 
 
 def reading(found: Sequence[Fronts], criterion: str) -> Reading:

@@ -229,7 +229,7 @@ def _simulated(command: str, signal: Signal) -> list[Simulated]:
 def _delay_margins(problem: Problem, controllers: Sequence[Controller]) -> dict[str, Array]:
     """Return for each criterion and controller the largest delay that is tolerated [s]."""
     found = delay_margins_ensemble([(problem, c) for c in controllers], SIMULATION, resolution=0.05)
-    return {"onset": found.onset.bears, "loss": found.loss.bears}
+    return {"onset": found.onset.tolerates, "loss": found.loss.tolerates}
 
 
 def _equal_error(signal: Signal, filtered: L1Adaptive) -> float:

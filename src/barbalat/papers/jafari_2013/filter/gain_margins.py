@@ -19,9 +19,9 @@ from barbalat.papers.jafari_2013.filter.adapting_margins import (
     MARGINS,
     METHOD,
     UPWARDS,
-    bears,
     loop,
     scan,
+    tolerates,
 )
 from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.validate import Array
@@ -97,8 +97,8 @@ def _unchanged(values: Array) -> bool:
 def at_section_v(kappa: float | None) -> dict[str, Array]:
     """Return each of ``OWN_MEASURES`` at the moderate gain and at Section V's, around the command's crest."""
     at = loop(kappa)
-    borne = [bears(at(gamma * COMMAND_CREST**2)) for gamma in (section_v.MODERATE_GAIN, HIGH_GAIN)]
-    moderate, high = (one for one in borne if one is not None)  # the loops are stable
+    tolerated = [tolerates(at(gamma * COMMAND_CREST**2)) for gamma in (section_v.MODERATE_GAIN, HIGH_GAIN)]
+    moderate, high = (one for one in tolerated if one is not None)  # the loops are stable
     return {name: np.array([MARGINS[name](moderate), MARGINS[name](high)]) for name in OWN_MEASURES}
 
 
@@ -165,7 +165,7 @@ def _told(found: Mapping[str, Array]) -> str:
 
 def _over_gains(name: str, kappa: float | None) -> Array:
     """Return one of ``MARGINS`` over ``GAINS``, NaN if the loop is unstable."""
-    return np.array([np.nan if borne is None else MARGINS[name](borne) for borne in scan(kappa)])
+    return np.array([np.nan if tolerated is None else MARGINS[name](tolerated) for tolerated in scan(kappa)])
 
 
 def _falls(values: Array) -> bool:

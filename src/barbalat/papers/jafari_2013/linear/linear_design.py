@@ -129,8 +129,8 @@ def _contestants() -> tuple[list[ComparedController], str]:
 def _measure(controller: Controller) -> TailErrors:
     plain = over_sizes(controller)
     with_delays = [given(size, DELAY) for size in SIZES] + [variant(input=PlantInput(delay=float(d))) for d in DELAYS]
-    delayed, borne = np.split(tail([(problem, controller) for problem in with_delays]), [len(SIZES)])
-    lost = np.flatnonzero(~(borne < UNFOLLOWED_SHARE * amplitude()))
+    delayed, tolerated = np.split(tail([(problem, controller) for problem in with_delays]), [len(SIZES)])
+    lost = np.flatnonzero(~(tolerated < UNFOLLOWED_SHARE * amplitude()))
     last = int(lost[0]) if len(lost) else len(DELAYS)
     return TailErrors(plain[:-1], delayed, float(plain[-1]), float(DELAYS[last - 1]) if last else 0.0)
 

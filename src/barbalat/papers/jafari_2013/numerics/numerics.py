@@ -93,7 +93,7 @@ def smaller_gain() -> Claim:
     mrac = figures([(given, Mrac(gamma=section_v.MODERATE_GAIN))], 60.0, 1e-4)
     l1 = figures([(given, section_v.l1("L1", 1e4))], 60.0, 1e-4)
     resolved = figures([(given, section_v.l1("L1", 1e4))], 60.0, RESOLVING_STEP)
-    borne = margins(around_equilibrium(given, Mrac(gamma=section_v.MODERATE_GAIN), CREST)).delay
+    tolerated = margins(around_equilibrium(given, Mrac(gamma=section_v.MODERATE_GAIN), CREST)).delay
     smooth = bool((mrac.theta_hat_variation_rate < 1).all())
     better = bool((mrac.max_abs_e < l1.max_abs_e).all() and (mrac.tail_max_abs_e < l1.tail_max_abs_e).all())
     sentence = SENTENCES["smaller-gain"]
@@ -109,11 +109,11 @@ def smaller_gain() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC {l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 is {borne:.1e} s.",
+        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC {l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 is {tolerated:.1e} s.",
         measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most {mrac.tail_max_abs_e.max():.3g} and "
         "estimates that vary by at most "
         f"{mrac.theta_hat_variation_rate.max():.3g} per s, L1-AC with Gamma = 1e4 a tail error of at most "
-        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC loop has an exact delay margin of {borne:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both schemes",
+        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC loop has an exact delay margin of {tolerated:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both schemes",
         how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin by exact linearisation, with the law, around a constant command",
         listings=(
             by_component(

@@ -83,13 +83,13 @@ def delays() -> Claim:
     errors, rates = found["MRAC, midpoint"]
     quiet = CHATTER_FACTOR * rates[-1, 0]
     ratio = float((errors / found["MRAC, Euler"][0])[:, 1:].max())
-    borne = max(delay for delay, rate in zip((0.0, *DELAYS), rates[-1], strict=True) if rate <= quiet) / SAMPLE_TIME
+    tolerated = max(delay for delay, rate in zip((0.0, *DELAYS), rates[-1], strict=True) if rate <= quiet) / SAMPLE_TIME
     filtered_errors, filtered = found["L1-AC, midpoint"][0], found["L1-AC, midpoint"][1][-1]
-    borne_by_l1 = max(delay for delay, rate in zip((0.0, *DELAYS), filtered, strict=True) if rate <= quiet) / SAMPLE_TIME
+    tolerated_by_l1 = max(delay for delay, rate in zip((0.0, *DELAYS), filtered, strict=True) if rate <= quiet) / SAMPLE_TIME
     larger = np.array(DELAYS)[errors[-1, 1:] > filtered_errors[-1, 1:]]
     sentence = SENTENCES["sampled-delay"]
     readings = (
-        sentence.reads(borne_by_l1 > borne, f"{borne:g} T without the filter, {borne_by_l1:g} T with it"),
+        sentence.reads(tolerated_by_l1 > tolerated, f"{tolerated:g} T without the filter, {tolerated_by_l1:g} T with it"),
         Reading(
             "the tracking error is larger without the filter under every delay",
             len(larger) == len(DELAYS),
@@ -101,9 +101,9 @@ def delays() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {counted(round(borne), 'sample')} of {SAMPLE_TIME:g} s without the filter, {borne_by_l1:g} with it.",
-        measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} T with MRAC by the midpoint "
-        f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC swing between their bounds, and |e| is at most {ratio:.2f} times that "
+        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {counted(round(tolerated), 'sample')} of {SAMPLE_TIME:g} s without the filter, {tolerated_by_l1:g} with it.",
+        measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {tolerated:g} T with MRAC by the midpoint "
+        f"form, {tolerated_by_l1:g} T with L1-AC; beyond it those of MRAC swing between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
         f"{CHATTER_FACTOR:g} times that without a delay",

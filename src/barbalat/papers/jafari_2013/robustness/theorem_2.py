@@ -9,7 +9,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from barbalat.adaptation.law import Normalization
-from barbalat.certificates.linear_loops.frozen import BorneSizes, FrozenLoops, borne
+from barbalat.certificates.linear_loops.frozen import FrozenLoops, ToleratedSizes, tolerated
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.linear.largest import largest
 from barbalat.linear.margins import margins
@@ -76,21 +76,21 @@ class TauTradeOff:
     @cached_property
     def bounded(self) -> Array:
         """The indices of the sizes that have a boundary, which some tau of the scan tolerates and smaller ones do not."""
-        return np.flatnonzero(np.isfinite(self.limits.bears) & (self.limits.loses > 0))
+        return np.flatnonzero(np.isfinite(self.limits.tolerates) & (self.limits.loses > 0))
 
     @cached_property
     def along(self) -> Array:
         """max |e| in the tail of the longer runs at multiples of the boundary's tau (multiples, bounded); NaN if lost."""
-        sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
+        sizes, taus = SIZES[self.bounded], self.limits.tolerates[self.bounded]
         pairs = np.tile(sizes, len(TAU_MULTIPLES)), np.concatenate([multiple * taus for multiple in TAU_MULTIPLES])
         return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(
             len(TAU_MULTIPLES), -1
         )
 
     @cached_property
-    def frozen(self) -> list[BorneSizes]:
+    def frozen(self) -> list[ToleratedSizes]:
         """The sizes that the linear loops tolerate, for ``FROZEN_TAUS``."""
-        return [borne(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
+        return [tolerated(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
 
     @cached_property
     def normalised(self) -> TauLimits:
@@ -107,16 +107,16 @@ class TauTradeOff:
     @property
     def literal(self) -> tuple[Reading, str]:
         """The reading with Theorem 2's own setting, and a text with its results."""
-        bears, loses = self.normalised.bears, self.normalised.loses
-        said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(bears, THEOREM_SIZES, strict=True))
-        holds = bool(np.isfinite(bears).all() and (loses > 0).all() and (np.diff(bears) > 0).all())
+        tolerates, loses = self.normalised.tolerates, self.normalised.loses
+        said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(tolerates, THEOREM_SIZES, strict=True))
+        holds = bool(np.isfinite(tolerates).all() and (loses > 0).all() and (np.diff(tolerates) > 0).all())
         return SENTENCES[f"tau-limit-{self.key}"].reads(
             holds, f"smallest tau tolerated: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
         ), said
 
     def claim(self) -> Claim:
         limits, at = self.limits, self.bounded
-        sizes, taus, along = SIZES[at], limits.bears[at], self.along
+        sizes, taus, along = SIZES[at], limits.tolerates[at], self.along
         linear = np.array([self.error.limit(frozen_loops(float(tau)).at_theta) for tau in taus]) / sizes
         gain = np.array([each.small_gain / each.limit for each in self.frozen])
         doubled = (along[1] / along[0])[np.isfinite(along[:2]).all(axis=0)]
@@ -132,7 +132,7 @@ class TauTradeOff:
             readings=(literal, beside),
             shows=f"Smallest tau tolerated: {said} of {self.word}.",
             measured=            f"smallest tau tolerated: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
-            f"{(taus / sizes).max():.2f} times the {self.word}; no tau tolerates {self._nothing_borne()}. "
+            f"{(taus / sizes).max():.2f} times the {self.word}; no tau tolerates {self._nothing_tolerated()}. "
             f"At these values of tau the linear loop with the estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
             f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
             f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
@@ -143,8 +143,8 @@ class TauTradeOff:
             would_change="a tau that tolerates every size, or a boundary that does not rise with the size; the theorem's own Delta* is not computed",
         )  # fmt: skip
 
-    def _nothing_borne(self) -> str:
-        none = SIZES[np.isnan(self.limits.bears)]
+    def _nothing_tolerated(self) -> str:
+        none = SIZES[np.isnan(self.limits.tolerates)]
         return f"{none[0]:.3g} s" if len(none) else "more than the largest value tried"
 
     def _map(self) -> Map:
@@ -167,7 +167,7 @@ class TauTradeOff:
                 Curve("frozen at θ: exact limit", limit, FROZEN_TAUS),
                 Curve("frozen at θ: small gain", gain, FROZEN_TAUS),
                 Curve("frozen anywhere in the set: small gain", over_set[known], FROZEN_TAUS[known]),
-                Curve("observed boundary", SIZES[at], self.limits.bears[at], marks=True),
+                Curve("observed boundary", SIZES[at], self.limits.tolerates[at], marks=True),
             ),
         )
 
@@ -215,12 +215,12 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
     sentence, limits = SENTENCES["minus-mu-s"], [np.array([each.limit for each in of.frozen]) for of in (delay, mu)]
     ratios, plant = limits[1] / limits[0], section_v.problem().plant
     known = known_parameters(plant, plant.theta)
-    margin, borne_mu = margins(known).delay, _largest_mu(known)
-    ratio = borne_mu / margin
+    margin, tolerated_mu = margins(known).delay, _largest_mu(known)
+    ratio = tolerated_mu / margin
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(abs(ratio - 1) < PROPORTIONAL_SHARE, f"{borne_mu:.4g} s as -mu s, {margin:.4g} s as a delay"),
+            sentence.reads(abs(ratio - 1) < PROPORTIONAL_SHARE, f"{tolerated_mu:.4g} s as -mu s, {margin:.4g} s as a delay"),
             Reading(
                 "the same holds for the robust MRAC's loops with frozen estimates, for every tau",
                 bool((np.abs(ratios - 1) < PROPORTIONAL_SHARE).all()),
@@ -228,8 +228,8 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
                 "beside",
             ),
         ),
-        shows=f"With theta known the loop tolerates {borne_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs tolerate {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
-        measured=f"the loop with theta known tolerates mu = {borne_mu:.4g} s, {ratio:.3f} times its delay margin; of {len(FROZEN_TAUS)} values of tau the frozen loop of the robust MRAC tolerates delays of "
+        shows=f"With theta known the loop tolerates {tolerated_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs tolerate {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
+        measured=f"the loop with theta known tolerates mu = {tolerated_mu:.4g} s, {ratio:.3f} times its delay margin; of {len(FROZEN_TAUS)} values of tau the frozen loop of the robust MRAC tolerates delays of "
         f"{span(limits[0])} s, and mu of {span(limits[1])} s",
         how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops of the robust MRAC, {MENDED}: -mu s realised as -mu s/({DERIVATIVE_POLE} s + 1)",
         listings=(table("Tolerated by the frozen loop", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu [s]": limits[1], "mu/delay": ratios}),),

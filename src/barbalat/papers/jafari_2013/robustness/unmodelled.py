@@ -163,7 +163,7 @@ class Loss:
     """The results (6, gains) for each theta and gain: the largest delay below the first one with a lost run, that first delay,
     and the largest tail error."""
 
-    bears: Array
+    tolerates: Array
     loses: Array
     tail: Array
 
@@ -238,7 +238,7 @@ def claim(*, full: bool = False) -> Claim:
 
 def _of_section_v(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
     parts = [f"{name} {each.loses[0].min():g} s" for name, each in found.items()]
-    known = ", ".join(_borne(values[0]) for values in ideal.values())
+    known = ", ".join(_tolerated(values[0]) for values in ideal.values())
     return f"Section V's theta, {', '.join(parts)} (with theta known the loops tolerate {known})"
 
 
@@ -246,7 +246,7 @@ def _lost_at(delay: float) -> str:
     return f"lost at {delay:g} s" if np.isfinite(delay) else f"not lost up to {DELAYS[-1]:g} s"
 
 
-def _borne(delay: float) -> str:
+def _tolerated(delay: float) -> str:
     return f"{delay:.3g} s" if np.isfinite(delay) else "any delay"
 
 
@@ -259,7 +259,7 @@ def _of_the_centre(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
 def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]]) -> tuple[Reading, ...]:
     def shown(i: int) -> str:
         return "; ".join(
-            f"{name} {_lost_at(each.loses[i].max())}, theta known: tolerates {_borne(ideal[name][i])}"
+            f"{name} {_lost_at(each.loses[i].max())}, theta known: tolerates {_tolerated(ideal[name][i])}"
             for name, each in found.items()
         )
 
@@ -305,9 +305,9 @@ def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[floa
             {
                 "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
                 "Gamma": gains * len(THETAS),
-                "bounded": each.bears.ravel(),
+                "bounded": each.tolerates.ravel(),
                 "unbounded": each.loses.ravel(),
-                "theta known": [_borne(delay) for delay in ideal[name] for _ in gains],
+                "theta known": [_tolerated(delay) for delay in ideal[name] for _ in gains],
                 "|e|/|x_m|": each.tail.ravel(),
             },
         )
