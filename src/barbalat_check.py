@@ -18,7 +18,9 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise, product
+from math import comb
 from pathlib import Path
 from typing import Any
 
@@ -95,16 +97,17 @@ def quadratic(x: fmpq_mat, M: fmpq_mat) -> fmpq:
 
 def positive_definite(M: fmpq_mat) -> bool:
     """Whether the matrix is symmetric and has positive pivots in exact elimination."""
-    rows, n = M.tolist(), M.nrows()
-    if any(rows[i][j] != rows[j][i] for i in range(n) for j in range(i)):
-        return False
-    for k in range(n):
+    return M.transpose() == M and has_positive_pivots(M)
+
+
+def has_positive_pivots(M: fmpq_mat | arb_mat) -> bool:
+    rows: list[list[Any]] = M.tolist()
+    for k in range(len(rows)):
         if not rows[k][k] > 0:
             return False
-        for i in range(k + 1, n):
+        for i in range(k + 1, len(rows)):
             factor = rows[i][k] / rows[k][k]
-            for j in range(k, n):
-                rows[i][j] -= factor * rows[k][j]
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
     return True
 
 
@@ -166,7 +169,7 @@ class Norms:
 
     def _channel(self, B: fmpq_mat, j: int, steps: list[fmpq]) -> list[tuple[arb, arb]]:
         """Integrate step by step from the state b_j. The state is an exact x plus an error e with |e|_P <= error."""
-        exact = arb_mat([[arb(B[i, j])] for i in range(B.nrows())])
+        exact = column_of([arb(B[i, j]) for i in range(B.nrows())])
         x, C, p = exact.mid(), arb_mat(self.C), self.C.nrows()
         error = self._size(exact - x)
         lower = [abs(arb(self.D[i, j])) for i in range(p)]
@@ -202,23 +205,17 @@ class Norms:
 
 def bernstein(taylor: list[arb]) -> list[arb]:
     """The Bernstein coefficients of a polynomial on [0, 1]: b_i = sum_k binomial(i, k)/binomial(d, k) a_k."""
-    return (bernstein_matrix() * arb_mat([[one] for one in taylor])).entries()
+    return (bernstein_matrix(ctx.prec) * column_of(taylor)).entries()
 
 
-_TABLES: dict[int, arb_mat] = {}
+@cache
+def bernstein_matrix(_: int) -> arb_mat:
+    """The matrix of ``bernstein`` at the present precision, which is the argument."""
+    size = range(DEGREE + 1)
+    return arb_mat([[arb(fmpq(comb(i, k), comb(DEGREE, k))) for k in size] for i in size])
 
 
-def bernstein_matrix() -> arb_mat:
-    from math import comb
-
-    if ctx.prec not in _TABLES:
-        size = range(DEGREE + 1)
-        _TABLES[ctx.prec] = arb_mat([[arb(fmpq(comb(i, k), comb(DEGREE, k))) for k in size] for i in size])
-    return _TABLES[ctx.prec]
-
-
-# --- The given data: the case's numbers and the assumptions that follow from them
-# -----------------------------------------------
+# --- The given data: the case's numbers and the assumptions that follow from them -----------------------------------------------
 
 
 class Case:
@@ -237,6 +234,9 @@ class Case:
         self.theta, self.x0 = vector(facts["theta"]), column(vector(facts["x0"], self.n))
         self.gain = vector(facts["gain"], self.m)
         self.interval = None if facts["input_gain"] is None else Box(facts["input_gain"], self.m)
+        fixed = facts["baseline"]  # u = k_0 r - theta_0'x, to which adaptation is added; the command also enters x' as enters r
+        self.theta_0 = None if fixed is None else vector(fixed["theta_0"], len(facts["theta"]))
+        self.enters = zeros(self.n, self.k_0.ncols()) if fixed is None else matrix(fixed["enters"], self.n, self.k_0.ncols())
         self.linear = facts["regressor"] == {"kind": "x"}
         require(
             not self.linear or len(self.theta) == self.n * self.m, "phi(x) = x needs an entry of theta for each state and input"
@@ -262,6 +262,20 @@ class Case:
         require(kind == "bounded", "the command has no bound")
         self.assumed[f"the command {signal.get('name', '')} stays within {text(number(signal['bound']))}"] = None
         return number(signal["bound"])
+
+    @property
+    def b_r(self) -> fmpq_mat:
+        """The matrix by which commands act on the model."""
+        return self.b * self.k_0 + self.enters
+
+    @property
+    def origin(self) -> list[fmpq]:
+        """theta_0 of a baseline, from which the adaptive part of L1-AC departs; 0 without one."""
+        return [fmpq(0)] * len(self.theta) if self.theta_0 is None else self.theta_0
+
+    def adapted(self) -> arb:
+        """sup |k_0 r| of the command in the adaptive part of L1-AC: a baseline contains the command."""
+        return self.pushed()[0] if self.theta_0 is None else arb(0)
 
     def pushed(self) -> list[arb]:
         """sup |(k_0 r)_j| of each input."""
@@ -296,7 +310,8 @@ class Case:
         known = self.interval is None and not any_gain
         require(not known or all(one == 1 for one in self.gain), "the plant must be (1), but its input has a gain other than 1")
         require(all(one > 0 for one in self.gain), "the input's gain must be positive")
-        for name in ("sensor", "baseline", "unmatched_ranges", *(() if disturbed else ("disturbance", "unmatched"))):
+        carried = disturbed and self.theta_0 is None
+        for name in ("sensor", "unmatched_ranges", *(() if carried else ("disturbance", "unmatched"))):
             require(self.facts[name] in (None, [], ""), f"the plant must be (1), but the case has: {name}")
         self.command_bounds()
 
@@ -570,7 +585,7 @@ def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fm
     if name == "sW_b":
         return A_m, b, A_m, b
     if name in ("W_r", "sW_r"):
-        b_r = matrix(c.fact("sampled")["b_r"], n)
+        b_r = matrix(c.fact("sampled")["b_r"], n) if c.scheme == "sampled" else case.b_r
         return (A_m, b_r, identity(n), zeros(n, b_r.ncols())) if name == "W_r" else (A_m, b_r, A_m, b_r)
     if name == "C":
         return state_space(c.fact("filter"))
@@ -608,13 +623,16 @@ def state_space(facts: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fm
 
 
 def disturbed(c: Controller) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
-    """The system from a matched disturbance to x in the loop of a linear controller or an ADRC, with theta_0."""
+    """The system from a matched disturbance to x in the loop of a baseline, a linear controller or an ADRC, with theta_0."""
     n, b, theta_0 = c.case.n, c.case.b, matrix([c.fact("theta_0")], 1, c.case.n)
     require(c.case.m == 1 and c.case.linear, "this loop is known for one input and phi(x) = x")
     plant = c.case.A_m + b * theta_0
+    measured = matrix([c.fact("c")], 1, n) if c.scheme == "linear" else zeros(1, n)
+    if c.scheme == "baseline" or (c.scheme == "linear" and not c.fact("K")["A"]):  # K(s) is a gain, which for a baseline is 0
+        gain = number(c.fact("K")["D"]) if c.scheme == "linear" else fmpq(0)
+        return c.case.A_m - b * measured * gain, b, identity(n), zeros(n, 1)
     if c.scheme == "linear":
         A, B, C, D = state_space(c.fact("K"))
-        measured = matrix([c.fact("c")], 1, n)
         feedback = blocks([[theta_0 + measured * D[0, 0], C]])
         inner = [B * measured, A]
     else:
@@ -659,7 +677,7 @@ def _theta_max(c: Controller, value: Any, line: dict[str, Any]) -> None:
     theta = c.of_theta
     if theta is None:
         raise Refused("there is no known set")
-    at_least(value, theta.farthest_1([fmpq(0)] * len(c.case.theta)), "theta_max")
+    at_least(value, theta.farthest_1(c.case.origin if c.scheme == "l1" else [fmpq(0)] * len(c.case.theta)), "theta_max")
     c.proven["theta_max"] = arb(number(value))
 
 
@@ -679,11 +697,12 @@ def _norms(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("bounds")
 def _bounds(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """|x_m,i| <= sum_j ||e_i'W_b,j|| sup |(k_0 r)_j| + sqrt(x0'P x0 (P^-1)_ii)."""
+    """|x_m,i| <= sum_j ||e_i'W_b,j|| sup |(k_0 r)_j| + sqrt(x0'P x0 (P^-1)_ii), or W_r and r if commands also enter directly."""
     c.earlier("lyapunov")
     require("L" not in c.facts, "P must be a Lyapunov matrix of A_m")
-    each, start, inverse = c.norm("W_b").upper, quadratic(c.case.x0, c.P), c.P.inv()
-    r, pushed = c.case.command_bounds(), c.case.pushed()
+    start, inverse, r = quadratic(c.case.x0, c.P), c.P.inv(), c.case.command_bounds()
+    directly = any(one != 0 for one in c.case.enters.entries())
+    each, pushed = (c.norm("W_r").upper, r) if directly else (c.norm("W_b").upper, c.case.pushed())
     for i in range(c.case.n):
         forced = sum((norm * push for norm, push in zip(each[i], pushed, strict=True)), arb(0))
         at_least(value["x_m"], forced + root(start * inverse[i, i]), "sup |x_m|")
@@ -710,7 +729,7 @@ def gain_and_size(c: Controller) -> tuple[arb, arb]:
     """N and the factor by which the small-gain condition multiplies it."""
     if c.scheme == "l1":
         return c.norm("W_b(1-C)").norm[1], c.earlier("theta_max")
-    name = "W_b S" if c.scheme == "linear" else "T"
+    name = {"baseline": "W_b", "linear": "W_b S"}.get(c.scheme, "T")
     theta = c.of_theta
     if theta is None:
         raise Refused("there is no known set")
@@ -759,7 +778,7 @@ def _nu_1(c: Controller, value: Any, line: dict[str, Any]) -> None:
     if line["key"] == "nu_2":
         at_least(value, root(sum((one**2 for one in c.error()), fmpq(0)) / c.earlier("lambda_min")) / left, "nu_2")
     else:
-        at_least(value, slope * (theta_max * c.earlier("x_m") + c.case.pushed()[0]) / left, "nu_1")
+        at_least(value, slope * (theta_max * c.earlier("x_m") + c.case.adapted()) / left, "nu_1")
 
 
 @rule("reference_error_bound")
@@ -795,7 +814,7 @@ def of_l1(c: Controller) -> arb:
     require_known_gain(c)
     require_projected(c)
     norm, theta_max = gain_and_size(c)
-    bias: arb = norm * (theta_max * c.earlier("x_m") + c.case.pushed()[0])
+    bias: arb = norm * (theta_max * c.earlier("x_m") + c.case.adapted())
     return (c.level() + bias) / contraction(c)
 
 
@@ -807,7 +826,8 @@ def of_closed_loop_model(c: Controller) -> arb:
 def require_fixed_loop(c: Controller) -> None:
     """Require the premises of e = T[(theta - theta_0)'x]."""
     c.case.require_nominal(any_gain=True)
-    gain = fmpq(1) if c.scheme == "linear" else number(c.fact("b_0"))
+    gain = number(c.fact("b_0")) if c.scheme == "adrc" else fmpq(1)
+    require(c.scheme != "adrc" or c.case.theta_0 is None, "an ADRC has no baseline")
     require(c.case.gain == [gain], "the input must have the gain that the controller takes it to have")
     c.require_theta_known()
     require("sample_time" not in c.facts, "the controller must act continuously")
@@ -904,8 +924,8 @@ def quotients(lower: list[fmpq], upper: list[fmpq], omega: Box, each: list[int])
 
 
 ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
-    "mrac": of_mrac, "l1": of_l1, "mrac-closed-loop": of_closed_loop_model, "mrac-direct": of_direct, "linear": of_fixed_loop,
-    "adrc": of_fixed_loop, "output": lambda c: small_gain(c)[1][0],
+    "mrac": of_mrac, "l1": of_l1, "mrac-closed-loop": of_closed_loop_model, "mrac-direct": of_direct, "baseline": of_fixed_loop,
+    "linear": of_fixed_loop, "adrc": of_fixed_loop, "output": lambda c: small_gain(c)[1][0],
 }  # fmt: skip
 
 
@@ -937,7 +957,7 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
     if of_command and line.get("witness", {}).get("follows_from") == "error_bound_worst":
         at_least(value, c.earlier("error_bound_worst"), "the bound for this command")
         return
-    if c.scheme in ("l1", "linear", "adrc"):
+    if c.scheme in ("l1", "baseline", "linear", "adrc"):
         at_least(value, along_the_command(c, line) if of_command else for_all_commands(c, line), "the bound of |e|")
         c.proven[line["key"]] = arb(number(value))
         return
@@ -1016,7 +1036,7 @@ def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
     if c.scheme == "sampled":
         at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
         return
-    require("sample_time" not in c.facts, "the controller must act continuously")
+    require("sample_time" not in c.facts and c.case.theta_0 is None, "the controller must act continuously, without a baseline")
     nu, gamma, gamma_v = (number(c.fact(name)) for name in ("nu", "gamma", "gamma_v"))
     rows = 1 + c.fact("neurons")
     require(isinstance(rows, int) and rows > 1 and nu > 0 and gamma > 0 and gamma_v > 0, "gains must be positive")
@@ -1058,7 +1078,7 @@ def over_cells(box: Box, tree: dict[str, Any], bound: Callable[[Box, dict[str, A
 def varied(A: fmpq_mat, B: fmpq_mat, case: Case, off: list[fmpq], passes: fmpq) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
     """(x_m, e_c, s_1 ... s_n)' = M (...) + b r, with the outputs e_c, s_1 ... s_n: A, B and the first n states are those of G."""
     n, m = case.n, A.nrows()
-    size, b_r = n + (n + 1) * m, case.b * case.k_0
+    size, b_r = n + (n + 1) * m, case.b_r
     rows, outputs = [[fmpq(0)] * size for _ in range(size)], [[fmpq(0)] * size for _ in range((n + 1) * n)]
     for i, row in enumerate(case.A_m.tolist()):
         rows[i][:n] = row
@@ -1120,13 +1140,12 @@ class LinearPart:
 
     def __init__(self, c: Controller, line: dict[str, Any]) -> None:
         self.case, self.line, self.added, self.passes = c.case, line, arb(0), fmpq(0)
-        self.origin = [fmpq(0)] * c.case.n
         if c.scheme == "l1":
             c.require_theorem_1()
             require_known_gain(c)
             require_projected(c)
             self.A, self.B, _, _ = system(c, "W_b(1-C)", line)
-            self.passes = c.case.k_0[0, 0]
+            self.origin, self.passes = c.case.origin, c.case.k_0[0, 0] if c.case.theta_0 is None else fmpq(0)
             self.added = c.norm("C").norm[1] * (arb(widest(c.P)) * worst_V(c, line)).sqrt()
         else:
             require_fixed_loop(c)
@@ -1257,9 +1276,8 @@ class SampledLoop:
         self.E, self.J, self.C = (arb_mat(matrix(facts[name])) for name in "EJC")
         self.T, self.s, self.m = number(facts["T"]), s, self.E.ncols()
         self.whole, self.part = facts["whole"], number(facts["part"])
-        require(
-            self.T > 0 and isinstance(self.whole, int) and self.whole >= 0 and 0 <= self.part < 1, "a sample time and a delay"
-        )
+        whole = isinstance(self.whole, int) and self.whole >= 0
+        require(self.T > 0 and whole and 0 <= self.part < 1, "a sample time and a delay are needed")
         self.A_m, self.b_r, self.n = arb_mat(case.A_m), arb_mat(matrix(facts["b_r"], case.n)), case.n
         self.depth = self.whole + (1 if self.part > 0 else 0)
         self.size = s + self.m * self.depth
@@ -1335,7 +1353,7 @@ class SampledLoop:
     def weights(self, d: list[arb]) -> list[arb]:
         """Weights of the columns of ``reached`` for disturbances of these sizes; see G W in docs/proofs.md."""
         assert self.B is not None
-        off = grown(self.A, self.T) * (grown(self.A, self.T / PARTS) - identity_of(self.s)) * absolute(self.B) * arb(self.T)
+        off = grown(self.A, self.T) * (grown(self.A, self.T / PARTS) - arb_mat(identity(self.s))) * absolute(self.B) * arb(self.T)
         each = [one * arb(self.T) / PARTS for _ in range(PARTS) for one in d]
         return each + [sum((off[i, j] * one for j, one in enumerate(d)), arb(0)) for i in range(self.s)]
 
@@ -1356,11 +1374,10 @@ class SampledLoop:
             "the witness must give P > 0, a share between 0 and 1, and a number of samples",
         )
         form = arb_mat(P)
-        require(
-            certainly_positive(form * arb(1 - share) - self.M.transpose() * form * self.M), "M'PM must be below (1 - share) P"
-        )
+        gap = form * arb(1 - share) - self.M.transpose() * form * self.M
+        require(certainly_positive(gap), "M'PM must be below (1 - share) P")
         left, inverse = 1 - (1 - arb(share)).sqrt(), arb_mat(P.inv())  # 1 - beta
-        reach = [((arb_mat([row]) * inverse * arb_mat([[one] for one in row]))[0, 0]).sqrt() / left for row in rows.tolist()]
+        reach = [((arb_mat([row]) * inverse * column_of(row))[0, 0]).sqrt() / left for row in rows.tolist()]
         with ctx.workprec(LEAST_BITS):
             largest, of_largest = self.followed(rows, beside(peaks), form, samples, arb.max)
             summed, of_summed = self.followed(rows, beside(sums), form, samples, arb.__add__)
@@ -1400,14 +1417,7 @@ def sizes_of(columns: arb_mat, P: arb_mat) -> list[arb]:
 
 def certainly_positive(M: arb_mat) -> bool:
     """Whether all pivots of the symmetric part are positive, in ball arithmetic."""
-    rows = ((M + M.transpose()) * (arb(1) / 2)).tolist()
-    for k in range(len(rows)):
-        if not rows[k][k] > 0:
-            return False
-        for i in range(k + 1, len(rows)):
-            factor = rows[i][k] / rows[k][k]
-            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
-    return True
+    return has_positive_pivots((M + M.transpose()) * (arb(1) / 2))
 
 
 def absolute(M: arb_mat) -> arb_mat:
@@ -1417,10 +1427,6 @@ def absolute(M: arb_mat) -> arb_mat:
 def grown(A: arb_mat, t: fmpq) -> arb_mat:
     """e^(|A| t)."""
     return (absolute(A) * arb(t)).exp()
-
-
-def identity_of(n: int) -> arb_mat:
-    return arb_mat(identity(n))
 
 
 def column_of(values: list[arb]) -> arb_mat:
@@ -1435,10 +1441,8 @@ def largest_of(values: list[arb]) -> arb:
 def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """The bounds of the linear loop, while u stays within its limits."""
     case = c.case
-    require(
-        case.linear and case.facts["noise"] is None and not case.facts["unmatched_ranges"],
-        "a linear plant without noise is needed",
-    )
+    quiet = case.facts["noise"] is None and not case.facts["unmatched_ranges"]
+    require(case.linear and quiet, "a linear plant without noise is needed")
     for path in case.facts["inputs"]:
         require(path["quantization"] is None and path["rate_limit"] is None, "the input has a converter or a rate limit")
     case.assumed["the matrices of the loop from sample to sample are the case's"] = None
@@ -1446,10 +1450,8 @@ def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
         one for one in (case.facts["disturbance"], *(each["signal"] for each in case.facts["unmatched"])) if one is not None
     ]
     loop, d = SampledLoop(c), [arb(case.bound_of_signal(one)) for one in acting]
-    require(
-        (loop.B is None and not d) or (loop.B is not None and loop.B.ncols() == len(d)),
-        "B must have a column for each disturbance",
-    )
+    columns = 0 if loop.B is None else loop.B.ncols()
+    require(columns == len(d), "B must have a column for each disturbance")
     held, x, u = loop.bounds(case.command_bounds(), d, line["witness"])
     for path in case.facts["inputs"]:
         limits = path["saturation"]

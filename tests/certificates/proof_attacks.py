@@ -141,7 +141,15 @@ def _broken_premises(plant: Document, facts: Document) -> Iterator[tuple[str, Do
     yield "a sensor", plant | {"sensor": "Sensor"}
     yield "a command without a bound", plant | {"reference": [{"kind": "unbounded"} for _ in plant["reference"]]}
     yield "another model", plant | {"A_m": [[-value for value in row] for row in plant["A_m"]]}
-    known_set = plant["uncertainty"]
-    if known_set is not None and (facts.get("projection") or facts["scheme"] in ("linear", "adrc")):
+    fixed, known_set = plant["baseline"], plant["uncertainty"]
+    if fixed is not None and facts["scheme"] in ("l1", "linear", "baseline"):
+        yield (
+            "commands that enter elsewhere",
+            plant | {"baseline": fixed | {"enters": [[9.0] * len(row) for row in fixed["enters"]]}},
+        )
+    if fixed is not None and facts["scheme"] == "l1":
+        yield "another baseline", plant | {"baseline": fixed | {"theta_0": [one + 1.0 for one in fixed["theta_0"]]}}
+        yield "no baseline", plant | {"baseline": None}
+    if known_set is not None and (facts.get("projection") or facts["scheme"] in ("linear", "baseline", "adrc")):
         beyond = 1.0 + (max(known_set["upper"]) if "upper" in known_set else max(known_set["center"]) + known_set["radius"])
         yield "theta outside the known set", plant | {"theta": [beyond] * len(plant["theta"])}

@@ -140,6 +140,76 @@ def test_what_does_not_follow_of_random_cases_is_refused(tmp_path):
     assert not accepted
 
 
+BASELINE = """
+name = "beside a PI controller"
+[parameters]
+a = { value = 1.0, between = [0.998, 1.002] }
+[plant]
+A = [["-a"]]
+b = [1.0]
+x0 = [0.1]
+[reference_model]
+follow = "x_1"
+[reference]
+kind = "square"
+amplitude = 0.3
+frequency = 0.4
+[simulation]
+t_end = 10.0
+dt = 1e-3
+[baseline]
+kind = "lqi"
+Q = [1.0, 4.0]
+R = 1.0
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 20.0
+[[controller]]
+name = "Baseline"
+scheme = "baseline"
+[[controller]]
+name = "Gain"
+scheme = "linear"
+controller = { num = [5.0], den = [1.0] }
+[[controller]]
+name = "Direct"
+scheme = "mrac-direct"
+gamma = 20.0
+gamma_r = 5.0
+"""
+FILTERED = """
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = 200.0
+filter = { kappa = 0.1 }
+"""
+
+
+def beside_a_baseline(text):
+    """The document of a case in which the command also enters the integral of the error directly, the adaptive part of L1-AC
+    departs from the baseline, and the linear controller is a gain, without a state. All its guaranteed numbers are proven."""
+    case = parse_case(text)
+    document = document_of(case, certify(case.problem, case.controllers, case.simulation))
+    barbalat_check.check(document)
+    for name, found in document["controllers"].items():
+        assert not found["not in the proof"], name
+        assert {"error_bound", "error_bound_worst", "error_bound_command"} <= {line["key"] for line in found["lines"]}
+    return document
+
+
+def test_every_number_beside_a_baseline_is_proven():
+    assert beside_a_baseline(BASELINE)
+
+
+@pytest.mark.full
+def test_what_does_not_follow_beside_a_baseline_is_refused():
+    document = beside_a_baseline(BASELINE + FILTERED)
+    tried = [(what, refused(false, document)) for what, false in attacks(document)]
+    assert len(tried) >= 100 and not [what for what, caught in tried if not caught]
+
+
 SQUARE = """
 name = "square"
 [plant]

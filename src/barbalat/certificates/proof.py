@@ -31,7 +31,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import KnownSet, ParameterBall
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
-from barbalat.problem.state_feedback import Problem
+from barbalat.problem.state_feedback import Known, Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal, Controller, Signal
 from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
@@ -57,10 +57,13 @@ RESTS_ON: dict[str, tuple[str, ...]] = {
     "reference_error_bound": ("lyapunov", "lambda_min", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
 }
 """The lines that a rule needs in every scheme, by key."""
-OF_NUMBERS_ALONE = "nu_0", "nu_0_worst", "initial_parameter_error", "lambda_min", "theta_max"
-"""Keys whose rules need no assumption on the signals that act on the plant."""
 OF_V = "error_bound", "error_bound_worst", "error_bound_command"
-BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
+OF_FIXED_LOOPS: dict[str, dict[str, tuple[str, ...]]] = {
+    scheme: dict.fromkeys(("norms", "condition", "error_bound_command"), (f"L1 norm of {name}",))
+    | {"error_bound": ("bounds", f"L1 norm of {name}"), "error_bound_worst": ()}
+    for scheme, name in (("baseline", "W_b"), ("linear", "W_b S"), ("adrc", "T"))
+}
+BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = OF_FIXED_LOOPS | {
     "mrac": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
     "mrac-direct": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
     "mrac-closed-loop": dict.fromkeys(OF_V, ("lyapunov", "lambda_min", "L1 norm of 1-L")),
@@ -77,15 +80,10 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "sampled": dict.fromkeys(("error_bound_held", "state_bound", "control_bound"), ("sampled response",))
     | {"sampled response": (), "error_bound": ("sampled response", "L1 norm of W_r", "L1 norm of sW_r")},
-    "linear": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of W_b S",))
-    | {"error_bound": ("bounds", "L1 norm of W_b S"), "error_bound_worst": ()},
-    "adrc": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of T",))
-    | {"error_bound": ("bounds", "L1 norm of T"), "error_bound_worst": ()},
 }
-OVER_CELLS = "l1", "linear", "adrc"
-"""Schemes whose bounds over the known set follow from cells of it."""
+OVER_CELLS = {"l1": "W_b(1-C)", "baseline": "W_b", "linear": "W_b S", "adrc": "T"}
+"""Schemes whose bounds over the known set follow from cells of it, with the system G of e = G[(theta - theta_0)'x]."""
 NO_RULE = "no rule covers it"
-BESIDE_A_BASELINE = "barbalat-check has no rule yet for a plant with a baseline"
 NO_WITNESS = "no witness was found for the L1 norm of {}"
 
 
@@ -151,13 +149,12 @@ class _Lines:
         if key.startswith("L1 norm of "):
             return self._add_norm(key)
         rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME.get(self.facts["scheme"], {})).get(key)
-        if self.problem.fixed is not None and key not in OF_NUMBERS_ALONE:
-            return BESIDE_A_BASELINE
         entry = self.claimed.get(key)
         of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
         if rests_on is None or of_samples:
             return NO_RULE
-        for one in rests_on:
+        directly = isinstance(self.problem, Problem) and self.problem.known.enters is not None
+        for one in ("lyapunov", "L1 norm of W_r") if key == "bounds" and directly else rests_on:
             if why := self.add(one):
                 return why
         value = self._beside(key) if entry is None else entry.value
@@ -193,9 +190,8 @@ class _Lines:
                 found |= {"t_end": self.t_end, "cells": along.tree(known_command.witness)}
             else:
                 _, whole = any_command.worst_bound(self.problem, loop)
-                name = {"l1": "W_b(1-C)", "linear": "W_b S", "adrc": "T"}[self.facts["scheme"]]
                 with ctx.workprec(EXACT_BITS):
-                    A, B, _, _ = _system(name, self.problem, self.facts, None)
+                    A, B, _, _ = _system(OVER_CELLS[self.facts["scheme"]], self.problem, self.facts, None)
                 found["cells"] = whole.tree(partial(any_command.witness, self.problem, replace(loop, A=A, B=B.entries())))
         return found
 
@@ -260,7 +256,7 @@ def _system(name: str, problem: Problem, facts: dict[str, Any], kappa: float | N
     if name == "sW_b":
         return A_m, b, A_m, b
     if name in ("W_r", "sW_r"):
-        b_r = _balls(facts["sampled"]["b_r"])
+        b_r = _balls(facts["sampled"]["b_r"] if facts["scheme"] == "sampled" else problem.model.matrices[1])
         return (A_m, b_r, identity, _zeros(n, b_r.ncols())) if name == "W_r" else (A_m, b_r, A_m, b_r)
     if name == "1-L":
         return A_m, -_balls(facts["L"]), identity, identity
@@ -281,6 +277,9 @@ def _system(name: str, problem: Problem, facts: dict[str, Any], kappa: float | N
 def _disturbed(A_m: arb_mat, b: arb_mat, facts: dict[str, Any]) -> tuple[arb_mat, ...]:
     """The system from a matched disturbance to x, in the loop with theta_0."""
     n, theta_0 = A_m.nrows(), _balls([facts["theta_0"]])
+    identity, nothing = _balls(np.eye(n)), _zeros(n, 1)
+    if facts["scheme"] == "linear" and not facts["K"]["A"]:  # K(s) is a gain
+        return A_m - b * _balls([facts["c"]]) * arb(facts["K"]["D"]), b, identity, nothing
     if facts["scheme"] == "linear":
         A, B, C, D = _state_space(facts["K"])
         c = _balls([facts["c"]])
@@ -293,7 +292,7 @@ def _disturbed(A_m: arb_mat, b: arb_mat, facts: dict[str, Any]) -> tuple[arb_mat
     k = inner[1].nrows()
     B = _blocks([[b], [_zeros(k, 1)]])
     whole = _blocks([[A_m + b * theta_0, _zeros(n, k)], inner]) - B * feedback
-    return whole, B, _blocks([[_balls(np.eye(n)), _zeros(n, k)]]), _zeros(n, 1)
+    return whole, B, _blocks([[identity, _zeros(n, k)]]), nothing
 
 
 def _state_space(facts: dict[str, Any]) -> tuple[arb_mat, arb_mat, arb_mat, arb]:
@@ -338,9 +337,16 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "unmatched_ranges": unmatched,
         "sensor": None if quiet else type(sensor).__name__,
         "noise": None if problem.noise is None else type(problem.noise).__name__,
-        "baseline": None if plant.baseline is None else type(plant.baseline).__name__,
+        "baseline": _baseline(known),
         "reference": [_command(one) for one in problem.commands],
     }
+
+
+def _baseline(known: Known) -> dict[str, Any] | None:
+    if known.theta_0 is None:
+        return None
+    enters = np.zeros((known.n, np.reshape(known.k_0, (known.inputs, -1)).shape[1])) if known.enters is None else known.enters
+    return {"theta_0": known.theta_0.tolist(), "enters": enters.reshape(known.n, -1).tolist()}
 
 
 def _output_facts(problem: OutputProblem) -> dict[str, Any]:

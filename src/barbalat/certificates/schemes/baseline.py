@@ -3,9 +3,12 @@ several inputs, only its margins."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT
+from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
@@ -42,6 +45,18 @@ def certificate(problem: Problem, controller: BaselineAlone, simulation: Simulat
         add_loop(draft, problem, loop, simulation.t_end)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: BaselineAlone, _: Simulation) -> dict[str, Any]:
+    """The numbers of the loop."""
+    theta_0 = controller.bind(problem.known).theta_0
+    return {"scheme": "baseline", "P": problem.known.P.tolist(), "theta_0": theta_0.tolist()}
+
+
+def known_loop(problem: Problem, controller: BaselineAlone) -> KnownLoop | None:
+    """The loop that is followed along its command."""
+    loop = loop_of(problem, controller)
+    return None if loop is None else loop.known_loop()
 
 
 def linear_when(problem: Problem, _: BaselineAlone) -> str | None:
