@@ -1,4 +1,4 @@
-"""Studies of many runs that answer one question: sweeps, tuning, contests, trade-offs, simulated margins, explorers.
+"""Studies of many runs that answer one question: sweeps, sensitivities, tuning, contests, trade-offs, margins, explorers.
 
 A ``Budget`` limits their cost.
 """

@@ -17,6 +17,9 @@ from .comparison.tune.result import Tuning as Tuning
 from .comparison.tune.tune import tune as tune
 from .explorer.explorer import Explorer as Explorer
 from .explorer.explorer import explore as explore
+from .gradients.sensitivity import Derivative as Derivative
+from .gradients.sensitivity import Sensitivities as Sensitivities
+from .gradients.sensitivity import sensitivity as sensitivity
 from .identify.identification import identify as identify
 from .identify.recording import Recording as Recording
 from .identify.result import Identification as Identification

@@ -19,6 +19,7 @@ WORKING = {
     "run",
     "certify",
     "sweep",
+    "sensitivity",
     "tune",
     "contest",
     "design",

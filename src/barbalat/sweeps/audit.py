@@ -17,7 +17,7 @@ from barbalat.sweeps.evidence import judged_by, largest_error
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.settling import Rerun, Settling, Step, Work, settled_by
 from barbalat.sweeps.statistics import Share
-from barbalat.sweeps.study import OSCILLATED, RINGS, SETTLED, VERDICT, columns_of
+from barbalat.sweeps.study import OSCILLATED, RINGS, SETTLED, VERDICT
 from barbalat.validate import Array, InputError
 
 AUDITED_SHARE, FEWEST_AUDITED = 0.02, 30
@@ -180,7 +180,7 @@ def _work(settling: Settling, before: _Chosen) -> Work:
             found[f"{study.controllers[rerun.controller]}/{AGAIN}"][rerun.places] = ~stalled
             (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
             ring = RINGS if f"{study.controllers[rerun.controller]}/{RINGS}" in found else OSCILLATED  # from an old store
-            for name, values in (columns_of(fine.metrics) | {VERDICT: fine.kinds, ring: rings}).items():
+            for name, values in (fine.metrics.columns() | {VERDICT: fine.kinds, ring: rings}).items():
                 if (column := f"{study.controllers[rerun.controller]}/{name}") in found:
                     found[column][rerun.places] = values
     return found

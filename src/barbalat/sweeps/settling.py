@@ -22,7 +22,7 @@ from barbalat.run.engine.refining import Refining
 from barbalat.run.kernel import delay
 from barbalat.solvers.simulation import LEAST_TOLERANCE
 from barbalat.sweeps.chunks import Columns
-from barbalat.sweeps.study import FINER_BY, RINGS, SETTLED, VERDICT, Figured, Study, StudyPart, columns_of, run_here
+from barbalat.sweeps.study import FINER_BY, RINGS, SETTLED, VERDICT, Figured, Study, StudyPart, run_here
 from barbalat.validate import Array, InputError
 
 PILOTS = 32
@@ -184,7 +184,7 @@ class Settling:
         """Use the results of the finer step, but keep the information whether estimates oscillate with the case's own step."""
         name, resolved = self.study.controllers[rerun.controller], fine.finer_by == 0
         (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
-        columns = columns_of(fine.metrics) | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}
+        columns = fine.metrics.columns() | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}
         for column, values in columns.items():
             found[f"{name}/{column}"][rerun.places[resolved]] = values[resolved]
 

@@ -226,7 +226,7 @@ class Study:
         for part, figured in zip(parts, figures, strict=True):
             judged = self.oscillated(part.setting, [one.metrics for one in figured])
             for controller, one, oscillated, modes in zip(self.controllers, figured, judged, self._needed_by_modes, strict=True):
-                columns, needed = columns_of(one.metrics) | {OSCILLATED: oscillated}, np.maximum(one.finer_by, modes)
+                columns, needed = one.metrics.columns() | {OSCILLATED: oscillated}, np.maximum(one.finer_by, modes)
                 settled = np.where(np.isnan(needed), np.nan, needed == 0)
                 columns |= {VERDICT: one.kinds.astype(float), RINGS: oscillated, FINER_BY: needed, SETTLED: settled}
                 for name, values in columns.items():
@@ -423,16 +423,3 @@ def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | N
     if isinstance(batch, ObservedBatch):
         needed = np.where(batch.stalled, np.inf, needed)
     return Figured(batch.metrics(simulation), kinds, needed)
-
-
-def columns_of(metrics: Metrics) -> Columns:
-    """Figures under the names of ``run --json``, a component in brackets."""
-    found: Columns = {}
-    for name, values in vars(metrics).items():
-        if values is None:
-            continue
-        if values.ndim == 1:
-            found[name] = values
-        else:
-            found |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
-    return found

@@ -16,7 +16,6 @@ from barbalat.problem.modelling_error import DelayError, GainError, ModellingErr
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.study.verdicts import Criterion
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError
 
 FIGURE_NAMES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
@@ -108,7 +107,7 @@ class TunedQuantity:
             the
         worst value.
         """
-        columns = columns_of(metrics)
+        columns = metrics.columns()
         if self.name in columns:
             found = columns[self.name]
         else:

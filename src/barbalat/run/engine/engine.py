@@ -129,7 +129,7 @@ class Batch:
         assert self.program.accumulators is not None
         members = self.states.shape[1]
         width = self.lanes or best_lanes(members)
-        self.totals = Totals(self.program.accumulators, members)
+        self.totals = self.program.accumulators.totals(members)
         kernel = self.program.compile(width, self.steps * -(-members // width))
         self.groups = []
         for first in range(0, members, width):

@@ -69,6 +69,10 @@ class Accumulators:
             start += size
         return result
 
+    def totals(self, members: int) -> Totals:
+        """Running totals of this number of members."""
+        return Totals(self, members)
+
     def update(
         self,
         old: Value,
@@ -139,6 +143,18 @@ class Metrics:
     def of(self, which: slice | Array) -> Metrics:
         """The figures of some of the members."""
         return Metrics(**{name: None if values is None else values[which] for name, values in vars(self).items()})
+
+    def columns(self) -> dict[str, Array]:
+        """(M,) figures under the names of ``run --json``, a component in brackets."""
+        found: dict[str, Array] = {}
+        for name, values in vars(self).items():
+            if values is None:
+                continue
+            if values.ndim == 1:
+                found[name] = values
+            else:
+                found |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
+        return found
 
     def end_of(self, i: int) -> float | None:
         """The time at which a member diverged [s]; None if it did not."""

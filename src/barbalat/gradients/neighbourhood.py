@@ -1,0 +1,248 @@
+"""The neighbourhood of a case: the numbers that can be moved by a little, and how each moves the kernel's arguments.
+
+A number may be an argument itself. Others follow from it (P from Q, a filter's matrices from kappa), by constructors that are
+not traced: their derivatives are central differences of the derived numbers alone, for which nothing is simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.cases.load import CaseText
+from barbalat.open_numbers.kernel_numbers import Numbers
+from barbalat.open_numbers.members import Setting
+from barbalat.open_numbers.numbers import in_case, in_tables
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.probe import Effect, Kind, Tried, kind_of
+from barbalat.open_numbers.truth_paths import is_parameter
+from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects, tables_with
+from barbalat.protocols import BreakingSignal
+from barbalat.run.engine.tangent_run import Direction, Signals, SignalSlope
+from barbalat.run.kernel import delay
+from barbalat.validate import Array, InputError
+
+SHARES = (1e-3, 1e-4, 1e-5)
+"""The differences' steps to either side, as shares of a number's scale. The first two also differentiate derived numbers, whose
+error of the order of the step's square cancels between them."""
+SMOOTH_WITHIN = 1e-2
+"""Largest relative difference between the slopes of derived numbers by the first two steps; beyond it they have no slope."""
+NOT_OF_A_RUN = ("simulation", "judge", "specification", "shell", "faults", "labels")
+"""Tables without numbers of the loop."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movable:
+    """A number with a neighbourhood of admissible values, in which one kernel serves all.
+
+    scale  the size to which steps are relative: its magnitude or, of a zero, the largest of its vector, or else one
+    """
+
+    path: FieldPath
+    value: float
+    scale: float
+    kind: Kind
+
+
+@dataclass(frozen=True)
+class Unmovable:
+    """A number without derivatives, and the reason; ``invalid`` if constructors refuse the values beside it."""
+
+    path: FieldPath
+    why: str
+    invalid: bool = False
+
+
+def varied_of(source: CaseText | Case, paths: Sequence[FieldPath], *, redesign: bool) -> Varied:
+    """The case with these numbers open."""
+    if isinstance(source, Case):
+        return VariedObjects(source, tuple(paths), redesign)
+    return VariedCase(source, tuple(paths), redesign=redesign)
+
+
+def numbers_of(source: CaseText | Case, paths: Sequence[FieldPath] = ()) -> dict[FieldPath, float]:
+    """The numbers of the case by their paths; with ``paths`` in theta, a plant given by A has them too."""
+    if isinstance(source, Case):
+        return {path: float(value) for path, value in in_case(source)}
+    return {path: float(value) for path, value in in_tables(tables_with(source, paths))}
+
+
+def own_numbers(source: CaseText | Case) -> list[FieldPath]:
+    """The numbers of the loop that are not zero: of a zero there is no percent."""
+    return [path for path, value in numbers_of(source).items() if value != 0 and path.keys[0] not in NOT_OF_A_RUN]
+
+
+def examined(source: CaseText | Case, path: FieldPath, *, redesign: bool) -> Movable | Unmovable:
+    """Whether a number can be moved, found by moving it."""
+    try:
+        known = numbers_of(source, [path])
+        varied = varied_of(source, [path], redesign=redesign)
+        value = _value(known, path)
+        if value is None:
+            return Unmovable(path, "the case does not give this number: write it into the case first")
+        scale = abs(value) or _scale(known, path)
+        values = value + scale * np.array([0.0, *(sign * share for share in SHARES for sign in (1, -1))])
+        base, *cases = [varied.at([one]) for one in values]
+        if any(_breaks(case) != _breaks(base) for case in cases):
+            return Unmovable(path, "it moves the instants at which a signal jumps or bends, and a jump has no tangent")
+        kind = kind_of(base, cases, values)
+    except InputError as error:
+        return Unmovable(path, f"values beside it are refused: {error}", invalid=True)
+    if kind is Kind.STRUCTURE:
+        return Unmovable(path, "another value needs another kernel, other steps or another structure")
+    if len({_lag(case) for case in (base, *cases)}) > 1:
+        dt = base.simulation.dt
+        return Unmovable(path, f"the delay crosses a multiple of simulation.dt = {dt:g} s, where its interpolation has a corner")
+    return Movable(path=path, value=float(value), scale=float(scale), kind=kind)
+
+
+def _value(known: dict[FieldPath, float], path: FieldPath) -> float | None:
+    """The number at a path; of a physical parameter, that of the truth if it has its own."""
+    if path not in known and is_parameter(path):
+        return known.get(FieldPath(("truth", *path.keys)))
+    return known.get(path)
+
+
+def _scale(known: dict[FieldPath, float], path: FieldPath) -> float:
+    """The scale of a zero: the largest magnitude in its vector, or one."""
+    return max((abs(value) for one, value in known.items() if one.vector == path.vector), default=0.0) or 1.0
+
+
+def _lag(case: Case) -> int:
+    delayed = case.problem.delay
+    return delay.whole_steps(delayed, case.simulation.dt) if delayed else 0
+
+
+def _breaks(case: Case) -> list[list[float]]:
+    """The instants at which each signal breaks."""
+    t_end = case.simulation.t_end
+    return [one.breaks(0.0, t_end).tolist() if isinstance(one, BreakingSignal) else [] for one in case.problem.signals]
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """The numbers that move, and the kernels that serve all their values near the case and within the given ends.
+
+    base  (d,) the case's own values
+    """
+
+    varied: Varied
+    moved: tuple[Movable, ...]
+    setting: Setting
+    base: Array
+
+    @classmethod
+    def of(
+        cls,
+        source: CaseText | Case,
+        moved: Sequence[Movable],
+        *,
+        redesign: bool,
+        ends: Sequence[tuple[float, float]] | None = None,
+    ) -> Neighbourhood:
+        """``ends``, of all numbers, extend the values for which the kernels are made."""
+        varied = varied_of(source, [one.path for one in moved], redesign=redesign)
+        base = np.array([one.value for one in moved])
+        around = []
+        for i, one in enumerate(moved):
+            near = [one.value + sign * share * one.scale for share in SHARES for sign in (1, -1)]
+            if ends is not None:  # those beside the case may be outside the ends
+                low, high = ends[i]
+                near = [low, (low + high) / 2, high]
+            around.append(np.array([value for value in near if value != one.value]))
+        tried = Tried(base, tuple(around))
+        return cls(varied, tuple(moved), Setting.of(varied, [one.kind for one in moved], tried, base), base)
+
+    @property
+    def case(self) -> Case:
+        return self.setting.example
+
+    @property
+    def numeric(self) -> list[int]:
+        """The columns whose numbers are arguments of the kernel; the others change signals."""
+        return [i for i, one in enumerate(self.moved) if one.kind.is_number]
+
+    def stepped(self, rows: Array, column: int, share: float) -> tuple[Array, Array]:
+        """Rows (M, d) with one number above, and below, by this share of its scale."""
+        step = np.zeros(rows.shape[1])
+        step[column] = share * self.moved[column].scale
+        return rows + step, rows - step
+
+    def directions(self, rows: Array, bounds: Array | None = None) -> list[list[Direction]]:
+        """For each controller, the direction of each number, for members with the numbers ``rows`` (M, d).
+
+        bounds  (2, d) beyond which no derived number is computed: near them its slope is that a step inside
+
+        InputError for a number from which others do not follow smoothly.
+        """
+        count, own = len(rows), self.setting.numbers(rows)
+        zeros = [Direction(np.zeros_like(one.parameters), np.zeros_like(one.states), _no_history(one)) for one in own]
+        found: list[list[Direction]] = [[] for _ in own]
+        for column, one in enumerate(self.moved):
+            effects = self.setting.copied.get(column, ())
+            if one.kind is Kind.SIGNAL:
+                slope = self._signal_slope(column)
+                directions = [Direction(zero.parameters, zero.states, zero.history, slope) for zero in zeros]
+            elif len(copies := [effect for effect in effects if isinstance(effect, Effect)]) == len(own):
+                directions = [_along(effect, zero, count) for effect, zero in zip(copies, zeros, strict=True)]
+            else:
+                directions = list(self._followed(rows, column, bounds))
+            for places, direction in zip(found, directions, strict=True):
+                places.append(direction)
+        return found
+
+    def _followed(self, rows: Array, column: int, bounds: Array | None) -> Iterator[Direction]:
+        """The slopes of the kernel's arguments that follow from a number."""
+        room = max(SHARES) * self.moved[column].scale
+        center = rows.copy()
+        if bounds is not None:
+            low, high = bounds[0, column] + room, bounds[1, column] - room
+            center[:, column] = np.clip(rows[:, column], low, high) if low < high else (low + high) / 2
+        coarse, fine = (self.stepped(center, column, share) for share in SHARES[:2])
+        many, count = np.vstack([*coarse, *fine]), len(rows)
+        for numbers in self.setting.numbers(many):
+            each = [numbers.of(np.arange(i * count, (i + 1) * count)) for i in range(4)]
+            widths = [(above - below)[:, column] for above, below in (coarse, fine)]
+            yield Direction(
+                self._slope([one.parameters for one in each], widths, column),
+                self._slope([one.states for one in each], widths, column),
+                None if numbers.history is None else self._slope([_history(one) for one in each], widths, column),
+            )
+
+    def _slope(self, values: Sequence[Array], widths: Sequence[Array], column: int) -> Array:
+        """The slope from values above and below by two steps, whose leading errors cancel."""
+        coarse, fine = (values[0] - values[1]) / widths[0], (values[2] - values[3]) / widths[1]
+        size = np.abs(fine).max(axis=0, initial=0.0)
+        if not (np.abs(coarse - fine).max(axis=0, initial=0.0) <= SMOOTH_WITHIN * size + np.finfo(float).tiny).all():
+            raise InputError(f"{self.moved[column].path}: the numbers that follow from it have no slope here")
+        ratio = (SHARES[0] / SHARES[1]) ** 2
+        return np.asarray((ratio * fine - coarse) / (ratio - 1))
+
+    def _signal_slope(self, column: int) -> SignalSlope:
+        ratio = (SHARES[0] / SHARES[1]) ** 2
+        pairs: list[tuple[Signals, Signals, float]] = []
+        for share, weight in ((SHARES[1], ratio / (ratio - 1)), (SHARES[0], -1 / (ratio - 1))):
+            (above,), (below,) = self.stepped(self.base[None], column, share)
+            one, other = (self.varied.at(row).problem.signals for row in (above, below))
+            pairs.append((one, other, weight / float(above[column] - below[column])))
+        return SignalSlope(tuple(pairs))
+
+
+def _along(effect: Effect, zero: Direction, count: int) -> Direction:
+    """The direction of a number that is an argument itself."""
+    parameters, states = zero.parameters.copy(), zero.states.copy()
+    effect_of = Numbers(parameters, states, None, None, np.zeros(count), None)
+    effect.put(effect_of, np.ones(count))
+    return Direction(parameters, states, zero.history)
+
+
+def _no_history(numbers: Numbers) -> Array | None:
+    return None if numbers.history is None else np.zeros_like(numbers.history, dtype=float)
+
+
+def _history(numbers: Numbers) -> Array:
+    assert numbers.history is not None
+    return numbers.history

@@ -1,0 +1,107 @@
+"""Derivatives of figures in words and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from barbalat.gradients.check import NEGLIGIBLE
+from barbalat.gradients.sensitivity import Derivative, Sensitivities
+from barbalat.open_numbers.path import by_label
+from barbalat.pictures.symbols import number_text
+from barbalat.problem.labels import Labels
+from barbalat.report.terminal.layout import Screen
+
+MOST_ROWS = 12
+"""Numbers that a screen lists for each controller; the others are in the JSON document."""
+REFUSED = "refused"
+
+
+def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
+    """Print a table for each controller, the numbers with the largest elasticities first, and the reasons for refusals."""
+    screen.line(f"{found.case}: percent of a figure per percent of a number", "bold")
+    for name in found.controllers:
+        own = [one for one in found.derivatives if one.controller == name]
+        figures = list(dict.fromkeys(one.figure for one in own))
+        screen.title(screen.name(name))
+        for figure in figures:
+            value = next(one for one in own if one.figure == figure)
+            when = "" if value.instant is None else f", at t = {value.instant:.4g} s"
+            at = "-" if value.at is None else number_text(value.at)
+            screen.line(f"{by_label(figure, labels)} = {at}{when}", start="  ", indent="    ")
+        if all(one.at is None for one in own):
+            screen.line("The run diverges, and its figures have no derivatives.", "yellow", start="  ")
+            continue
+        if all(one.refused for one in own):
+            screen.line("All derivatives are refused.", start="  ")
+            _reasons(screen, own, labels)
+            continue
+        ranked = _ranked(own)
+        lead = ranked[:MOST_ROWS]
+        if len(figures) == 1:
+            rows = [_alone(path, by[figures[0]]) for path, by in lead]
+            screen.table(("number", "value", "elasticity", "derivative", "by differences"), rows)
+        else:
+            headings = ("number", "value", *(by_label(one, labels).replace("[", "\n[") for one in figures))
+            screen.table(headings, [_row(path, by, figures) for path, by in lead])
+        if len(ranked) > len(lead):
+            screen.line(f"{len(ranked) - len(lead)} numbers with smaller ones are in the output of --json.", start="  ")
+        _reasons(screen, own, labels)
+    for why in dict.fromkeys(found.without.values()):
+        which = [path for path, other in found.without.items() if other == why]
+        screen.line(f"No derivative by {', '.join(which)}: {why}.", "yellow", "    ", "  ")
+    total = sum(found.seconds.values())
+    screen.line(
+        f"Derivatives of the discrete runs by tangents, compared with differences of {found.runs} further runs; "
+        f"{total:.2g} s in all."
+    )
+
+
+def _ranked(own: Sequence[Derivative]) -> list[tuple[str, dict[str, Derivative]]]:
+    """The derivatives by path and figure, the paths with the largest elasticity first."""
+    by_path: dict[str, dict[str, Derivative]] = {}
+    for one in own:
+        by_path.setdefault(str(one.path), {})[one.figure] = one
+
+    def largest(item: tuple[str, dict[str, Derivative]]) -> float:
+        return max((abs(one.elasticity) for one in item[1].values() if one.elasticity is not None), default=-1.0)
+
+    return sorted(by_path.items(), key=largest, reverse=True)
+
+
+def _row(path: str, by: dict[str, Derivative], figures: Sequence[str]) -> tuple[str, ...]:
+    return path, number_text(next(iter(by.values())).value), *(_elasticity(by[figure]) for figure in figures)
+
+
+def _alone(path: str, one: Derivative) -> tuple[str, ...]:
+    derivative = REFUSED if one.derivative is None else f"{one.derivative:.4g}"
+    return path, number_text(one.value), _elasticity(one), derivative, "-" if one.difference is None else f"{one.difference:.4g}"
+
+
+def _elasticity(one: Derivative) -> str:
+    if one.refused:
+        return REFUSED
+    if one.elasticity is None:
+        return "-"
+    return "0" if abs(one.elasticity) < NEGLIGIBLE else f"{one.elasticity:.3g}"
+
+
+def _reasons(screen: Screen, own: Sequence[Derivative], labels: Labels | None) -> None:
+    for sentence in _refusals(own, labels):
+        screen.line(sentence, "yellow", "    ", "  ")
+
+
+def _refusals(own: Sequence[Derivative], labels: Labels | None) -> list[str]:
+    """Sentences on refused derivatives: the number of those with the same reason, or the first few one by one."""
+    refused = [one for one in own if one.refused]
+    found = []
+    for why in dict.fromkeys(one.refused for one in refused):
+        same = [one for one in refused if one.refused == why]
+        which = f"{by_label(same[0].figure, labels)} by {same[0].path}"
+        more = f" and {len(same) - 1} more" if len(same) > 1 else ""
+        found.append(f"Refused, {which}{more}: {why}.")
+    kept = found[:MOST_REASONS]
+    return kept + ([f"{len(found) - len(kept)} further reasons are in the output of --json."] if len(found) > len(kept) else [])
+
+
+MOST_REASONS = 6
+"""Refusals that a screen explains for each controller."""
