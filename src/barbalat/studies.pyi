@@ -33,3 +33,5 @@ from .study.replay import replay as replay
 from .study.verdicts import Lost as Lost
 from .sweeps.result import SweepResult as SweepResult
 from .sweeps.sweep import sweep as sweep
+from .sweeps.worst import WorstFound as WorstFound
+from .sweeps.worst import find_worst as find_worst

@@ -17,9 +17,12 @@ if TYPE_CHECKING:
     from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
     from barbalat.folders import Folder
+    from barbalat.open_numbers.path import FieldPath
+    from barbalat.problem.labels import Labels
     from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
     from barbalat.sweeps.result import SweepResult
+    from barbalat.sweeps.spread import Axis, Distribution
     from barbalat.sweeps.study import Study
 
 
@@ -54,6 +57,11 @@ def add(commands: Commands) -> None:
         form="[<>]",
         help='count violations of a requirement, such as "max_abs_e[0] < 2"',
     )
+    add_list(
+        parser, "--worst", metavar="METRIC",
+        help="instead of a sweep, search the least and the largest value of figures over the ranges (without any: the known set) "
+        "by gradients from --members starts, default 64; no proof",
+    )  # fmt: skip
     parser.add_argument("--no-bounds", action="store_true", help="do not compare members with guaranteed bounds")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
@@ -84,6 +92,8 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.sweeps.cluster import Scheduler, SchedulerLostError
     from barbalat.sweeps.requirement import Requirement
 
+    if options.worst:
+        return _searched(options)
     store = None if options.store is None else _folder(options.store)
     scheduler = None if options.scheduler is None else Scheduler.parse(options.scheduler)
     text = CaseText.read(options.case, options.controllers)
@@ -111,6 +121,42 @@ def execute(options: argparse.Namespace) -> int:
     tell(
         document, lambda screen: sweep.show(screen, result, study.example.problem.labels), folder, as_json=options.json, page=PAGE
     )
+    return 0
+
+
+NOT_OF_A_SEARCH = ("require", "audit", "scheduler", "store", "member", "out", "no_bounds")
+"""Options of a sweep that a search for the worst member does not use."""
+
+
+def _searched(options: argparse.Namespace) -> int:
+    """Search for the worst members. Return the exit code."""
+    from barbalat.cases.load import CaseText
+    from barbalat.report import documents, worst
+    from barbalat.sweeps.known_set_draws import sampled
+    from barbalat.sweeps.worst import STARTS, search_worst
+    from barbalat.validate import InputError
+
+    for name in NOT_OF_A_SEARCH:
+        if getattr(options, name):
+            raise InputError(
+                f"--{name.replace('_', '-')} belongs to a sweep, and --worst searches instead: leave one of them out"
+            )
+    text = CaseText.read(options.case, options.controllers)
+    labels = text.case().problem.labels
+    given: list[tuple[FieldPath, Axis | Distribution]] = [*_axes(options, labels).items()]
+    given += sampled(text, [pair(one, TAKEN) for one in options.sample]).items()
+    with work({"searching": 20.0}) as running, running.part("searching") as progress:
+        found = search_worst(
+            text,
+            options.worst,
+            given,
+            starts=STARTS if options.members is None else options.members,
+            seed=options.seed,
+            redesign=options.redesign,
+            progress=progress,
+        )
+    document = documents.as_json(found.as_json())
+    tell(document, lambda screen: worst.show(screen, found, labels), None, as_json=options.json)
     return 0
 
 
@@ -166,20 +212,25 @@ def _write(folder: Folder, text: CaseText, study: Study, result: SweepResult) ->
 
 
 def _study(text: CaseText, options: argparse.Namespace) -> Study:
-    from barbalat.open_numbers.path import by_index
     from barbalat.open_numbers.varied import VariedCase
     from barbalat.sweeps.known_set_draws import sampled
     from barbalat.sweeps.plan import Design, Plan, members_of
-    from barbalat.sweeps.spread import Axis
     from barbalat.sweeps.study import Study
 
-    labels = text.case().problem.labels  # errors of the file itself are reported first
-    pairs = (pair(given, TAKEN) for given in options.vary)
-    axes = varied(((by_index(place, labels), values) for place, values in pairs), Axis.parse)
+    axes = _axes(options, text.case().problem.labels)  # errors of the file itself are reported first
     draws = sampled(text, [pair(given, TAKEN) for given in options.sample])
     design = Design(options.design)
     plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)
     return Study(VariedCase(text, plan.paths, redesign=options.redesign), plan)
+
+
+def _axes(options: argparse.Namespace, labels: Labels | None) -> dict[FieldPath, Axis]:
+    """The values of ``--vary``."""
+    from barbalat.open_numbers.path import by_index
+    from barbalat.sweeps.spread import Axis
+
+    pairs = (pair(given, TAKEN) for given in options.vary)
+    return varied(((by_index(place, labels), values) for place, values in pairs), Axis.parse)
 
 
 TAKEN = "--vary and --sample take PATH=VALUES, such as plant.theta[0]=uniform:-5:5"

@@ -1,0 +1,108 @@
+"""The search for the worst member: against a dense grid, inside its set, and refused where it can't search."""
+
+import json
+
+import numpy as np
+import pytest
+
+from barbalat.cases.load import CaseText
+from barbalat.cli import main
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedCase
+from barbalat.run.engine.engine import Batch, run
+from barbalat.sweeps.sweep import sweep
+from barbalat.sweeps.worst import SearchedSet, find_worst
+from case_texts import DRIVE
+from independent import refusal
+
+STEPS = DRIVE.replace("tolerance = 1e-6", "dt = 2e-3")
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(STEPS)
+    return path
+
+
+RANGES = {"plant.theta[0]": "uniform:-2.9:1", "controller[0].gamma": "loguniform:0.5:20"}
+
+
+def test_it_finds_what_a_dense_grid_finds(case):
+    figures = ("max_abs_e[0]", "rms_e[0]", "max_abs_u")
+    found = find_worst(case, figures, sample=RANGES, starts=16)
+    grid = sweep(case, vary={"plant.theta[0]": "-2.9:1:79", "controller[0].gamma": "0.5:20:61:log"}, bounds=False, audit=0)
+    assert [one.figure for one in found.extremes] == list(figures)
+    for one in found.extremes:
+        values = grid.column(f"MRAC/{one.figure}")
+        width = values.max() - values.min()
+        # between the grid's points, 1/60 of the set apart, a smooth minimum is a little lower
+        assert -1e-9 * width <= one.largest.value - values.max() < 1e-2 * width
+        assert -1e-2 * width < one.least.value - values.min() <= 1e-3 * width
+    assert found.runs + found.gradients < len(grid) / 4
+    assert found.undefined == 0
+
+
+def test_a_member_has_the_value_that_is_reported(case):
+    (one,) = find_worst(case, ["rms_e"], sample=RANGES, starts=8).extremes
+    paths = tuple(FieldPath.parse(path) for path in one.largest.numbers)
+    own = VariedCase(CaseText.read(case), paths, redesign=False).at(list(one.largest.numbers.values()))
+    batch = Batch.of([(own.problem, own.controllers[0])], own.simulation)
+    run([batch], own.problem.signals, own.simulation)
+    assert batch.metrics(own.simulation).rms_e[0, 0] == pytest.approx(one.largest.value, rel=1e-12)
+    assert one.largest.half_step == pytest.approx(one.largest.value, rel=1e-3)
+    assert one.bound is None
+
+
+def test_without_ranges_it_searches_the_known_set_and_tells_the_bound(case):
+    found = find_worst(case, ["max_abs_e"], starts=4)
+    assert found.ranges == {"plant.theta[0]": (-3.0, 3.0)}
+    (one,) = found.extremes
+    assert one.largest.value <= one.bound < 100 * one.largest.value
+    assert one.least.value < one.largest.value
+    assert find_worst(case, ["max_abs_e"], starts=4).as_json() == found.as_json()
+
+
+def test_points_stay_in_a_ball_and_a_logarithmic_axis_is_searched_in_its_logarithm(tmp_path):
+    path = tmp_path / "ball.toml"
+    text = CaseText.read("paper").text.replace("t_end = 60.0", "t_end = 1.0").replace("dt = 1e-4", "dt = 1e-3")
+    path.write_text(text.replace("lower = [-5.0, -5.0]\nupper = [5.0, 5.0]", "center = [0.0, 0.0]\nradius = 6.0"))
+    found = find_worst(path, ["max_abs_e[0]"], starts=4)
+    for one in found.extremes:
+        for member in (one.least, one.largest):
+            assert np.linalg.norm(list(member.numbers.values())) <= 6.0
+    region = SearchedSet(np.array([1.0]), np.array([100.0]), np.array([True]))
+    assert region.numbers(np.array([[0.5]]))[0, 0] == pytest.approx(10.0)
+    assert region.slopes(np.array([[0.5]]))[0, 0] == pytest.approx(10 * np.log(100.0))
+
+
+@pytest.mark.parametrize(
+    ("ranges", "said"),
+    [
+        (
+            {"sample": {"plant.theta[0]": "normal:0:1"}},
+            "plant.theta[0]: a search for the worst member needs a range, and a normal",
+        ),
+        ({"vary": {"plant.theta[0]": "1:1:1"}}, "plant.theta[0]: a search for the worst member needs a range, got 1 alone"),
+        (
+            {"vary": {"reference.amplitude": "1:2:2"}},
+            "reference.amplitude changes a signal or the structure, which a search does",
+        ),
+    ],
+)
+def test_what_it_cannot_search_is_refused(ranges, said, case):
+    assert refusal(lambda: find_worst(case, ["rms_e"], **ranges)).startswith(said)
+
+
+def test_the_command_prints_a_table_of_80_columns_and_a_document(case, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["sweep", str(case), "--worst", "max_abs_e", "--members", "4"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Drive: the worst that was found; no proof" and max(map(len, lines)) <= 80
+    assert "% of the guaranteed bound" in " ".join(line.strip() for line in lines)
+    assert main(["sweep", str(case), "--worst", "max_abs_e", "--members", "4", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["claim"] == "the worst that was found; no proof"
+    assert found["worst"][0]["largest"]["value"] > found["worst"][0]["least"]["value"]
+    assert main(["sweep", str(case), "--worst", "max_abs_e", "--store", "x"]) == 2
+    assert "--store belongs to a sweep, and --worst searches instead" in capsys.readouterr().err
