@@ -185,7 +185,7 @@ class SwitchingSigma(Settings):
 
     @property
     def largest(self) -> float:
-        """The largest leakage w, which is sigma, for large estimates."""
+        """sigma, the largest leakage w, which acts on large estimates."""
         return self.sigma
 
     @property

@@ -19,7 +19,7 @@ SHOWN_AT_ONCE = 3
 MISSPELT_KEYS = 20
 """Depth of nesting up to which findings are searched."""
 LONGEST_MESSAGE = 540
-"""Characters of all findings reported together: with their surroundings 600."""
+"""Largest number of characters of all findings reported together: 600 with the text around them."""
 LONGEST_SENTENCE = 400
 """Largest number of characters of one finding."""
 LONGEST_VALUE = 60
@@ -174,7 +174,7 @@ def _start(place: str) -> str:
 
 
 def _near(context: dict[str, Any]) -> list[str]:
-    """The known key that an unknown one may stand for, if any: closely spelt or beginning with it, and not given."""
+    """The known key that an unknown one may mean, if any: one that is not given and is spelt similarly or begins with it."""
     key, free = context["key"], [one for one in context["known"] if one not in context["given"]]
     if SYNONYMS.get(key) in free:
         return [SYNONYMS[key]]

@@ -152,7 +152,7 @@ def _signals_of_pages() -> str:
     for name, kind in SIGNALS.items():
         breaks = hasattr(getattr(kind, "makes", kind), "breaks")
         rows.append((f"`{name}`", IN_PAGES[in_pages(kind)], _mark(breaks)))
-    return _markdown("kind", "in a page of `explore`", "jumps or bends", rows=rows)
+    return _markdown("kind", "in a page of `explore`", "jumps or corners", rows=rows)
 
 
 def _targets() -> str:

@@ -28,7 +28,7 @@ MOTION_INSTANTS = 2000
 
 def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
     """The tables with each formula replaced by its number, and the original tables if they have parameters or a truth; otherwise
-    unchanged, and None.
+    the unchanged tables, and None.
 
     The plant's formulas are evaluated at the nominal parameters, the truth's at its own. InputError for an invalid formula, and
     for parameters if the plant is not given by A and b.

@@ -108,4 +108,4 @@ ON_DAMPING = {
         "approximate step up to which the frozen law's damping exceeds its amplification: |x| at its bound", "s"
     ),
 }
-"""The limits for a method that amplifies every undamped oscillation; they are no lower bounds, see ``cells.on_damping``."""
+"""The limits for a method that amplifies every undamped oscillation; they are not lower bounds, see ``cells.on_damping``."""

@@ -89,7 +89,7 @@ class Work:
         """Whether ``left`` is right within a factor of two.
 
         This requires that the part's own pace determines it rather than the expectation for other parts. An expectation may be
-        wrong by a factor of three, which is a factor of two for a sum of which it is the smaller half.
+        wrong by a factor of three; a sum of which it is the smaller half is then wrong by at most a factor of two.
         """
         if len(self.reports) < FEWEST_REPORTS:
             return False

@@ -110,7 +110,7 @@ def least_factor(windows: Windows, within: Array | None = None) -> float:
     """The smallest factor found of all error bounds with which some row explains the windows.
 
     The largest ratio of a misfit to its bound is minimised over the rows of each orthant by linear programmes (Dinkelbach 1967,
-    Management Science 13(7)); with more than ``MOST_ORTHANTS`` noisy coefficients only over that of least squares.
+    Management Science 13(7)); with more than ``MOST_ORTHANTS`` noisy coefficients only over the orthant of the least-squares row.
     """
     scaled, scale = _by_columns(windows)
     bounds = _everything(len(scale)) if within is None else within * scale[:, None]

@@ -15,7 +15,7 @@ MOST_WINDOWS = 400
 LEAST_ROWS = 4
 """Least number of rows of least squares for each coefficient."""
 STILL = 1e-10
-"""Singular value of the regressors, relative to the largest, below which a direction does not move."""
+"""Singular value of the regressors, relative to the largest, below which the regressors do not move in a direction."""
 BLIND = 1e-6
 """A coefficient belongs to an unexcited direction if its share of the direction is above this; smaller shares are rounding
 errors."""

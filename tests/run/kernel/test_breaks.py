@@ -353,17 +353,17 @@ def test_the_label_resumes_what_ran(part):
         ),
         (HEUN, SQUARE, "first order there"),
         (EULER, SQUARE, None),
-        (RK4, DATA, "bends inside 4 of the 100 steps of a delayed loop, which cannot be split: second order there"),
+        (RK4, DATA, "has a corner inside 4 of the 100 steps of a delayed loop, which cannot be split: second order there"),
         (HEUN, DATA, None),
         (
             RK4,
             Sine(1.0, 2.0),
-            "behind the delay the control's bends, at t = 0 and a delay after each jump, are interpolated: second order there",
+            "the delayed control has corners, at t = 0 and one delay after each jump, which are interpolated: second order there",
         ),
         (
             RK4,
             Step(1.0, start=0.7),
-            "behind the delay the control's bends, at t = 0 and a delay after each jump, are interpolated: second order there",
+            "the delayed control has corners, at t = 0 and one delay after each jump, which are interpolated: second order there",
         ),
     ],
 )

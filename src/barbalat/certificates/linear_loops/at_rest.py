@@ -59,8 +59,8 @@ class Rest:
 
     @cached_property
     def is_one_of_many(self) -> bool:
-        """Whether a neighbouring state is also an equilibrium, with another Jacobian; estimates at their true values keep
-        them."""
+        """Whether a neighbouring state is also an equilibrium but has another Jacobian; estimates at their true values are not
+        moved."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
         others = np.setdiff1d(np.arange(self.loop.size), rows_of(self.loop, self.ideal))

@@ -139,7 +139,7 @@ def _scale(poly: Terms, monomials: list[Powers]) -> list[fmpq]:
 
 
 def _between(poly: Terms, scale: list[fmpq], pairs: Pairs, inside: float) -> Array:
-    """A G in the affine set, by alternating projections onto the cone, shifted inside, and onto the set."""
+    """A matrix G in the affine set, found by projecting alternately onto the cone, moved inwards, and onto the set."""
     floats = np.array([as_float(one) for one in scale])
     size = len(scale)
     rows = [(np.array(places).T, as_float(poly.get(product, fmpq(0)))) for product, places in pairs.items()]

@@ -132,7 +132,7 @@ OWN_QUANTITIES = (
         "reference_distance_between": Quantity("the same at all times, if r is held between samples in the reference system"),
     }
 )
-NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
+NO_LOOP = "margins and noise are known only for phi(x) = x, not for this plant"
 
 
 def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: Simulation) -> Certificate:

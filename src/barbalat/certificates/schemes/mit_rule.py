@@ -3,7 +3,7 @@
 At a constant command r with e = 0 the law is linear: with q = omega (k_x_tilde'phi - k_r_tilde r), e = -(sI - A_m)^-1 b [q] and
 q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), so that it is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b;
 for the feedforward alone kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: if G's
-phase falls below -90 degrees, each of them is too large above some value. Source: Astrom and Wittenmark, Adaptive Control,
+phase falls below -90 degrees, the loop is unstable above some value of each. Source: Astrom and Wittenmark, Adaptive Control,
 section 5.3, for a feedforward gain alone.
 """
 

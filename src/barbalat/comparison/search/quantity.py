@@ -124,8 +124,8 @@ class TunedQuantity:
         return np.asarray(parts.max(axis=0) if self.larger_is_worse else parts.min(axis=0))
 
     def over_plants(self, values: Array, quantile: float) -> Array:
-        """Return from (K, P) the value (K,) that a share ``quantile`` of the plants keeps, which is that of the worst plant for
-        1."""
+        """Return from (K, P) the value (K,) that a share ``quantile`` of the plants keeps; for 1 it is the worst plant's
+        value."""
         ordered = np.sort(values, axis=1) if self.larger_is_worse else -np.sort(-values, axis=1)
         place = max(int(np.ceil(quantile * values.shape[1])) - 1, 0)
         return np.asarray(ordered[:, place])

@@ -165,9 +165,9 @@ function drawnFaults(data, { values }) {
 function jumpRefusal(data, values) {
   const { t_end: tEnd, dt } = data.simulation;
   const moved = data.numbers.find((number, i) => number.grids && values[i] !== number.value);
-  if (moved) return `The times of the command's jumps and bends are known only for the case's step and horizon: set ${moved.label} back to ${moved.value} first.`;
+  if (moved) return `The times of the command's jumps and corners are known only for the case's step and horizon: set ${moved.label} back to ${moved.value} first.`;
   const of = (key, other) => data.signals.grids.filter((grid) => grid[other] === data.simulation[other]).map((grid) => grid[key]).sort((a, b) => a - b);
-  return `The command jumps or bends; the times are known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
+  return `The command has jumps or corners, whose times are known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
     + `${of("t_end", "dt").join(", ")} s with h = ${dt} s.`;
 }
 

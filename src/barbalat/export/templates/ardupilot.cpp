@@ -67,8 +67,8 @@ ${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
     return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
 }
 
-// Angle and rate in the case's units${units_said}. Where a heading passes south, angle and command turn on without a jump, and
-// both are in the same turn. When a heading passes south, angle and command continue without a jump, in the same turn.
+// Angle and rate in the case's units${units_said}. When a heading passes south, angle and command continue without a jump, in
+// the same turn. An angle more than half a turn from the command jumps by one turn, because the other way is then shorter.
 bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
 {
     Quaternion body, target = _att_control->get_attitude_target_quat();
@@ -98,7 +98,7 @@ bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
     return turned;
 }
 
-// An angle more than half a turn from the command jumps by one turn, because the other way is then shorter. It returns until the first sample after a start is
+// The main controller's output remains on the ground and on the other axes. It returns until the first sample after a start is
 // accepted, if the state or the result is refused, and instead of any fallback of the case.
 Vector3f AC_CustomControl_${kind}::update(void)
 {

@@ -88,7 +88,7 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
     order = simulation.solver.order
     if _too_dense(signals, simulation):
         often = f"{MOST_PIECES} times or more in a step, too often to split it"
-        return LostOrder(None, None, 1, f"the command or a disturbance jumps or bends {often}: it is not resolved")
+        return LostOrder(None, None, 1, f"the command or a disturbance has jumps or corners {often}: it is not resolved")
     if not delayed:
         return None
     jumps, corners = _counted(signals, simulation)
@@ -97,12 +97,12 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
         return None
     sentences = []
     if jumps or corners:
-        what = "jumps" if jumps else "bends"
+        what = "jumps" if jumps else "has a corner"
         where = f"inside {jumps or corners} of the {simulation.steps} steps of a delayed loop, which cannot be split"
         sentences.append(f"the command or a disturbance {what} {where}: {_ORDERS[left]} order there")
     if bends and order > BEND_ORDER:
         sentences.append(
-            "after the delay the control's bends, at t = 0 and one delay after each jump, are interpolated: "
+            "the delayed control has corners, at t = 0 and one delay after each jump, which are interpolated: "
             f"{_ORDERS[BEND_ORDER]} order there"
         )
     return LostOrder(jumps, corners, left, "; ".join(sentences), bends and order > BEND_ORDER)

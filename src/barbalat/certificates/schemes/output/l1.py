@@ -79,7 +79,7 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
     _add_condition(draft, controller, G, _lipschitz(draft, problem, controller))
     if not same_response(G, plant):
         draft.note(
-            "(20) is evaluated for the design plant, which is not the plant; the bounds and margins are those of the plant"
+            "(20) is evaluated for the design plant, which differs from the plant; the bounds and margins are for the plant"
         )
     pair = "gamma_max and step_max are those of the pair sigma, y_hat: estimates for the loop"
     draft.estimate({"adaptation_frequency": math.sqrt(controller.gamma * controller.m)} | _limits(controller, simulation), pair)

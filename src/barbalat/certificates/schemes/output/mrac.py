@@ -232,7 +232,7 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
     step = largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if law.leakage is not None:
-        if math.isinf(law.leakage.largest):  # its decay of the estimates has no largest rate
+        if math.isinf(law.leakage.largest):  # the decay of its estimates has no largest rate
             return values
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
