@@ -79,6 +79,7 @@ def test_the_baseline_alone_acts_after_the_longest_outage(kind, scheme) -> None:
 
 @needs_gcc
 @pytest.mark.parametrize("kind", BASELINES)
+@pytest.mark.short(kept=lambda kind: kind == "state")
 def test_the_self_test_of_a_32_bit_export_passes(tmp_path, kind) -> None:
     write(tmp_path, files(replace(problem(kind), faults=()), SCHEMES["mrac"], RUN, float32=True))
     told = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O2")
@@ -87,6 +88,7 @@ def test_the_self_test_of_a_32_bit_export_passes(tmp_path, kind) -> None:
 
 @needs_gcc
 @pytest.mark.parametrize(("kind", "scheme", "fade"), [("lqi", "mrac", FADE), ("pid", "l1", 0.0), ("state", "alone", FADE)])
+@pytest.mark.short(kept=lambda kind, scheme, fade: scheme != "mrac")
 def test_the_c_is_the_simulation_in_every_bit(tmp_path, kind, scheme, fade) -> None:
     posed, controller = problem(kind, fade), SCHEMES[scheme]
     origin = simulate(posed, [controller], RUN)[controller.name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import re
 import subprocess
+from functools import partial
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from export.test_proof import MISRA
 from export.test_selftest import one
 from export.test_shell import SHELLS, Plain, surrounded
 from export.translation import compiled, difference
+from turns import once
 
 EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
 KINDS = [
@@ -87,8 +89,8 @@ FAULTS = {
 @needs_gcc
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.short(kept=lambda fault: list(FAULTS).index(fault) % 4 == 1)
-def test_the_self_test_finds_faults_in_what_sets_a_parameter(fault, tmp_path) -> None:
-    made = files(*EXAMPLES[KINDS[1]], SIMULATION, parameters=True)
+def test_the_self_test_finds_faults_in_what_sets_a_parameter(fault, tmp_path, shared) -> None:
+    made = once(shared, "settable", partial(files, *EXAMPLES[KINDS[1]], SIMULATION, parameters=True))
     right, wrong = (text.replace("{M}", "C0") for text in FAULTS[fault])
     assert right in made["controller.c"]
     write(tmp_path, made | {"controller.c": made["controller.c"].replace(right, wrong)})

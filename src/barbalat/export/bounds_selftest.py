@@ -37,7 +37,7 @@ def _numbers(printed: Printed) -> Iterator[str]:
     """Each number of the state is checked at both ends and for NaN, even when no rate is compared with it any more."""
     forgotten = "".join(f" c.{name} = {MOST_COUNTED}L;" for name in counted_misses(printed.contents.around) if name in COMPARED)
     layout, sizes = printed.contents.layout, {"last_u": printed.contents.sizes[2], "bump": printed.contents.sizes[2]}
-    for name, size in {part.name: part.size for part in layout.parts if part.size}.items() | sizes.items():
+    for name, size in ({part.name: part.size for part in layout.parts if part.size} | sizes).items():
         yield f"for (i = 0; i < {3 * size}; ++i) {{{{"
         yield f"    {{n}}_init(&c); (void)replay(&c, 2);{forgotten}"
         yield f"    c.{name}[i / 3] = i % 3 == 0 ? nothing / nothing : (i % 3 == 1 ? -2 : 2) * {{M}}_RANGE;"

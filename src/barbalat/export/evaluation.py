@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.lowering.c99 import Real
-from barbalat.lowering.functions import FUNCTIONS, function
+from barbalat.lowering.functions import function
 from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.validate import Array
 
@@ -59,6 +59,8 @@ def values(program: Program, inputs: Inputs, real: Real) -> list[Any]:
 def value(op: Operation, x: Sequence[Any], inputs: Inputs, real: Real) -> Any:
     """The value of one operation from those of its operands."""
     numbers = real.numbers
+    if (made := _NUMBERS.get(op.name)) is not None:
+        return _number(made(*[_number(one, real) for one in x]), real)
     if op.name == "constant":
         return numbers(op.value)
     if op.name == "input":
@@ -70,10 +72,7 @@ def value(op: Operation, x: Sequence[Any], inputs: Inputs, real: Real) -> Any:
         return np.where(x[0], _number(x[1], real), other)
     if op.name == "lookup":
         return _number(_lookup(x[0], op.table), real)
-    rounded = [_number(one, real) for one in x]
-    if op.name in FUNCTIONS:
-        return _called(op.name, rounded, real)
-    return _number(_NUMBERS[op.name](*rounded), real)
+    return _called(op.name, [_number(one, real) for one in x], real)
 
 
 def _number(x: Any, real: Real) -> Any:

@@ -109,22 +109,24 @@ class Judge:
         if mutant.operation is None:
             return np.broadcast_to(self._apart(self.before[mutant.place], self.values[self.of_row[mutant.place]]), self.count)
         found = np.zeros(self.count, dtype=bool)
-        changed = {mutant.place: self._mutated(mutant)}
-        waiting = [mutant.place]
+        operations, values = self.program.operations, self.values.copy()  # those that follow from the fault are replaced
+        place, waiting, queued = mutant.place, [mutant.place], {mutant.place}
         with np.errstate(all="ignore"):
             while waiting:
                 i = heapq.heappop(waiting)
-                if i != mutant.place:
-                    op = self.program.operations[i]
-                    changed[i] = value(op, [changed.get(j, self.values[j]) for j in op.operands], self.inputs, self.real)
-                apart = self._apart(changed[i], self.values[i])
+                op = operations[i]
+                changed = (
+                    self._mutated(mutant) if i == place else value(op, [values[j] for j in op.operands], self.inputs, self.real)
+                )
+                apart = self._apart(changed, self.values[i])
                 if not apart.any():
-                    del changed[i]
                     continue
+                values[i] = changed
                 if i in self.stored:
                     found = found | apart
                 for reader in self.readers[i]:
-                    if reader not in waiting:
+                    if reader not in queued:
+                        queued.add(reader)
                         heapq.heappush(waiting, reader)
         return np.broadcast_to(found, self.count)
 
@@ -162,6 +164,8 @@ class Judge:
         """Whether two values differ in a bit, entry by entry; NaNs count as equal."""
         a, b = np.asarray(a), np.asarray(b)
         if a.dtype == bool and b.dtype == bool:
-            return a != b
-        a, b = a.astype(self.real.numbers), b.astype(self.real.numbers)
-        return ((a != b) | (np.signbit(a) != np.signbit(b))) & ~(np.isnan(a) & np.isnan(b))
+            return np.asarray(a != b)
+        a, b = np.asarray(a, dtype=self.real.numbers), np.asarray(b, dtype=self.real.numbers)
+        bits = np.dtype(f"u{a.itemsize}")
+        apart = np.asarray(a.view(bits) != b.view(bits))
+        return apart & ~(np.isnan(a) & np.isnan(b)) if apart.any() else apart

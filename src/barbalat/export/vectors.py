@@ -398,7 +398,10 @@ class _Search:
         for _ in range(HALVINGS):
             middle = ((low + high) / 2).astype(self.numbers).astype(float)
             above = self._differences(middle, of_array) > 0
-            high, low = np.where(above, middle, high), np.where(above, low, middle)
+            ends = np.where(above, middle, high), np.where(above, low, middle)
+            if all(map(np.array_equal, ends, (high, low))):
+                break  # no number lies between them
+            high, low = ends
         return np.hstack([low, high])
 
     def _differences(self, columns: Array, of: Array, tiled: int = 1) -> Array:
@@ -412,5 +415,5 @@ class _Search:
             first, second = (np.asarray(found[i], dtype=float) for i in contents.step.operations[place].operands)
             with np.errstate(all="ignore"):
                 difference = np.broadcast_to(first - second, columns.shape[1])
-            made[at] = np.nan_to_num(np.tile(difference, tiled)[at], nan=-np.inf)
-        return made
+            made[at] = (np.tile(difference, tiled) if tiled > 1 else difference)[at]
+        return np.nan_to_num(made, nan=-np.inf)
