@@ -1,17 +1,18 @@
 """The program's pages in a real browser: nothing overflows, no request leaves the page, and everything is accessible.
 
-    python tests/browser.py [PAGE.html | FOLDER ...]
+    python tests/browser.py [PAGE.html | FOLDER ...] [--one-in N]
 
 Without arguments it makes and checks the pages of the quick ``reproduce`` and of two bundled cases. A folder is treated as a
 site: all of its pages are read through a server. Each page is opened at desktop width and, in dark mode, at phone width, and
-checked for accessibility at both; for a page of a site, the commit selects one of the two widths. Each fault is printed on a
-line, and the exit code is then 1.
+checked for accessibility at both; for a page of a site, the commit selects one of the two widths, and with --one-in it also
+selects the pages that are opened. Each fault is printed on a line, and the exit code is then 1.
 
 The browser is the system's: see ``chromium``.
 """
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 import tempfile
@@ -60,10 +61,16 @@ Tabs = dict[str, tuple[Page, list[str]]]
 """A tab of each width by its name, with its messages since its page was requested."""
 
 
-def main(pages: list[Path]) -> int:
+def main(arguments: list[str]) -> int:
     """Check the pages and return the exit code."""
+    parser = argparse.ArgumentParser(prog="browser.py")
+    parser.add_argument("pages", nargs="*", type=Path)
+    parser.add_argument("--one-in", type=int, default=1, help="of a folder's pages one in so many, which the commit draws")
+    given = parser.parse_args(arguments)
+    if given.one_in < 1:
+        parser.error(f"--one-in takes 1, which keeps all, or more, but got {given.one_in}")
     with tempfile.TemporaryDirectory() as made:
-        return look(lambda browser: _of_all(tabs(browser), pages or _made_in(Path(made))))
+        return look(lambda browser: _of_all(tabs(browser), given.pages or _made_in(Path(made)), given.one_in))
 
 
 def tabs(browser: Browser) -> Tabs:
@@ -75,10 +82,10 @@ def tabs(browser: Browser) -> Tabs:
     return found
 
 
-def _of_all(opened: Tabs, pages: list[Path]) -> Iterator[str]:
+def _of_all(opened: Tabs, pages: list[Path], one_in: int) -> Iterator[str]:
     """The faults of pages or of whole sites."""
     for page in pages:
-        yield from _of_site(opened, page) if page.is_dir() else _findings(opened, page, page.resolve().as_uri())
+        yield from _of_site(opened, page, one_in) if page.is_dir() else _findings(opened, page, page.resolve().as_uri())
 
 
 def _made_in(folder: Path) -> list[Path]:
@@ -91,13 +98,14 @@ def _made_in(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.html"))
 
 
-def _of_site(opened: Tabs, folder: Path) -> Iterator[str]:
-    """The faults of a site's pages, except those of ``barbalat reproduce``, which are stored there unchanged.
+def _of_site(opened: Tabs, folder: Path, one_in: int) -> Iterator[str]:
+    """The faults of one in so many of a site's pages, except those of ``barbalat reproduce``, which are stored there unchanged.
 
     The pages share a style, so checking half of them at each width finds its faults in half the time.
     """
     places = [page.relative_to(folder) for page in sorted(folder.rglob("*.html"))]
     places = [place for place in places if place.parts[0] not in ("_static", "reproduction")]
+    places = drawn(places, -(-len(places) // one_in), "pages")
     on_a_desk = drawn(places, len(places) // 2)
     with _served(folder) as address:
         for place in places:
@@ -146,4 +154,4 @@ def at_both_widths(opened: Tabs, page: str, address: str, examined: Container[st
 
 
 if __name__ == "__main__":
-    sys.exit(main([Path(page) for page in sys.argv[1:]]))
+    sys.exit(main(sys.argv[1:]))

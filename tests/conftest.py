@@ -27,20 +27,32 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="all tests, every random-problem test with all its problems")
     parser.addoption("--rest", action="store_true", help="what --full runs and the short command does not")
     parser.addoption("--one-in", type=int, default=1, help="of these tests one in so many, which the sources' commit draws")
+    parser.addoption("--cases-in", type=int, default=1, help="of each test's cases one in so many, which the commit draws")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Without an option, tests marked ``full`` or outside a ``short`` mark are left out."""
     everything, rest, one_in = config.getoption("full"), config.getoption("rest"), config.getoption("one_in")
+    cases_in = config.getoption("cases_in")
     if everything and rest:
         raise pytest.UsageError("--full runs everything, --rest what is left out without it: give one of them")
-    if one_in < 1:
-        raise pytest.UsageError(f"--one-in takes 1, which keeps all, or more, but got {one_in}")
+    for option, number in (("--one-in", one_in), ("--cases-in", cases_in)):
+        if number < 1:
+            raise pytest.UsageError(f"{option} takes 1, which keeps all, or more, but got {number}")
     kept = items if everything else [item for item in items if _left_out(item) == rest or (rest and _draws_samples(item))]
-    kept = drawn(kept, -(-len(kept) // one_in))
+    kept = _cases_drawn(drawn(kept, -(-len(kept) // one_in)), cases_in)
     chosen = set(kept)
     config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
     items[:] = kept
+
+
+def _cases_drawn(items: list[pytest.Item], one_in: int) -> list[pytest.Item]:
+    """Every test, with one in so many of its cases and at least one. Each test has its own draw."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    kept = {one for name, of_one in cases.items() for one in drawn(of_one, -(-len(of_one) // one_in), name)}
+    return [item for item in items if item in kept]
 
 
 def _left_out(item: pytest.Item) -> bool:

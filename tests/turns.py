@@ -9,18 +9,25 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
 T = TypeVar("T")
 
 
-def drawn(items: Sequence[T], count: int) -> list[T]:
-    """This many of the items in their order, selected by the commit of the sources. Without a clone they are always the same."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=False).stdout if shutil.which("git") else ""
-    places = random.Random(commit).sample(range(len(items)), min(count, len(items)))
+def drawn(items: Sequence[T], count: int, of: str = "") -> list[T]:
+    """This many of the items in their order, selected by the commit of the sources, and separately for each name ``of``. Without
+    a clone they are always the same."""
+    places = random.Random(commit() + of).sample(range(len(items)), min(count, len(items)))
     return [items[i] for i in sorted(places)]
+
+
+@cache
+def commit() -> str:
+    """The commit of the sources; empty without a clone."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout if shutil.which("git") else ""
 
 
 def once(folder: Path, name: str, make: Callable[[], T]) -> T:

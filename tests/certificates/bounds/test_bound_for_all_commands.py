@@ -69,6 +69,7 @@ def test_no_command_exceeds_it(n, sample):
 
 
 @pytest.mark.parametrize("scheme", ["L1", "ADRC"])
+@pytest.mark.short(kept=lambda scheme: scheme == "L1")
 def test_the_checker_accepts_it_and_nothing_false(scheme):
     """With x(0) away from zero, a lower number, a broken cell and a missing premise are each refused."""
     given, simulation = section_v.problem(), Simulation(t_end=1.0, dt=1e-3)
