@@ -83,7 +83,7 @@ def run_tangents(
     found: dict[int, tuple[TangentRun, slice]] = {}
     for i, group in enumerate(groups):
         told = part_of(progress, i / len(groups), 1 / len(groups))
-        every = _some(members, np.tile(np.arange(count), len(group)))
+        every = members.some(np.tile(np.arange(count), len(group)))
         run = _run(every, signals, _together(group), threads, told)
         found |= {id(one): (run, slice(k * count, (k + 1) * count)) for k, one in enumerate(group)}
     each = [found[id(one)] for one in directions]
@@ -93,20 +93,6 @@ def run_tangents(
         tangents={name: np.array([run.tangents[name][0, at] for run, at in each]) for name in first.values},
         instants={name: values[which] for name, values in first.instants.items()},
         diverged=first.diverged[which],
-    )
-
-
-def _some(members: Members, which: Array) -> Members:
-    """Some of the members, which may be repeated."""
-    return replace(
-        members,
-        states=members.states[:, which],
-        parameters=members.parameters[:, which],
-        numbers=members.numbers[which],
-        **{
-            name: None if (own := getattr(members, name)) is None else own[..., which]
-            for name in ("lags", "delays", "history", "seeds")
-        },
     )
 
 

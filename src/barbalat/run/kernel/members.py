@@ -119,8 +119,8 @@ class Members:
     def __len__(self) -> int:
         return int(self.states.shape[1])
 
-    def some(self, which: slice) -> Members:
-        """Some of the members, with the same kernel."""
+    def some(self, which: slice | Array) -> Members:
+        """Some of the members, which may be repeated, with the same kernel."""
         return replace(
             self,
             states=self.states[:, which],
