@@ -376,7 +376,7 @@ def _standstill(printed: Printed) -> str:
 
 
 def _after_a_refusal(printed: Printed) -> dict[str, str]:
-    """The test of the first sample whose result is out of range, which may be a miss, even one beyond the longest outage."""
+    """The test of a first sample whose result is out of range; it may be a miss, even one beyond the longest outage."""
     around, status = printed.contents.around, f"{printed.macro}_RESULT_REFUSED"
     longest = None if around is None else around.longest
     return {

@@ -99,7 +99,7 @@ class Audit:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """``share`` is that of the members with a changed verdict."""
+        """``share`` is the share of members with a changed verdict."""
         return {
             "members": list(self.members),
             "drawn": self.drawn,

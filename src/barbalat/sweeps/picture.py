@@ -32,7 +32,7 @@ FEWEST_BINS, MOST_BINS = 10, 60
 HATCHES = ("", "///", "...", "xxx")
 """Hatches of bars with similar colours."""
 MOST_BARS = 12
-"""Largest number of inputs in a chart of variance shares, those with the largest shares."""
+"""Largest number of inputs in a chart of variance shares; those with the largest shares are shown."""
 DECADES_FOR_LOG = 1.3
 """An axis is logarithmic if the largest value is at least 20 times the smallest."""
 

@@ -75,7 +75,7 @@ def add_margins_of_each(
         return
     if problem.delay > 0:
         why = (
-            "with a delay, the loop closed through the other inputs is not rational; margins are then known for a sampled "
+            "with a delay, the loop closed through the other inputs is not rational; margins are then known only for a sampled "
             "controller"
         )
         draft.missing("delay_margin_each", why)

@@ -43,7 +43,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
     add_parameter_errors(draft, problem, equations, closed)
-    draft.note("nu_0 uses the controller's P, that of A_m + L")
+    draft.note("nu_0 uses the controller's P, which belongs to A_m + L")
     nu_0, nu_0_worst = draft["nu_0"], draft.get("nu_0_worst")
     level = disturbed.level(problem, controller, nu_0, closed)
     bound = carried.upper * level.value * OUTWARD_FACTOR

@@ -59,7 +59,7 @@ def _halvable(result: Result) -> bool:
         return False
     computer = result.loop.computer
     if computer is not None and computer.around is not None and computer.around.jitters:
-        return False  # the calls of a timer with jitter are rounded to steps: at half the step the scenario is another
+        return False  # the calls of a timer with jitter are rounded to steps: at half the step the scenario differs
     return verdict is not None and verdict.kind is not Class.LOST and result.stiffness.unstable_from is None
 
 

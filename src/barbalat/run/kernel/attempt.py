@@ -1,8 +1,8 @@
 """One attempt at a step whose length follows from a tolerance, by DOP853, as operations: a member's time is part of its state.
 
 Every attempt is one step of the kernel's loop, whether it succeeds or not, so that parallel members have steps of their own; a
-member that has reached the end waits for the others. Where the equations jump or bend, a step keeps the branches ("choices")
-that were active when it began (``lowering.switching``);
+member that has reached the end waits for the others. Where the equations have a jump or a corner, a step keeps the branches
+("choices") that were active when it began (``lowering.switching``);
 if another branch is active at its end, the step is repeated with the length at which the change happens.
 """
 
@@ -523,7 +523,7 @@ class Attempts:
         seen, barely = [ca.SX(0.0)] * len(inside), ca.SX(1.0)
         for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
             least = ca.fmin(SAME * one.size, LARGEST)  # of the switching quantity; infinite margins are excluded
-            way = 1 - 2 * chosen  # a margin times this is positive if its side has changed
+            way = 1 - 2 * chosen  # a margin multiplied by this is positive if its side has changed
             at_start = ca.logic_and(first_try, ca.fabs(was) <= least)
             there = [way * conditions_there[i].margin > BEYOND * least for _, conditions_there in inside]
             other = way * one.margin > BEYOND * least

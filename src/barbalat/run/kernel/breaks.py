@@ -1,4 +1,4 @@
-"""Signals and motions that jump or bend inside solver steps: such a step is split, or its error is reported.
+"""Signals and motions with jumps or corners inside solver steps: such a step is split, or its error is reported.
 
 A method of order p keeps this order as long as the right-hand side is smooth within each step. A jump inside a step causes an
 error of order h, a corner one of order h^2, whatever p is. A jump on the grid causes no error, because a step's last stage uses
@@ -50,7 +50,7 @@ class LostOrder:
               ``lost_along``
     order     the order in the step that remains in the worst case
     sentence  the same as a sentence
-    bends     whether the plant receives bends of the control through a delay, which are interpolated
+    bends     whether the plant receives corners of the control through a delay, which are interpolated
     """
 
     jumps: int | None
@@ -83,7 +83,7 @@ def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
 def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool, bends: bool = False) -> LostOrder | None:
     """The loss of order of a run, if any. Only the steps of a ``delayed`` loop and those with too many breaks are not split.
 
-    bends  whether the control that the plant receives through a delay has bends, see ``delay.brings_bends``
+    bends  whether the control that the plant receives through a delay has corners, see ``delay.brings_bends``
     """
     order = simulation.solver.order
     if _too_dense(signals, simulation):

@@ -99,7 +99,7 @@ def whole_steps(delay: float, dt: float) -> int:
 
 
 def brings_bends(loop: ClosedLoop) -> bool:
-    """Whether a delayed loop's past has bends, across which ``weights`` interpolates: u has a bend at t = 0, where it begins.
+    """Whether a delayed loop's past has corners, across which ``weights`` interpolates: u has a corner at t = 0, where it begins.
 
     The output of a sampled controller has only jumps, which the weights reproduce, if nothing after it has memory.
     """

@@ -297,7 +297,7 @@ def step_program(
     in_pieces: bool = False,
     fused: bool = True,
 ) -> StepProgram:
-    """Trace and optimise the step: see ``step_function``; with ``watch`` ``coupling_function`` is monitored.
+    """Trace and optimise the step: see ``step_function``; with ``watch``, ``coupling_function`` is monitored.
 
     ``adjustable``: the rhythm is not part of the program, but an argument of every call of its kernel. ``fused``: see
     ``optimize``.

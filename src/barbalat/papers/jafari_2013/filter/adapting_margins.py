@@ -135,7 +135,7 @@ def changed(name: str, gain: float) -> str:
 
 
 def _slower(ratios: Array) -> str:
-    """Return a text on the effect of filters slower than ``MODERATE_KAPPA`` on the gain margin, in each of their cells."""
+    """Return a text on how filters slower than ``MODERATE_KAPPA`` change the gain margin in their cells."""
     said = []
     for kappa, row in zip(KAPPAS, ratios, strict=True):
         if kappa <= MODERATE_KAPPA:
