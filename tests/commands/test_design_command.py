@@ -85,6 +85,7 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     assert capsys.readouterr().out == first
 
 
+@pytest.mark.full
 def test_none_meets_what_the_model_itself_misses_and_noise_of_the_cases_own_gets_no_other(tmp_path, capsys):
     asked = "settling = 0.3\n[sensor.noise]\nstd = [0.001]\nsample_time = 0.005"
     assert main([*designed(tmp_path, asked), "--json"]) == 0
