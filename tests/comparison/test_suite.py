@@ -100,16 +100,20 @@ def test_a_case_that_an_entry_does_not_take_leaves_it_the_others(tmp_path):
 
 
 def test_a_part_of_the_table_is_rebuilt():
-    """One entry of the quick case equals that of another process bit for bit, and the stored one to nine digits on any
-    machine."""
-    command = [sys.executable, "-m", "barbalat", "contest", "--suite", "--quick", "--schemes", "adrc", "--json"]
-    by_command = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    """One entry of the quick case equals the stored one to nine digits on any machine."""
     found = standings(schemes=["adrc"], quick=True)
-    assert by_command["rows"] == json.loads(as_json(found.as_json()))["rows"]
     assert [row["entry"] for row in found.rows] == ["ADRC"]
     assert (found.compared["agree"], found.compared["differ"]) == (["ADRC on servo"], []), found.rows
     page = suite_page(found)
     assert found.suite.sha256 in page and "MRAC" in page
+
+
+@pytest.mark.full
+def test_a_part_of_the_table_is_that_of_another_process():
+    """One entry of the quick case equals that of another process bit for bit."""
+    command = [sys.executable, "-m", "barbalat", "contest", "--suite", "--quick", "--schemes", "adrc", "--json"]
+    by_command = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    assert by_command["rows"] == json.loads(as_json(standings(schemes=["adrc"], quick=True).as_json()))["rows"]
 
 
 @pytest.mark.full
