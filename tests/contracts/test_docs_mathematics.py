@@ -7,6 +7,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+pytestmark = pytest.mark.cheap
+
 DOCS = Path(__file__).parents[2] / "docs"
 SPEC = importlib.util.spec_from_file_location("accents", DOCS / "sitekit" / "accents.py")
 accents = importlib.util.module_from_spec(SPEC)

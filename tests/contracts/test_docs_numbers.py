@@ -9,6 +9,8 @@ import pytest
 
 from barbalat import L1Adaptive, Mrac, Simulation, certify, input_filter, load_case
 
+pytestmark = pytest.mark.cheap
+
 DOCS = Path(__file__).parents[2] / "docs"
 PROBLEM = load_case("paper").problem
 COARSE = Simulation(t_end=60, dt=1e-4)
