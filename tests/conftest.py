@@ -47,10 +47,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _cases_drawn(items: list[pytest.Item], one_in: int) -> list[pytest.Item]:
-    """Every test, with one in so many of its cases and at least one, or with all if it is cheap. Each test has its own draw."""
+    """Every test, with one in so many of its cases and at least one, or with all if it is cheap. Each test has its own draw, and
+    the dear ones of all files have one together."""
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
-        cases.setdefault(item.nodeid if item.get_closest_marker("cheap") else item.nodeid.partition("[")[0], []).append(item)
+        if item.get_closest_marker("dear"):
+            test = "the dear ones"
+        else:
+            test = item.nodeid if item.get_closest_marker("cheap") else item.nodeid.partition("[")[0]
+        cases.setdefault(test, []).append(item)
     kept = {one for name, of_one in cases.items() for one in drawn(of_one, -(-len(of_one) // one_in), name)}
     return [item for item in items if item in kept]
 

@@ -27,6 +27,7 @@ def compiled(source: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @needs_coq
+@pytest.mark.dear
 def test_the_proofs_are_accepted_and_assume_only_the_real_numbers(tmp_path: Path) -> None:
     source = SOURCE.read_text(encoding="utf-8")
     result = compiled(source, tmp_path)

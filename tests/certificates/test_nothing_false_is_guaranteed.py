@@ -113,6 +113,7 @@ filter = { num = [900.0], den = [1.0, 42.0, 900.0] }
 PROMISES = re.compile("proven|proof|guaranteed", re.IGNORECASE)
 
 
+@pytest.mark.dear
 def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
     """The rows of stability, tracking and transient and the bounds of e contain no promise in the terminal, on the page and in
     the JSON."""

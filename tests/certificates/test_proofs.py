@@ -88,6 +88,7 @@ def samples_followed(controller):
     return max((line["witness"]["samples"] for line in controller["lines"] if line["key"] == "sampled response"), default=0)
 
 
+@pytest.mark.dear
 def test_the_guaranteed_numbers_of_random_cases_are_accepted(tmp_path, sample):
     claimed = 0
     for seed, document in drawn_documents(tmp_path, range(sample(12, 300))):
@@ -120,6 +121,7 @@ def refused(false, true):
 
 @pytest.mark.parametrize("name", ["paper", "third-order", "astrom-wittenmark", "satellite-spin", "first-order"])
 @pytest.mark.short(kept=lambda name: name in ("paper", "astrom-wittenmark"))
+@pytest.mark.dear
 def test_what_does_not_follow_is_refused(name, certified):
     """There are some 200 false documents: a bound that the witnesses do not support, a witness whose inequality fails, or a
     missing premise."""
@@ -297,6 +299,7 @@ def test_a_norm_that_is_known_in_closed_form():
     assert float(high - low) < 1e-15 and float(low) == pytest.approx(expected, rel=1e-14)
 
 
+@pytest.mark.dear
 def test_from_the_command_line_to_the_verdict(tmp_path, capsys):
     """A separate program in its own process: exit code 0, or 1 with the first line that fails, or 2 without a file."""
     file = tmp_path / "made" / "paper.json"

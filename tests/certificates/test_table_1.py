@@ -69,6 +69,7 @@ def test_the_constants_are_the_certificates():
     assert f"{values['margins_over_known_set'][0]['delay_margin']['value']:.4g} s" in cells["margins"].text
 
 
+@pytest.mark.dear
 def test_what_the_paper_says_of_the_two_schemes():
     """Theorem 1: MRAC converges for every r. L1-AC is only bounded, and only under the condition on C(s)."""
     mrac, _ = column(variant(), Mrac(gamma=10.0))
@@ -110,6 +111,7 @@ def test_a_modified_law_loses_what_it_loses():
     assert {key for key in ("tracking", "transient", "estimates") if cells[key].kind == "guaranteed"} == set()
 
 
+@pytest.mark.dear
 def test_sampling_takes_the_proofs_away_but_one():
     midpoint, _ = column(variant(), Sampled(controller=Mrac(gamma=10.0), sample_time=1e-3))
     euler, _ = column(variant(), Sampled(controller=Mrac(gamma=10.0), sample_time=1e-3, discretization="euler"))

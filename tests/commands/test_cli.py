@@ -252,6 +252,7 @@ finally:
     assert done.stdout.strip().endswith("[]")
 
 
+@pytest.mark.dear
 def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
     monkeypatch.setitem(
         papers(), JAFARI.name, replace(JAFARI, run=lambda progress: section_v_runs)

@@ -155,6 +155,7 @@ sample_time = 0.01
 """
 
 
+@pytest.mark.dear
 def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_was_added(tmp_path, capsys):
     (tmp_path / "case.toml").write_text(AROUND_A_BASELINE)
     arguments = ["design", "case.toml", "--schemes", "baseline", "--plants", "2", "--members", "8", "--out", "made", "--json"]

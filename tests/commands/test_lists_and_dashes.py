@@ -79,6 +79,7 @@ def test_a_dash_is_standard_output(name, tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.dear
 def test_a_page_goes_to_standard_output(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = bundled()["first-order"].read_text()

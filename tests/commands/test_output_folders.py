@@ -92,6 +92,7 @@ def test_a_full_standard_output_is_one_sentence(arguments, case_file, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of resources")
+@pytest.mark.dear
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(case_file, tmp_path):
     """A limit on file sizes simulates a full disk; the previous run stays complete."""
     import resource

@@ -97,6 +97,7 @@ def test_what_is_copied_from_the_page_runs(folder):
         np.testing.assert_allclose(result.metrics.max_abs_e, expected[name].metrics.max_abs_e, rtol=1e-10)  # fused multiply-adds
 
 
+@pytest.mark.dear
 def test_a_sweeps_worst_members_have_pages_of_them(folder):
     """Each page has only this controller, with the member's numbers."""
     sweep = ["sweep", "case.toml", "--controllers", "laws.py", "--vary", "plant.theta[0]=-1:1:3", "--no-bounds", "--out", "study"]

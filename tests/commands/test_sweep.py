@@ -75,6 +75,7 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "report.html").exists()
 
 
+@pytest.mark.dear
 def test_the_screen_calls_errors_by_their_labels_and_the_document_by_their_indices(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     labelled = CASE + '\n[labels]\nnames = ["angle", "rate"]\n'

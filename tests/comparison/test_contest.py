@@ -100,6 +100,7 @@ def _rms(controller, theta: float) -> float:
     return float(simulate(problem, controller, SIMULATION)[controller.name].metrics.rms_e[0, 0])
 
 
+@pytest.mark.dear
 def test_who_diverges_on_what_no_tuning_saw_is_counted_and_stays_in():
     """x' = (30 (theta - 1) - 2) x + ... is stable on the case's own plant and unstable for theta above 1.07."""
     plant = Plant(A_m=[[-2.0]], b=[30.0], theta=[1.0], x0=[0.3])

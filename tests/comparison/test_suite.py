@@ -82,6 +82,7 @@ def law(tmp_path, made: str, *, gain_known: bool = False) -> Submission:
     return Submission.read(str(file), Suite.read())
 
 
+@pytest.mark.dear
 def test_a_submitted_law_runs_at_the_cases_sample_time_and_takes_no_stored_rows_place(tmp_path):
     with pytest.raises(InputError, match=r"ADRC runs every 0\.001 s; on the suite's case 'servo' all have sample_time = 0\.004"):
         standings(submissions=[law(tmp_path, "Sampled(Adrc(bandwidth=20.0), 0.001)")], quick=True)
@@ -90,6 +91,7 @@ def test_a_submitted_law_runs_at_the_cases_sample_time_and_takes_no_stored_rows_
     assert rebuilt(found) == "none of the measured rows is stored" and "ADRC" in {row["entry"] for row in found.beside}
 
 
+@pytest.mark.dear
 def test_a_case_that_an_entry_does_not_take_leaves_it_the_others(tmp_path):
     two = replace(Suite.read(), quick=("servo", "lossy"))
     found = standings(two, submissions=[law(tmp_path, "Adrc(bandwidth=8.0)", gain_known=True)], quick=True)
@@ -99,6 +101,7 @@ def test_a_case_that_an_entry_does_not_take_leaves_it_the_others(tmp_path):
         standings(schemes=["robust-mrac"], quick=True)
 
 
+@pytest.mark.dear
 def test_a_part_of_the_table_is_rebuilt():
     """One entry of the quick case equals the stored one to nine digits on any machine."""
     found = standings(schemes=["adrc"], quick=True)
@@ -126,6 +129,7 @@ def test_cases_side_by_side_are_those_one_after_the_other():
     assert set(found.compared["agree"]) == stored and not found.compared["differ"]
 
 
+@pytest.mark.dear
 def test_what_differs_is_named(tmp_path):
     """The rule's own tuning, submitted as fixed, has the rule's error. A stored row that differs is reported."""
     row = next(one for one in stored_table()["rows"] if (one["case"], one["entry"]) == ("servo", "ADRC"))

@@ -40,6 +40,7 @@ def test_the_linear_designs_table():
     assert f"| MRAC, Γ = 10 | {1e3 * mrac['delay_margin']:.0f} | - | {bound} |" in page("laboratory/linear-design")
 
 
+@pytest.mark.dear
 def test_exact_margins_beside_the_simulated_ones():
     exact = [f"{l1(kappa=kappa)['delay_margin']:.3g}" for kappa in (0.005, 0.02, 0.1)]
     assert f"the exact margins are {exact[0]}, {exact[1]} and {exact[2]} s" in page("laboratory/robustness")
@@ -47,6 +48,7 @@ def test_exact_margins_beside_the_simulated_ones():
     assert f"({at_rest:.3f} → " in page("laboratory/robustness")
 
 
+@pytest.mark.dear
 def test_the_condition_of_a_wider_set_fails_where_the_page_says():
     """The known set may grow 2.3 times for kappa = 0.02 s, as docs/linear-design.md says."""
     (factor,) = re.findall(r"the condition allows Section V's set to grow ([\d.]+) times", page("linear-design"))

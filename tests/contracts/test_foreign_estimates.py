@@ -147,6 +147,7 @@ def test_a_page_of_sliders(linear):
     assert [len(one["estimates"]) for one in data] == [2, 2, 16, 0]
 
 
+@pytest.mark.dear
 def test_every_command_takes_them(folder, capsys):
     def told(*arguments):
         assert main([arguments[0], "case.toml", "--controllers", str(LAWS), *arguments[1:]]) == 0, capsys.readouterr().err

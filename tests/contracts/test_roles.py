@@ -164,6 +164,7 @@ def test_a_role_is_taken_by_its_kind():
         }
 
 
+@pytest.mark.dear
 def test_every_command_takes_them(told):
     runs = json.loads(told("run", "--json"))["controllers"]
     assert [len(runs[name]["theta_hat_final"]) for name in NAMES] == [16, 2, 0] and len(runs["two layers"]["ahead_final"]) == 2

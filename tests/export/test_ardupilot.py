@@ -181,6 +181,7 @@ struct Open : AC_CustomControl_Pitch {
 
 
 @needs_gxx
+@pytest.mark.dear
 def test_a_heading_passes_south_without_a_jump(tmp_path) -> None:
     """The tolerance 1e-3 is for angles of up to 18 rad that are wrapped and unwrapped in 32 bits, with 2e-6 at each of 7500
     samples and a gain of 5."""
@@ -238,6 +239,7 @@ struct Open : AC_CustomControl_Pitch {
 
 
 @needs_gxx
+@pytest.mark.dear
 def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
     """Each has its own name within ArduPilot's limit of length, and each refusal is reported once."""
     backend("Mrac-state-midpoint", tmp_path, parameters=True)

@@ -64,6 +64,7 @@ def test_planted_faults_are_found(was, becomes, correct, tmp_path) -> None:
 @pytest.mark.parametrize(("beginning", "shell"), KINDS)
 @pytest.mark.parametrize("float32", [False, True])
 @pytest.mark.short(kept=lambda beginning, shell, float32: not float32 or (beginning, shell) in KINDS[::2])
+@pytest.mark.dear
 def test_the_self_test_passes_with_each_shell(beginning, shell, float32, tmp_path) -> None:
     write(tmp_path, files(*surrounded(beginning, shell), SIMULATION, float32=float32))
     told = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O1")

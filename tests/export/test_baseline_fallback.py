@@ -89,6 +89,7 @@ def test_the_self_test_of_a_32_bit_export_passes(tmp_path, kind) -> None:
 @needs_gcc
 @pytest.mark.parametrize(("kind", "scheme", "fade"), [("lqi", "mrac", FADE), ("pid", "l1", 0.0), ("state", "alone", FADE)])
 @pytest.mark.short(kept=lambda kind, scheme, fade: scheme != "mrac")
+@pytest.mark.dear
 def test_the_c_is_the_simulation_in_every_bit(tmp_path, kind, scheme, fade) -> None:
     posed, controller = problem(kind, fade), SCHEMES[scheme]
     origin = simulate(posed, [controller], RUN)[controller.name]
@@ -115,6 +116,7 @@ DELETED = (
 
 
 @needs_gcc
+@pytest.mark.dear
 def test_the_self_test_finds_each_line_of_the_fallback_that_is_missing(tmp_path) -> None:
     posed = replace(problem("lqi"), faults=())
     made = files(posed, SCHEMES["mrac"], RUN)

@@ -62,6 +62,7 @@ def declared(version: int) -> set[str]:
 @needs_gcc
 @pytest.mark.parametrize(("name", "version"), [(name, 2 + i % 2) for i, name in enumerate([*CHOSEN, CHOSEN[0]])])
 @pytest.mark.short(kept=lambda name, version: name == CHOSEN[1])
+@pytest.mark.dear
 def test_a_loop_of_units_is_the_simulation(name, version, tmp_path) -> None:
     """FMPy's validation finds no fault. A master closes the loop of controller and plant. This loop and the unit of the whole
     loop give, in every bit, the state of an ensemble in which each parameter has a different value in one member.
@@ -356,6 +357,7 @@ def test_parameters_are_what_enters_as_it_is() -> None:
 @needs_gcc
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.short(kept=lambda version: version == 3)
+@pytest.mark.dear
 def test_bounds_that_exclude_the_initial_estimate_are_refused_and_all_three_can_be_moved_together(version, tmp_path) -> None:
     path = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)["controller"]
     with pytest.raises(Exception, match=r"[Ff]ail|error|status"):  # where the start is left

@@ -387,6 +387,7 @@ def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
     assert same_bits(found.u, drive(printed, tmp_path, run.measured, run.commands).u)
 
 
+@pytest.mark.dear
 def test_one_of_two_actuators_has_limits(tmp_path) -> None:
     """Its control is output within the limits, and the other control is unchanged. The header and the self-test cover both."""
     limited = PlantInput(saturation=[-0.5, 0.25])

@@ -443,6 +443,7 @@ def test_the_step_with_parameters_is_the_list(name, tmp_path) -> None:
         assert difference(made, compiled(made, tmp_path, level)) == ""
 
 
+@pytest.mark.dear
 def test_what_is_refused_and_what_is_told(tmp_path, capsys) -> None:
     asked = ["export", "first-order", "--controller", "MRAC, sampled", "--parameters"]
     assert main([*asked, "--out", str(tmp_path / "a")]) == 0

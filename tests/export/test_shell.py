@@ -249,6 +249,7 @@ def test_the_c_is_a_shell_in_plain_python(scheme, shell, tmp_path) -> None:
 @pytest.mark.parametrize("scheme", ["Mrac-state-midpoint", "L1PiecewiseConstant-several", "MracOutput-output-midpoint"])
 @pytest.mark.parametrize("shell", SHELLS)
 @pytest.mark.short(kept=lambda scheme, shell: scheme.startswith("Mrac-") and shell in ("fade", "at once"))
+@pytest.mark.dear
 def test_an_export_with_a_shell_passes_its_own_test(scheme, shell, tmp_path) -> None:
     problem, controller = surrounded(scheme, SHELLS[shell])
     for float32 in (False, True):

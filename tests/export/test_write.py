@@ -38,6 +38,7 @@ def test_names_of_controllers_become_identifiers() -> None:
     assert "at most 23" in refusal(lambda: prefix_of("a controller with a long name"))
 
 
+@pytest.mark.dear
 def test_the_same_files_every_time(tmp_path) -> None:
     assert export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "new" / "mrac") == tmp_path / "new" / "mrac"
     assert sorted(file.name for file in (tmp_path / "new" / "mrac").iterdir()) == NAMES
@@ -59,6 +60,7 @@ def test_a_law_that_may_be_patented_says_so() -> None:
     assert "patent" not in files(STATE, MRAC, SIMULATION)["README.md"]
 
 
+@pytest.mark.dear
 def test_a_plain_export_leaves_no_plant_of_another_one(tmp_path) -> None:
     export_controller(STATE, MRAC, SIMULATION, out=tmp_path, closed_loop=True)
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*NAMES, "loop.c", "plant.c", "plant.h"])
@@ -69,6 +71,7 @@ def test_a_plain_export_leaves_no_plant_of_another_one(tmp_path) -> None:
 
 
 @needs_gcc
+@pytest.mark.dear
 def test_two_exports_into_one_folder_never_mix(tmp_path) -> None:
     """The second export replaces the first. Files of the two do not form a program together."""
     export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "one")

@@ -47,6 +47,7 @@ def bound_of(problem: Problem, controller: Controller):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.short(kept=lambda n: n == 2)
+@pytest.mark.dear
 def test_no_command_exceeds_it(n, sample):
     """Random plants with adaptive and linear schemes and theta at vertices and inside. Half of the plants have x(0) away from
     zero."""
@@ -70,6 +71,7 @@ def test_no_command_exceeds_it(n, sample):
 
 @pytest.mark.parametrize("scheme", ["L1", "ADRC"])
 @pytest.mark.short(kept=lambda scheme: scheme == "L1")
+@pytest.mark.dear
 def test_the_checker_accepts_it_and_nothing_false(scheme):
     """With x(0) away from zero, a lower number, a broken cell and a missing premise are each refused."""
     given, simulation = section_v.problem(), Simulation(t_end=1.0, dt=1e-3)

@@ -116,6 +116,7 @@ def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simu
     "command", [*random_problems.COMMANDS, section_v.problem().reference], ids=lambda one: type(one).__name__
 )
 @pytest.mark.short(kept=lambda command: command == section_v.problem().reference)
+@pytest.mark.dear
 def test_the_checker_follows_linear_loops(command):
     """It follows loops with a PI and with an observer through jumps and along sines, with the state away from the model's."""
     given, simulation = section_v.problem(), Simulation(t_end=5.0, dt=1e-3)
@@ -151,6 +152,7 @@ def test_fewer_seconds_never_need_more():
     assert values == sorted(values)
 
 
+@pytest.mark.dear
 def test_where_it_is_not_known_the_reason_is_said():
     given, controller = section_v.problem(), section_v.l1("L1", 1e4)
     swept = replace(given, reference=Chirp(amplitude=1.0, frequency_start=0.1, frequency_end=1.0, duration=5.0))

@@ -38,6 +38,7 @@ def certificate(problem, controller):
     return certify(problem, (controller,), SIMULATION)[controller.name]
 
 
+@pytest.mark.dear
 def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems, sample):
     """The bounds are those printed by ``certify``: |e| <= sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for MRAC and (10)
     for L1-AC.

@@ -156,6 +156,7 @@ def refused(document, sentence):
 @pytest.mark.parametrize("path", ["nothing", "actuator and two samples", "a gain"])
 @pytest.mark.parametrize("name", ["adrc", "known", "piecewise"])
 @pytest.mark.short(kept=lambda name, path: (name, path) == ("known", "actuator and two samples"))
+@pytest.mark.dear
 def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path):
     """The checker computes the sums again from the matrices alone and in a different arithmetic. The package's sums are within a
     thousandth of them."""
@@ -229,6 +230,7 @@ def test_noise_adds_the_stated_deviations(name, path):
         np.testing.assert_array_less(0.85 * np.array(found.values[key]), seen)
 
 
+@pytest.mark.dear
 def test_the_root_mean_square_covers_commands_and_noise():
     problem = replace(at_rest_with_noise("delay", T), reference=Square(amplitude=0.5, frequency=0.5))
     simulation = Simulation(t_end=60.0, dt=DT)

@@ -76,6 +76,7 @@ def test_bounds_assume_the_gain_that_the_controller_takes(controller):
     assert not other.applies and "gain 1.5" in other.why
 
 
+@pytest.mark.dear
 def test_the_checker_refuses_bounds_of_pi_for_another_gain():
     problem = problem_with(ParameterBox(lower=[-0.3, -0.3], upper=[0.3, 0.3]))
     problem = replace(problem, plant=replace(problem.plant, theta=[0.2, -0.1]))

@@ -110,6 +110,7 @@ def lightly_damped(count):
         yield plant, ParameterBox(lower=-half, upper=half), input_filter(10 ** rng.uniform(-2, -0.5)).realise()
 
 
+@pytest.mark.dear
 def test_never_better_than_at_a_vertex_or_at_the_case_s_theta(sample):
     compared = 0
     for plant, box, C in lightly_damped(sample(3, 8)):

@@ -333,6 +333,7 @@ def test_what_the_case_breaks_voids_the_bounds():
 @pytest.mark.parametrize(
     "regressor", [Polynomial(degree=2), Terms(terms=("x1", "sin(x2)", "x1*exp(-x2)"))], ids=["powers", "terms"]
 )
+@pytest.mark.dear
 def test_other_regressors(regressor):
     problem = a_problem(np.random.default_rng(10), projected=False)
     p = regressor.size(2)

@@ -39,6 +39,7 @@ def random_member(problems, seed):
     return problem, Adrc(bandwidth=10 ** rng.uniform(1, 2), output=output, nominal=middle, b_0=b_0)
 
 
+@pytest.mark.dear
 def test_the_bound_holds_along_runs(problems, sample, no_searches):
     bounds = []
     for seed in range(sample(8, 60)):

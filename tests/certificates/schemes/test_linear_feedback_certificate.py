@@ -32,6 +32,7 @@ def test_the_norm_against_an_impulse_response(section_v):
     assert by_quadrature == pytest.approx(found.upper, rel=1e-4)
 
 
+@pytest.mark.dear
 def test_the_bound_holds_over_the_known_set():
     """48 random commands and theta, some at the corners of the box. Every step of every run stays below the bound."""
     rng = np.random.default_rng(11)
@@ -46,6 +47,7 @@ def test_the_bound_holds_over_the_known_set():
             assert largest.max() > 1e-4 * bound  # the statement concerns these runs
 
 
+@pytest.mark.dear
 def test_keys_and_what_is_guaranteed():
     pytest.importorskip("slycot")
     given = variant()
@@ -84,6 +86,7 @@ def test_an_unstable_nominal_loop_says_so():
     assert any("unstable" in finding for finding in found.findings)
 
 
+@pytest.mark.dear
 def test_input_dynamics_take_the_guarantee_away_and_sampling_gives_another():
     controller = pi_feedback(variant().known, unmodelled_delay=0.01)
     late = variant(input=PlantInput(delay=0.01))
