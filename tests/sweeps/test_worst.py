@@ -76,6 +76,15 @@ def test_points_stay_in_a_ball_and_a_logarithmic_axis_is_searched_in_its_logarit
     assert region.slopes(np.array([[0.5]]))[0, 0] == pytest.approx(10 * np.log(100.0))
 
 
+def test_a_number_over_decades_has_its_slopes_at_its_low_end(tmp_path):
+    """The filter's matrices follow from kappa, so that their slopes are differences, whose steps are relative to each value."""
+    path = tmp_path / "filter.toml"
+    path.write_text(STEPS.replace('scheme = "mrac"\ngamma = 3.0', 'scheme = "l1"\ngamma = 300.0\nfilter = { kappa = 0.02 }'))
+    (one,) = find_worst(path, ["rms_e"], sample={"controller[0].filter.kappa": "loguniform:1e-3:2"}, starts=4).extremes
+    values = sweep(path, vary={"controller[0].filter.kappa": "1e-3:2:200:log"}, bounds=False, audit=0).column("MRAC/rms_e[0]")
+    assert one.least.value <= values.min() * (1 + 1e-3) and one.largest.value >= values.max() * (1 - 1e-3)
+
+
 @pytest.mark.parametrize(
     ("ranges", "said"),
     [

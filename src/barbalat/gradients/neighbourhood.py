@@ -38,13 +38,15 @@ NOT_OF_A_RUN = ("simulation", "judge", "specification", "shell", "faults", "labe
 class Movable:
     """A number with a neighbourhood of admissible values, in which one kernel serves all.
 
-    scale  the size to which steps are relative: its magnitude or, of a zero, the largest of its vector, or else one
+    scale     the size to which steps are relative: its magnitude or, of a zero, the largest of its vector, or else one
+    relative  whether steps are relative to each value instead, as for a number that varies over decades
     """
 
     path: FieldPath
     value: float
     scale: float
     kind: Kind
+    relative: bool = False
 
 
 @dataclass(frozen=True)
@@ -167,9 +169,15 @@ class Neighbourhood:
 
     def stepped(self, rows: Array, column: int, share: float) -> tuple[Array, Array]:
         """Rows (M, d) with one number above, and below, by this share of its scale."""
-        step = np.zeros(rows.shape[1])
-        step[column] = share * self.moved[column].scale
-        return rows + step, rows - step
+        above, below, step = rows.copy(), rows.copy(), self._step(rows, column, share)
+        above[:, column] += step
+        below[:, column] -= step
+        return above, below
+
+    def _step(self, rows: Array, column: int, share: float) -> Array:
+        """(M,) the step of a number at each row."""
+        one = self.moved[column]
+        return share * np.abs(rows[:, column]) if one.relative else np.full(len(rows), share * one.scale)
 
     def directions(self, rows: Array, bounds: Array | None = None) -> list[list[Direction]]:
         """For each controller, the direction of each number, for members with the numbers ``rows`` (M, d).
@@ -196,11 +204,11 @@ class Neighbourhood:
 
     def _followed(self, rows: Array, column: int, bounds: Array | None) -> Iterator[Direction]:
         """The slopes of the kernel's arguments that follow from a number."""
-        room = max(SHARES) * self.moved[column].scale
         center = rows.copy()
         if bounds is not None:
+            room = self._step(rows, column, max(SHARES))
             low, high = bounds[0, column] + room, bounds[1, column] - room
-            center[:, column] = np.clip(rows[:, column], low, high) if low < high else (low + high) / 2
+            center[:, column] = np.where(low < high, np.clip(rows[:, column], low, np.maximum(low, high)), (low + high) / 2)
         coarse, fine = (self.stepped(center, column, share) for share in SHARES[:2])
         many, count = np.vstack([*coarse, *fine]), len(rows)
         for numbers in self.setting.numbers(many):

@@ -298,8 +298,10 @@ class _Search:
         setting = Setting.of(study.varied, study.kinds, study.tried, study.tried.middle)
         middle = region.numbers(np.full((1, len(region.low)), 0.5))[0]
         moved = [
-            Movable(path=path, value=float(value), scale=float(width), kind=kind)
-            for path, value, width, kind in zip(study.varied.paths, middle, region.high - region.low, study.kinds, strict=True)
+            Movable(path=path, value=float(value), scale=float(width), kind=kind, relative=bool(log))
+            for path, value, width, kind, log in zip(
+                study.varied.paths, middle, region.high - region.low, study.kinds, region.logarithmic, strict=True
+            )
         ]
         self.near = Neighbourhood(study.varied, tuple(moved), setting, study.tried.middle)
 
