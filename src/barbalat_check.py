@@ -1379,8 +1379,8 @@ class SampledLoop:
         left, inverse = 1 - (1 - arb(share)).sqrt(), arb_mat(P.inv())  # 1 - beta
         reach = [((arb_mat([row]) * inverse * column_of(row))[0, 0]).sqrt() / left for row in rows.tolist()]
         with ctx.workprec(LEAST_BITS):
-            largest, of_largest = self.followed(rows, beside(peaks), form, samples, arb.max)
-            summed, of_summed = self.followed(rows, beside(sums), form, samples, arb.__add__)
+            largest, of_largest = self.followed(rows, side_by_side(peaks), form, samples, arb.max)
+            summed, of_summed = self.followed(rows, side_by_side(sums), form, samples, arb.__add__)
         return [
             sum((w * (one + reach[i] * tail) for w, one, tail in zip(of_peaks, largest[i], of_largest, strict=True)), arb(0))
             + sum((w * (one + reach[i] * tail) for w, one, tail in zip(of_sums, summed[i], of_summed, strict=True)), arb(0))
@@ -1403,7 +1403,7 @@ class SampledLoop:
         return found, [old + one for old, one in zip(error, sizes_of(s, form), strict=True)]
 
 
-def beside(parts: list[arb_mat]) -> arb_mat:
+def side_by_side(parts: list[arb_mat]) -> arb_mat:
     """Matrices with the same number of rows, side by side."""
     return arb_mat([[one for row in rows for one in row] for rows in zip(*(part.tolist() for part in parts), strict=True)])
 

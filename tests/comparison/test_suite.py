@@ -88,7 +88,7 @@ def test_a_submitted_law_runs_at_the_cases_sample_time_and_takes_no_stored_rows_
         standings(submissions=[law(tmp_path, "Sampled(Adrc(bandwidth=20.0), 0.001)")], quick=True)
     found = standings(submissions=[law(tmp_path, "Sampled(Adrc(bandwidth=20.0), 0.004)")], quick=True)
     assert [(row["entry"], row["settings"]) for row in found.rows] == [("ADRC", "by the rule, submitted")]
-    assert rebuilt(found) == "none of the measured rows is stored" and "ADRC" in {row["entry"] for row in found.beside}
+    assert rebuilt(found) == "none of the measured rows is stored" and "ADRC" in {row["entry"] for row in found.stored_only}
 
 
 @pytest.mark.dear
@@ -139,7 +139,7 @@ def test_what_differs_is_named(tmp_path):
     (mine,) = found.rows
     assert mine["settings"] == "as submitted" and mine["meets_rule"] == row["meets_rule"]
     assert (mine["failed"], mine["runs"]) == (row["failed"], row["runs"])
-    assert rebuilt(found) == "none of the measured rows is stored" and found.beside
+    assert rebuilt(found) == "none of the measured rows is stored" and found.stored_only
     changed = json.loads(json.dumps(stored_table()))
     here = json.loads(json.dumps(mine, default=float))
     for other, expected in (

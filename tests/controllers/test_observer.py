@@ -658,7 +658,7 @@ def test_a_sampled_dynamic_baseline_has_its_margins_over_the_known_set():
     problem = Problem(plant=plant, reference=COMMAND, observer=OBSERVERS["kalman"], uncertainty=known)
     controller = Sampled(controller=BaselineAlone(), sample_time=T)
     there = linearised(replace(problem, truth=Truth(A=A + np.outer(B, change[:4]))), controller).loop
-    np.testing.assert_allclose(linearised(problem, controller).beside(plant.b, change).A, there.A, atol=1e-12)
+    np.testing.assert_allclose(linearised(problem, controller).for_change(plant.b, change).A, there.A, atol=1e-12)
     found = certify(problem, [controller], SIMULATION)
     (loop,) = found[controller.name].values["margins_over_known_set"]
     assert 0 < loop["delay_margin"]["value"] <= found[controller.name].values["delay_margin"]

@@ -6,7 +6,7 @@ import pytest
 
 from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation
 from barbalat.judge.along import along
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.judge.judged import Kept
 from barbalat.judge.memory import Memory, Sample
 from barbalat.judge.settings import Judge

@@ -158,7 +158,7 @@ def test_a_truth_of_several_inputs_and_of_a_nonlinear_regressor():
 
 def voided(problem):
     found = certify(problem, [replace(LAW, name="kept", projection=True)], SIMULATION)
-    return found.beside["truth"]["voids"]
+    return found.further_blocks["truth"]["voids"]
 
 
 def test_what_a_truth_voids():

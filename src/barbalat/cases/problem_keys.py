@@ -41,7 +41,7 @@ class Uncertainty:
 _BOX, _BALL = (keys_of(kind, Differences()) for kind in (ParameterBox, ParameterBall))
 
 
-def _beside(given: Given, context: Context) -> Path:
+def _data_file(given: Given, context: Context) -> Path:
     """The file that a table names; a relative path starts at the case file's folder."""
     return context.folder / local_path("file", given.pop("file"))
 
@@ -373,7 +373,7 @@ DIFFERENCES: dict[type, Differences] = {
             ),
         },
         without=("times", "values"),
-        make=lambda given, context: Recorded.from_csv(_beside(given, context), **given),
+        make=lambda given, context: Recorded.from_csv(_data_file(given, context), **given),
     ),
-    MatFile: Differences(make=lambda given, context: Recorded.from_mat(_beside(given, context), **given)),
+    MatFile: Differences(make=lambda given, context: Recorded.from_mat(_data_file(given, context), **given)),
 }

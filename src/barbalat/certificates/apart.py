@@ -118,7 +118,7 @@ def _at_the_truth(problem: Problem) -> Problem:
     return moved if problem.input_gain is None else moved.with_inputs(lambda path: replace(path, gain=next(gains)))
 
 
-def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
+def further_blocks(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
     """The blocks of the JSON document besides the certificates: the sets derived from ranges of parameters, and the check of the
     simulated plant."""
     return sets_and_truth(problem) | ({} if found is None else {"truth": found.as_json()})

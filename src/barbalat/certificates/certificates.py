@@ -88,18 +88,23 @@ class Certificates(Named[Certificate]):
         problem: TrackingProblem,
         controllers: Sequence[Controller],
         simulation: Simulation,
-        beside: Mapping[str, Any] = MappingProxyType({}),
+        further_blocks: Mapping[str, Any] = MappingProxyType({}),
         of_design: Mapping[str, Collection[str]] = MappingProxyType({}),
         plain: Mapping[str, Certificate] | None = None,
     ) -> None:
         super().__init__(found)
         self.plain = found if plain is None else plain  # before guarantees are marked as those of the design
-        self.problem, self.controllers, self.simulation, self.beside = problem, controllers, simulation, dict(beside)
+        self.problem, self.controllers, self.simulation, self.further_blocks = (
+            problem,
+            controllers,
+            simulation,
+            dict(further_blocks),
+        )
         self.of_design = of_design
 
     def with_changed(self, changed: Mapping[str, Certificate]) -> Certificates:
         """Return a copy with other certificates for some of the controllers."""
-        of = self.problem, self.controllers, self.simulation, self.beside, self.of_design, self.plain
+        of = self.problem, self.controllers, self.simulation, self.further_blocks, self.of_design, self.plain
         return Certificates({**self, **changed}, *of)
 
     @cached_property

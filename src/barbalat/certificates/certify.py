@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from barbalat import budget
-from barbalat.certificates.apart import apart, beside, speaks_of_the_motion, with_notes
+from barbalat.certificates.apart import apart, further_blocks, speaks_of_the_motion, with_notes
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates, Table1, column_of, file_of, table_1
@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError, counted
 
 
-def beside_its_runs(
+def with_note_on_runs(
     problem: TrackingProblem, controller: Controller, certificate: Certificate, simulation: Simulation
 ) -> Certificate:
     """The certificate of a controller in continuous time, with a note if a numerical run may leave the guaranteed bounds.
@@ -78,7 +78,7 @@ def certify(
             progress(i / len(told))
     checked = apart(problem, told, found, partial(_computed, simulation=simulation))
     noted, cells = with_notes(problem, found, checked), {} if checked is None else checked.cells
-    return Certificates(noted, design, told, simulation, beside(problem, checked), cells, plain=found)
+    return Certificates(noted, design, told, simulation, further_blocks(problem, checked), cells, plain=found)
 
 
 def _require_room(problem: TrackingProblem, controllers: int) -> None:
@@ -136,7 +136,7 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
         if sampled:
             return found
         found = found if simulation.solver.imaginary_limit else on_damping(found)
-        return beside_its_runs(problem, controller, found, simulation)
+        return with_note_on_runs(problem, controller, found, simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
@@ -161,16 +161,16 @@ class Certified(NamedTuple):
 
     certificates: dict[str, Certificate]
     table: Table1
-    beside: dict[str, Any] = {}  # noqa: RUF012 (never changed): the sets derived from ranges, and the check of the truth
+    further_blocks: dict[str, Any] = {}  # noqa: RUF012 (never changed): the sets derived from ranges, and the check of the truth
 
     def as_document(self, case: str) -> dict[str, Any]:
         """The contract's document of ``certify --json``."""
         controllers = {name: certificate.as_json() for name, certificate in self.certificates.items()}
-        return {"case": case, "controllers": controllers, "table_1": self.table.as_json(), **self.beside}
+        return {"case": case, "controllers": controllers, "table_1": self.table.as_json(), **self.further_blocks}
 
     def as_json(self) -> dict[str, Any]:
         certificates = {n: c.as_json() for n, c in self.certificates.items()}
-        return {"certificates": certificates, "table_1": self.table.as_json(), **self.beside}
+        return {"certificates": certificates, "table_1": self.table.as_json(), **self.further_blocks}
 
 
 def certified_case(
@@ -184,4 +184,4 @@ def certified_case(
     checked = apart(problem, controllers, certificates, partial(_computed, simulation=simulation))
     noted = with_notes(problem, certificates, checked)
     cells = {} if checked is None else checked.cells
-    return Certified(noted, table_1(problem.design, controllers, certificates, cells), beside(problem, checked))
+    return Certified(noted, table_1(problem.design, controllers, certificates, cells), further_blocks(problem, checked))

@@ -157,7 +157,7 @@ class _Lines:
         for one in ("lyapunov", "L1 norm of W_r") if key == "bounds" and directly else rests_on:
             if why := self.add(one):
                 return why
-        value = self._beside(key) if entry is None else entry.value
+        value = self._unclaimed(key) if entry is None else entry.value
         line = {"key": key, "value": value, "claimed": entry is not None}
         try:
             line |= self._witness(key, value)
@@ -203,7 +203,7 @@ class _Lines:
         self.found["norms"] = {"key": "norms", "value": value, "claimed": True}
         return ""
 
-    def _beside(self, key: str) -> Any:
+    def _unclaimed(self, key: str) -> Any:
         """An intermediate value that the certificate does not claim."""
         known = self.problem.known
         if key in ("lyapunov", "sampled response"):

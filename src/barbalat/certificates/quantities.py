@@ -55,9 +55,9 @@ QUANTITIES = {
     ),
     "adaptation_frequency": Quantity("frequency of the frozen oscillator of adaptation", "rad/s"),
     "gamma_max": Quantity(
-        "a gain up to which the solver, or a law with Euler steps, is stable at its step, with |x| at its bound"
+        "the solver, or a law with Euler steps, is stable at its step at least up to this gain, with |x| at its bound"
     ),
-    "step_max": Quantity("a step up to which the solver is stable with this gain and |x| at its bound", "s"),
+    "step_max": Quantity("the solver is stable with this gain at least up to this step, with |x| at its bound", "s"),
     "gamma_float32": Quantity("gain above which a compiled export in 32 bits, in the loop, deviates from the simulation"),
     "gamma_max_at_model": Quantity(
         "the same with |x| as large as the command makes |x_m|; in runs, oscillations start near it, from 0.6 times it on"

@@ -63,7 +63,7 @@ def execute(options: argparse.Namespace) -> int:
         work(_expected(case, options)) as running,
     ):
         certificates = _certified(case, options, running)
-        found = Certified(certificates, certificates.table, certificates.beside)
+        found = Certified(certificates, certificates.table, certificates.further_blocks)
         document = as_json(found.as_document(case.name))
         if folder is not None:
             with running.part("drawing"):

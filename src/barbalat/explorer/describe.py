@@ -282,12 +282,12 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "true": None if true is None else [float(v) for v in true],
         "estimates": [estimated(name) for name in estimate_names(case.problem, loop)],
         "reported": {part.name: [*range(part.rows.start, part.rows.stop)] for part in loop.other_estimates},
-        "beside": _beside(case, loop),
+        "beside": _further_entries(case, loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip
 
 
-def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
+def _further_entries(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
     """Return the entries that are drawn in addition to theta_hat, with their true values."""
     found = []
     for part in loop.other_estimates:

@@ -12,7 +12,7 @@ from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import Contents
 from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.loop.around import Kept
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten

@@ -19,7 +19,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside
 from barbalat.loop.true_values import estimate_set
 from barbalat.open_numbers.kernel_numbers import Family, Member
-from barbalat.open_numbers.numbers import beside, in_case
+from barbalat.open_numbers.numbers import in_case, neighbours
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.probe import examined
 from barbalat.open_numbers.varied import VariedObjects
@@ -179,7 +179,7 @@ def _copied(case: Case) -> Iterator[Offered]:
 def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | None:
     """Another value of the number, and the case with that value; None if the number does not occur unchanged in the loop."""
     base, varied = (case.problem, case.controllers[0]), VariedObjects(case, (path,))
-    for tried in beside(value):
+    for tried in neighbours(value):
         try:
             other = varied.at([tried])
             effect, family = examined([base, (other.problem, other.controllers[0])], np.array([value, tried]), case.simulation)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.run.kernel.members import Members, Reader
 from barbalat.run.kernel.template import StructureError
 from barbalat.solvers.simulation import Simulation

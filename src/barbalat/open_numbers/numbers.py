@@ -57,7 +57,7 @@ class Number:
         return np.unique([self.value, *values[[0, last // 5, last // 2, last]], *special])
 
 
-def beside(value: float) -> tuple[float, float]:
+def neighbours(value: float) -> tuple[float, float]:
     """Two values near a number without a known range, one on each side, which are tried instead."""
     return 1.125 * value + 0.0625 * (value == 0), 0.875 * value - 0.0625 * (value == 0)
 

@@ -71,7 +71,7 @@ def show(screen: Screen, found: Standings) -> None:
     screen.table(COLUMNS, rows(found.rows), leads=2)
     for name in found.empty:
         screen.line(f"{name}: no scheme takes part; {'; '.join(found.left_out[name])}.")
-    if found.beside:
+    if found.stored_only:
         screen.title("Stored rows")
-        screen.table(COLUMNS, rows(found.beside), leads=2)
+        screen.table(COLUMNS, rows(found.stored_only), leads=2)
     screen.line(f"{capitalized(rebuilt(found))}.")

@@ -160,7 +160,7 @@ def delays_confirmed(
     """
     longest = longest_delay(simulation) if longest is None else longest
     asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.resolution, longest, lambda size: f"{size:.3g} s")
-    beside = _beside(found)
+    beside = _either_side(found)
     fine = refined(simulation)
     ideals = Ideals(fine, beside) if 0 < len(beside) <= SIZES_TRIED else Ideals.over(fine, longest)
     return _confirmed(members, found, ideals, asking, numbers, by or Judging(), threads)
@@ -172,7 +172,7 @@ def gains_confirmed(
     """Whether a finer step confirms the tolerated factors on the input's effectiveness, upwards or downwards, up to the largest
     factor that is tried."""
     asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
-    beside = _beside(found)
+    beside = _either_side(found)
     ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)
     return _confirmed(members, found, ideals, asking, numbers, by, None)
 
@@ -187,7 +187,7 @@ class _Asking:
     said: Callable[[float], str]
 
 
-def _beside(found: DelayMargins) -> Array:
+def _either_side(found: DelayMargins) -> Array:
     """The sizes on either side of those found."""
     both = np.concatenate([found.onset.tolerates, found.loss.tolerates])
     return np.unique(np.outer([1 - BESIDE_SHARE, 1 + BESIDE_SHARE], both[both > 0]))

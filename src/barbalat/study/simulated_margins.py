@@ -117,7 +117,7 @@ class _Measured:
         simulated = Simulated(said, verdict, self._in_words(simulation))
         entries = (*self._entries(problem, simulation).entries.values(), *certificate.entries)
         return certificate.with_simulated(simulated).with_entries(
-            entries, *notes, *self._beside(certificate, longest_delay(simulation))
+            entries, *notes, *self._compared_with_linear(certificate, longest_delay(simulation))
         )
 
     def _entries(self, problem: TrackingProblem, simulation: Simulation) -> Draft:
@@ -164,7 +164,7 @@ class _Measured:
         first = min(self.gains, key=lambda one: float(one.onset.tolerates[0])).ends[0]
         return f"{tolerated}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
 
-    def _beside(self, certificate: Certificate, longest: float) -> list[str]:
+    def _compared_with_linear(self, certificate: Certificate, longest: float) -> list[str]:
         """Findings if the linear loop tolerates more than twice as much as the case."""
         values, delay = certificate.values, float(self.delay.onset.tolerates[0])
         keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]

@@ -26,7 +26,7 @@ class Linearised:
     loop: SampledLoop
     rows: dict[str, Array]
 
-    def beside(self, b: Array, change: Array) -> SampledLoop:
+    def for_change(self, b: Array, change: Array) -> SampledLoop:
         """The loop for the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b.
 
         The rows of a dynamic baseline's states, which follow the plant's in b and theta, belong to the controller and do not

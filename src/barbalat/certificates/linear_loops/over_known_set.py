@@ -154,7 +154,10 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
     """Add the margins over the known set of a linear controller's loop from sample to sample, for one input and phi(x) = x."""
     plant = problem.plant
     add_sampled_at(
-        draft, problem, lambda theta: found.beside(plant.b, theta - plant.theta), "from sample to sample with a fixed controller"
+        draft,
+        problem,
+        lambda theta: found.for_change(plant.b, theta - plant.theta),
+        "from sample to sample with a fixed controller",
     )
 
 

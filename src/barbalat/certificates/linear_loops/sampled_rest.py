@@ -102,7 +102,7 @@ class SampledRest:
             state[part.rows] = value
         found = self._frozen_at(state)
         own = problem.plant.states  # a baseline's own states are known, and so are their inputs
-        return acting(replace(found, loop=found.beside(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
+        return acting(replace(found, loop=found.for_change(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
 
     def with_its_law(self) -> SampledLoop:
         """The loop with its law, without constant combinations of the estimates and the law's memory."""

@@ -69,7 +69,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
         return _of_several(draft, problem, controller, gains, simulation)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
-    bound = _beside_disturbances(problem, gains) or _error_level(problem, gains, omega)
+    bound = _with_disturbances(problem, gains) or _error_level(problem, gains, omega)
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
@@ -105,7 +105,7 @@ def _of_several(
     draft.advise({"k_x": k_x.reshape(-1, m).tolist(), "k_r": k_r.reshape(m, -1).tolist()})
     of_x = np.tile(omega, len(k_x) // m) * (gains.theta_hat0 - k_x) ** 2 / gains.gamma.value
     V = math.fsum(of_x.tolist()) + _feedforward_V(gains, omega)
-    bound = _beside_disturbances(problem, gains) or math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
+    bound = _with_disturbances(problem, gains) or math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
@@ -132,7 +132,7 @@ def _error_level(problem: Problem, gains: ControlGains, omega: float) -> float:
     return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(k_x_off, k_r_off) * OUTWARD_FACTOR**2
 
 
-def _beside_disturbances(problem: Problem, gains: ControlGains) -> float | None:
+def _with_disturbances(problem: Problem, gains: ControlGains) -> float | None:
     """The bound that V gives with bounded disturbances; None without disturbances, and if V gives no bound."""
     push = disturbed.push(problem, problem.known)
     if push is None or gains.estimate_set is None or gains.interval is None:

@@ -47,8 +47,8 @@ class FrozenLaw(Protocol):
 
 def under_the_solver(problem: Problem, simulation: Simulation, filter_poles: Array | None) -> Oscillator:
     """The frozen law with the other integrated parts: the dynamics before the plant's inputs, and C(s)."""
-    beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
-    return Oscillator(problem.known, simulation.solver, np.concatenate(beside))
+    others = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+    return Oscillator(problem.known, simulation.solver, np.concatenate(others))
 
 
 def of_lyapunov_law(

@@ -65,11 +65,11 @@ class FrozenErrorSystem:
 class Oscillator(FrozenErrorSystem):
     """The frozen error system of a problem under a solver.
 
-    beside   eigenvalues of the other integrated parts, which do not depend on g: the input filter, an actuator
+    others   eigenvalues of the other integrated parts, which do not depend on g: the input filter, an actuator
     """
 
     solver: Tableau
-    beside: Array
+    others: Array
 
     def modes(self, g: Array) -> Array:
         """Eigenvalues for g > 0, (K,) -> (K, n + m); q is scaled by sqrt(g), which balances the matrix."""
@@ -84,7 +84,7 @@ class Oscillator(FrozenErrorSystem):
     @property
     def fixed(self) -> Array:
         """The eigenvalues that exist at g = 0: A_m's own modes, and those of the other parts."""
-        return np.concatenate([np.linalg.eigvals(self.known.A_m), self.beside])
+        return np.concatenate([np.linalg.eigvals(self.known.A_m), self.others])
 
     def largest_g(self, h: float) -> float:
         """The largest g up to which no mode is amplified at the step h; 0 if A_m or another part is already too fast.

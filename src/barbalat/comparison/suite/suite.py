@@ -230,7 +230,7 @@ class Standings:
         return found
 
     @property
-    def beside(self) -> list[Row]:
+    def stored_only(self) -> list[Row]:
         """The stored rows of the measured cases that were not measured now."""
         cases, measured = {row["case"] for row in self.rows}, {_place(row) for row in self.rows}
         return [row for row in self.stored.get("rows", ()) if row["case"] in cases and _place(row) not in measured]
@@ -247,7 +247,7 @@ class Standings:
             "suite": {"name": self.suite.name, "sha256": self.suite.sha256, "public": self.suite.is_public},
             "rule": dict(self.suite.rule), "rows": list(self.rows), "left_out": {k: list(v) for k, v in self.left_out.items()},
             "versions": {name: version(name) for name in TABLE_PACKAGES},
-            "stored": {**known, **self.compared, "beside": self.beside},
+            "stored": {**known, **self.compared, "beside": self.stored_only},
         }  # fmt: skip
 
 

@@ -297,7 +297,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
     problem, aim = tuner.case.problem, tuner.aim
     for name, one in found.items():
-        said += [f"{name}: {sentence}" for sentence in _beside_linear(one)]
+        said += [f"{name}: {sentence}" for sentence in _compared_with_linear(one)]
     if isinstance(problem, Problem):
         said += different_starts(problem, [one for one in tuner.case.controllers if one.name in found])
     if aim.asks(Origin.PROBE) and tuner.case.problem.noise is not None:
@@ -319,7 +319,7 @@ def _unmet(tuner: Tuner, one: Tuned) -> str:
     )
 
 
-def _beside_linear(one: Tuned) -> list[str]:
+def _compared_with_linear(one: Tuned) -> list[str]:
     """Return the finding if the requested linear delay margin is more than twice what the case tolerates."""
     point, measured = one.chosen or one.nearest, one.delay_margin_measured
     if measured is None:

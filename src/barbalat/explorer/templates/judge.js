@@ -1,5 +1,5 @@
 // The judge of barbalat run. It turns the memory that a kernel keeps after the loop's states into a verdict and its sentence.
-// The kernel's own operations update the memory (judge/beside.py). The rules are those of judge/judged.py and
+// The kernel's own operations update the memory (judge/appended.py). The rules are those of judge/judged.py and
 // run/engine/judging.py; their numbers are in the page's data.
 
 import { eigenvalues } from "./spectrum.js";

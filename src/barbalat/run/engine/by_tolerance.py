@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 
 from barbalat.budget import Progress, carried
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.judge.settings import Judge
 from barbalat.loop.binding import bound
 from barbalat.loop.closed_loop import ClosedLoop

@@ -80,7 +80,7 @@ class Continued:
 
     def copied(self) -> Continued:
         """A copy that continues independently."""
-        return replace(self, group=self.group.beside())
+        return replace(self, group=self.group.independent_copy())
 
     def window(self, steps: int, _members: Array) -> Seen:
         """See ``Continuation.window``: all members advance together."""

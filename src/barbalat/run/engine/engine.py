@@ -13,7 +13,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.budget import Progress
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.judge.memory import Begins
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Rings, Watch, vector_width
@@ -256,7 +256,7 @@ class Group:
         """A copy of the group at the same step, to be continued separately."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past), watch=watch)
 
-    def beside(self) -> Group:
+    def independent_copy(self) -> Group:
         """A copy of the group at the same step that continues independently, with the same watch."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past))
 

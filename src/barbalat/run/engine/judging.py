@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.judge.cycles import (
     FEWEST_WINDOWS,
     FIRST_PIECES,
@@ -77,7 +77,7 @@ class Terms:
     input_units: tuple[str, ...]
     held: Held
     slowest: float
-    beside: Uncommanded
+    uncommanded: Uncommanded
     declared: tuple[int, ...]
 
     @classmethod
@@ -129,7 +129,7 @@ def judged(
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
-    scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), terms.beside)
+    scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), terms.uncommanded)
     bands = judge.bands(terms.names, terms.units, scale, terms.declared)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)

@@ -57,8 +57,8 @@ class ObservedGroup(Group):
         state[: len(self.motion.x), 0] = self.motion.x
         return state
 
-    def beside(self) -> ObservedGroup:
-        """See ``Group.beside``."""
+    def independent_copy(self) -> ObservedGroup:
+        """See ``Group.independent_copy``."""
         assert self.motion is not None
         return replace(self, state=self.at_end(), motion=self.motion.copied())
 

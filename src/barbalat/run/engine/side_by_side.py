@@ -206,7 +206,7 @@ class ContinuedMembers:
 
     def copied(self) -> ContinuedMembers:
         """See ``Continuation``."""
-        return replace(self, groups={i: group.beside() for i, group in self.groups.items()})
+        return replace(self, groups={i: group.independent_copy() for i, group in self.groups.items()})
 
     def window(self, steps: int, members: Array) -> Seen:
         """See ``Continuation``."""
@@ -217,7 +217,7 @@ class ContinuedMembers:
             if i not in self.groups:
                 ended = self.batch.groups[int(self.columns[i])]
                 assert isinstance(ended, ObservedGroup)
-                self.groups[int(i)] = ended.beside()
+                self.groups[int(i)] = ended.independent_copy()
         chosen = [self.groups[int(i)] for i in members]
         before = np.array([group.renew(Begins.WINDOW)[at["reversals"], 0] for group in chosen])
         self.step += steps

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.judge.beside import Watched
+from barbalat.judge.appended import Watched
 from barbalat.loop.binding import Bindings
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside, structure

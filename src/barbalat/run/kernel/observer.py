@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.judge.beside import Given, Watched, joined
+from barbalat.judge.appended import Given, Watched, joined
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import Outputs, column, symbols
 from barbalat.loop.true_values import estimate_set

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from barbalat.judge.beside import Given, Watched, joined, unchanged
+from barbalat.judge.appended import Given, Watched, joined, unchanged
 from barbalat.judge.memory import Memory
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import continuous_twin

@@ -233,7 +233,7 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         title += f" = {text_of(labels.name(state))}" if labels.name(state) else ""
         names = ("motion", "y" if output else f"x_{state + 1}", *([labels.name(state)] if labels.name(state) else []))
         y = f"{'$y$' if output else f'$x_{state + 1}$'} {as_typed(labels.unit(state))}"
-        limits = _limits_beside_lost(results, [s.value for s in runs], [s.value for s in others])
+        limits = _limits_with_lost_runs(results, [s.value for s in runs], [s.value for s in others])
         whole = Panel(
             title=f"{title}, model and command",
             series=[*runs, *others],
@@ -312,7 +312,7 @@ def _control(results: Sequence[Result]) -> Panel:
     paths = results[0].problem.surroundings.paths
     ends = sorted({float(end) for path in paths if path.saturation is not None for end in path.saturation})
     of_each = [np.concatenate([s.low, s.high]) if s.low is not None and s.high is not None else s.value for s in series]
-    limits = _limits_beside_lost([r for r in results for _ in range(len(series) // len(results))], of_each, [])
+    limits = _limits_with_lost_runs([r for r in results for _ in range(len(series) // len(results))], of_each, [])
     drawn, far = reachable(ends, limits or span_of(of_each))
     note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
@@ -338,7 +338,7 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
     return found
 
 
-def _limits_beside_lost(
+def _limits_with_lost_runs(
     results: Sequence[Result], of_each: Sequence[Array], of_all: Sequence[Array]
 ) -> tuple[float, float] | None:
     """The range needed by the runs that have not diverged; ``None`` if no run or every run diverged."""

@@ -70,12 +70,12 @@ class SlungMass:
 
     mass    the mass [kg]
     cable   the length of the cable [m]
-    beside  the hook's distance from the centre, the same forward and left [m]
+    offset  the hook's distance from the centre, the same forward and left [m]
     """
 
     mass: float = 0.25
     cable: float = 0.5
-    beside: float = 0.03
+    offset: float = 0.03
 
 
 def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = STEP, integrator: str = INTEGRATOR) -> str:
@@ -116,6 +116,6 @@ def _hung(slung: SlungMass) -> str:
     """Return the slung mass in MuJoCo's format, a ball of 4 cm. Its own inertia is a hundredth of that due to the cable."""
     ball = 0.4 * slung.mass * 0.04**2
     return (
-        f'<body name="slung" pos="{slung.beside!r} {slung.beside!r} 0"><joint name="hook" type="ball" damping="{SWING_DAMPING}"/>'
+        f'<body name="slung" pos="{slung.offset!r} {slung.offset!r} 0"><joint name="hook" type="ball" damping="{SWING_DAMPING}"/>'
         f'<inertial pos="0 0 {-slung.cable!r}" mass="{slung.mass!r}" diaginertia="{ball!r} {ball!r} {ball!r}"/></body>'
     )

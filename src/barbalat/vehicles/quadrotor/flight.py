@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.judge.beside import ARRIVED
+from barbalat.judge.appended import ARRIVED
 from barbalat.validate import Array
 from barbalat.vehicles.flight import Flight, Timing
 from barbalat.vehicles.quadrotor.body import Quadrotor

@@ -42,8 +42,8 @@ def in_flight(every: Sequence[Flights]) -> Claim:
                 f"of {flown} flights the adaptive schemes lose {lost}, the linear designs {of_linear}; of {len(apart)} failures {apart.count(1)} show this order beyond chance, {apart.count(-1)} the opposite order",
             ),
             sentence.reads(len(ahead) > len(behind), f"for {len(ahead)} failures ({_joined(ahead)}); a linear design is ahead of every adaptive scheme for {len(behind)} ({_joined(behind)})", 1),
-            _beside(every, "the filter helps: L1 follows better than MRAC, which has no filter, for more failures than the reverse", "L1", "MRAC"),
-            _beside(every, "L1 with the piecewise-constant law, a linear controller, follows better than robust MRAC, for more failures than the reverse", "L1 piecewise, as flown", "Robust MRAC"),
+            _supplementary(every, "the filter helps: L1 follows better than MRAC, which has no filter, for more failures than the reverse", "L1", "MRAC"),
+            _supplementary(every, "L1 with the piecewise-constant law, a linear controller, follows better than robust MRAC, for more failures than the reverse", "L1 piecewise, as flown", "Robust MRAC"),
         ),
         shows=f"Flights lost, without those with reversed surfaces: adaptive {lost}, linear {of_linear} of {flown}. Significantly smaller error: adaptive for {len(ahead)} failures, linear for {len(behind)}.",
         measured="; ".join(
@@ -113,7 +113,7 @@ def _through(every: Sequence[Flights], by: str) -> tuple[list[str], list[str]]:
     return found("adaptive", "linear"), found("linear", "adaptive")
 
 
-def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Reading:
+def _supplementary(every: Sequence[Flights], says: str, one: str, other: str) -> Reading:
     """Compare two schemes by their errors. This does not decide the sentence."""
     better, worse = (_failures(every, one, other, sign) for sign in (1, -1))
     return Reading(says, len(better) > len(worse), f"less error for {_joined(better)}; more for {_joined(worse)}", "beside")

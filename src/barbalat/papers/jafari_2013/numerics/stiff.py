@@ -63,7 +63,7 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
     ]
     return Claim(
         sentence=SENTENCES["stiff-solvers"],
-        readings=(*_literal(tried), *_automatic(tried), *_beside(tried), _giving_up(tried), *more),
+        readings=(*_literal(tried), *_automatic(tried), *_supplementary(tried), _giving_up(tried), *more),
         shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the equations, up to Gamma = {GAINS[-1].gamma:g} (RK4 in Figure 3 up to {rk4:.2g} times); no singularity.",
         measured="ringing of the estimates over that of the converged solution, smallest and largest in any second, without / with projection: "
         + "; ".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / {cell(row, 1, right)}" for row in (*tried.explicit, *at_paper))
@@ -155,7 +155,7 @@ def _failing(tried: StiffRuns) -> list[StiffRow]:
     return [row for row in tried.loose if _shows_them(row, PAPER_SETTING)]
 
 
-def _beside(tried: StiffRuns) -> tuple[Reading, ...]:
+def _supplementary(tried: StiffRuns) -> tuple[Reading, ...]:
     """Return the readings on whether solvers follow the equations, including their ringing, which the sentence does not
     require."""
     coarse, fine = (

@@ -54,12 +54,12 @@ def l1_is_linear() -> Claim:
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation)"
         ", RK4; the equivalent is multiplied out and integrated in a separate realisation",
-        listings=(_beside_equivalent(runs[controller.name], runs["equivalent"]),),
+        listings=(_compared_with_equivalent(runs[controller.name], runs["equivalent"]),),
         would_change="an input for which the two differ while sigma is inside its bounds; the row does not concern other L1 controllers",
     )
 
 
-def _beside_equivalent(adaptive: Result, linear: Result) -> Listing:
+def _compared_with_equivalent(adaptive: Result, linear: Result) -> Listing:
     at = at_instants(adaptive.t, TOLD_INSTANTS)
     u, difference = adaptive.u[at], adaptive.u[at] - linear.u[at]
     return table(

@@ -87,7 +87,7 @@ def largest_gain(kappa: float | None) -> float:
     return largest(is_stable, 1e-3, 1e3, within=1e-10)
 
 
-def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
+def compared_with_rohrs() -> tuple[tuple[Reading, ...], Listing]:
     """Compare the times of loss with a known set that contains destabilising gains and with one that does not."""
     at = {kappa: {name: diverged_at(kappa, command) for name, command in COMMANDS.items()} for kappa in (None, *KAPPAS)}
     wide = {kappa: np.array([each[0] for each in found.values()]) for kappa, found in at.items()}
@@ -218,7 +218,7 @@ def claim(*, full: bool = False) -> Claim:
     found = {name: search(name, gains, STEP / 4 if full else STEP) for name in SCHEMES}
     ideal = dict(zip(SCHEMES, (ideal_margins(None), ideal_margins(section_v.KAPPA)), strict=True))
     below = {name: [i for i in range(len(THETAS)) if each.before(i, ideal[name][i])] for name, each in found.items()}
-    on_rohrs_plant, at_rohrs_plant = beside_rohrs()
+    on_rohrs_plant, at_rohrs_plant = compared_with_rohrs()
     readings = (*_readings(found, ideal, below), *on_rohrs_plant)
     firsts = np.array([each.loses[i].max() for name, each in found.items() for i in below[name]] or [np.nan])
     return Claim(
