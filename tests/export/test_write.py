@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -43,7 +46,10 @@ def test_the_same_files_every_time(tmp_path) -> None:
     assert export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "new" / "mrac") == tmp_path / "new" / "mrac"
     assert sorted(file.name for file in (tmp_path / "new" / "mrac").iterdir()) == NAMES
     found = files(STATE, MRAC, SIMULATION)
-    assert found == files(STATE, MRAC, SIMULATION)
+    code = "import json; from export.test_write import *; print(json.dumps(files(STATE, MRAC, SIMULATION)))"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "1"}  # sets have another order
+    told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+    assert found == json.loads(told)
     for name, text in found.items():
         assert (tmp_path / "new" / "mrac" / name).read_text() == text
         assert text.isascii()
