@@ -1,14 +1,15 @@
 """Explorers in a real browser: every slider is moved, and every figure must equal that of a run of the copied case file in every
 bit.
 
-    python tests/browser_explorer.py [CASE ...]
+    python tests/browser_explorer.py [CASE ...] [--one-in N]
 
-A case is the name of a bundled case or a file; without arguments all bundled cases are checked. Each fault is printed on a line,
-and the exit code is then 1.
+A case is the name of a bundled case or a file; without cases all bundled ones are checked. With --one-in the commit draws
+one in so many of them. Each fault is printed on a line, and the exit code is then 1.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
 import random
 import sys
@@ -24,6 +25,7 @@ from barbalat.cases.load import CaseText, bundled, parse_case
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource
 from chromium import look, overheard
+from turns import drawn
 
 Figures = dict[str, float | list[float] | None]
 ROUNDS = 3
@@ -49,10 +51,18 @@ only half of the digits, about 1e-8."""
 READY = "() => document.body.dataset.state === 'ready' && document.querySelector('#figures tr')"
 
 
-def main(cases: list[str]) -> int:
+def main(arguments: list[str]) -> int:
     """Check the cases and return the exit code."""
+    parser = argparse.ArgumentParser(prog="browser_explorer.py")
+    parser.add_argument("cases", nargs="*")
+    parser.add_argument("--one-in", type=int, default=1, help="of the cases one in so many, which the commit draws")
+    given = parser.parse_args(arguments)
+    if given.one_in < 1:
+        parser.error(f"--one-in takes 1, which keeps all, or more, but got {given.one_in}")
+    cases = given.cases or list(bundled())
+    chosen = drawn(cases, -(-len(cases) // given.one_in), "explorers")
     with tempfile.TemporaryDirectory() as made:
-        return look(lambda browser: [one for case in cases or bundled() for one in of_case(browser, case, Path(made))])
+        return look(lambda browser: [one for case in chosen for one in of_case(browser, case, Path(made))])
 
 
 def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
