@@ -47,6 +47,8 @@ SHAPE = re.compile(r"\(([^()]*)\)")
 FILES = {"csv": "recorded.csv", "mat": "recorded.mat"}
 LEFT_OUT = frozenset({"A", "V_hat0", "c_0", "design_plant", "file", "filter_poles", "input_gain", "lower", "poles", "upper"})
 """Optional keys that need others and are added together with them."""
+PHYSICAL = 0.3
+"""Share of plants with one input that are given by A and b, often with parameters or a baseline."""
 DRAWS = 8
 """Attempts at a controller that fits its problem. The package decides which settings fit together."""
 
@@ -338,14 +340,64 @@ class Draw:
         if self.rng.random() < self.share:
             plant["unmatched"] = [{"direction": self.vector(self.n), "signal": self.signal()}]
         case: Table = {"name": "drawn", "plant": plant, "reference_model": {"k_0": self.feedforward()}}
-        if self.rng.random() < 0.75:
+        physical = self.m == 1 and "regressor" not in plant and self.rng.random() < PHYSICAL
+        if not physical and self.rng.random() < 0.75:
             case["uncertainty"] = self.known_set()
         case["reference"] = self.signal() if self.m == 1 else [self.signal() for _ in range(self.m)]
         case["simulation"] = self.simulation()
         # these need a plant given by A and b, and an observer needs its measurements
         apart = dict.fromkeys(("controller", "parameters", "truth", "baseline", "observer"), 0)
+        if physical:
+            case |= self.physics(plant)
         case |= self.table(self.definition("Problem"), without={**case, **apart})
+        if "follow" in case["reference_model"]:
+            case["reference_model"]["follow"] = case.get("labels", {}).get("names", ["x_1"])[0]
         return case | {"controller": self.controllers(case)}
+
+    def physics(self, plant: Table) -> Table:
+        """A and b in place of A_m and theta, with formulas of parameters, and a baseline, or poles of the model. Some of these
+        cases have a truth with other parameters, or an observer."""
+        rng, n = self.rng, self.n
+        del plant["A_m"], plant["theta"]
+        self.theta, self.known = [0.0] * n, {}
+        A: list[list[Any]] = [*self.hurwitz()[:-1], [round(rng.gauss(-1, 3), 3) for _ in range(n)]]
+        case: Table = {"reference_model": {"poles": [-rng.uniform(0.5, 8) for _ in range(n)], "follow": ""}, "parameters": {}}
+        for k in range(n if rng.random() < 0.7 else 0):
+            value = A[-1][k]
+            case["parameters"][f"k{k}"] = {"value": value, "between": [value - rng.uniform(0, 1), value + rng.uniform(0, 1)]}
+            A[-1][k] = rng.choice((f"k{k}", f"0.5*k{k} + {value / 2}"))
+        b = abs(plant["b"][-1])
+        if case["parameters"] and rng.random() < 0.3:
+            case["parameters"]["gain"] = {"value": b, "tolerance": rng.uniform(0.05, 0.4)}
+            b = "gain"
+        plant |= {"A": A, "b": [0.0] * (n - 1) + [b]}
+        if not case["parameters"]:
+            del case["parameters"]
+        elif rng.random() < 0.3:
+            name, one = rng.choice(sorted(case["parameters"].items()))
+            case["truth"] = {"parameters": {name: one["value"] * rng.uniform(0.8, 1.25)}}
+        if rng.random() < 0.6:
+            case |= {"baseline": self.baseline("saturation" in plant.get("input", {})), "reference_model": {"follow": ""}}
+        if "parameters" not in case and rng.random() < 0.75:
+            case["uncertainty"] = {"lower": [-abs(one) for one in self.vector(n)], "upper": [abs(one) for one in self.vector(n)]}
+        if rng.random() < 0.2:
+            plant["C"] = [[1.0] + [0.0] * (n - 1)]
+            case["observer"] = {"kind": "luenberger", "poles": [-rng.uniform(10, 40) - k for k in range(n)]}
+        return case
+
+    def baseline(self, limited: bool) -> Table:
+        rng, weights = self.rng, [abs(one) + 0.1 for one in self.vector(self.n)]
+        gains = {key: rng.uniform(0.5, 20) for key in ("k_p", "k_i")}
+        kinds: list[Table] = [
+            {"kind": "lqr", "Q": weights, "R": 1.0},
+            {"kind": "lqi", "Q": [*weights, rng.uniform(1, 100)], "R": 1.0},
+            {"kind": "pi", **gains},
+            {"kind": "pid", **gains, "k_d": rng.uniform(0.1, 5), "T_f": rng.uniform(0.01, 0.1)},
+        ]
+        found = rng.choices(kinds, (3, 3, 1, 1))[0]  # the last two often do not stabilise the plant
+        if found["kind"] != "lqr" and limited and rng.random() < 0.5:
+            found["anti_windup"] = self.number("anti_windup")
+        return found
 
     def output_case(self) -> Table:
         """A plant of first or second order with its model and a share of the keys."""
