@@ -27,7 +27,7 @@ LONGEST_VALUE = 60
 MOST_BITS = 14_000
 """Largest number of digits of a whole number shown in decimal: Python writes at most 4300 digits, and 0xff... may have more."""
 DEEPEST_VALUE = 4
-"""Depth of nested tables or lists that is shown of a value."""
+"""Depth to which the nested tables or lists of a value are shown."""
 BEYOND_RANGE = f"is beyond the range of floating-point numbers, {sys.float_info.max:.2g}"
 BARE_KEY = re.compile(r"[\w-]+")
 """A key that is written without quotes, or that could be if its script were ASCII."""

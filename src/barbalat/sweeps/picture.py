@@ -40,7 +40,7 @@ DECADES_FOR_LOG = 1.3
 MARKED = {Class.FOLLOWS: ".", Class.OFF: "^", Class.CYCLE: "o", Class.LOST: "x"}
 """The markers of the judge's classes, in drawing order; open if not settled."""
 MOST_MARKED = 2000
-"""Largest number of members in a panel: of more, an evenly spaced subset is drawn."""
+"""Largest number of members in a panel: if there are more, an evenly spaced subset is drawn."""
 MOST_SHOWN = 4
 """Largest number of controllers with a panel and a run."""
 BINS_OF_DECIDING = 8
