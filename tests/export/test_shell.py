@@ -169,7 +169,7 @@ class Plain:
             status, wrong = WRONG_TIME, True
             self.missed = max(self.missed, self.longest)
             self.gone += max(np.floor(time) - 1, 0) if time >= 1 else 0
-            self.age += int(time) if 1 <= time < np.inf else 0
+            self.age, self.age_r = (one + (int(time) if 1 <= time < np.inf else 0) for one in (self.age, self.age_r))
         lost_r = not self.takes_command(r)
         self.age_r = self.age_r + 1 if lost_r else 0
         fresh = self.takes(y)
@@ -334,8 +334,8 @@ PLANTED = {
     "no miss is counted": ("            ++c->outage;", "            ;"),
     "an outage never ends": ("c->outage > {M}_LONGEST_OUTAGE; ++i", "c->outage > 2000000000L; ++i"),
     "an outage ends at once": ("c->outage > {M}_LONGEST_OUTAGE; ++i", "c->outage > 0L; ++i"),
-    "a return with a bump": ("            c->fade_left = {M}_FADE;\n", ""),
-    "misses are never forgotten": ("        c->outage = 0L;\n        c->refused", "        c->refused"),
+    "a return with a bump": ("    c->fade_left = {M}_FADE;\n", ""),
+    "misses are never forgotten": ("        c->refused = 0;\n        c->outage = 0L;\n", "        c->refused = 0;\n"),
     "the fallback is not told": ("        status |= {M}_FALLBACK;\n", ""),
     "a fade to another value": ("1.0 / (double)left", "1.0 / ((double)left + 1.0)"),
     "no upper end": ("in->x[1] <= 0x1.4", "in->x[1] <= 0x1.4p9 && in->x[1] <= 0x1.4p9 || in->x[1] <= 0x1.4"),
@@ -355,12 +355,20 @@ PLANTED = {
     "no way back from them": ("        begin(c, in->x, c->refused < {M}_REFUSALS);\n", ""),
     "nothing learnt is ever given up": ("begin(c, in->x, c->refused < {M}_REFUSALS)", "begin(c, in->x, 1)"),
     "what is learnt is given up at once": ("begin(c, in->x, c->refused < {M}_REFUSALS)", "begin(c, in->x, 0)"),
-    "refused results are never forgotten": ("        c->refused = 0;\n        fade", "        fade"),
+    "refused results are never forgotten": ("        c->refused = 0;\n        c->outage", "        c->outage"),
     "a large control is kept": ("            c->last_u[i] = 0.0;\n", "            ;\n"),
     "a bad state stays": ("        if ({n}_start(c, in->x, c->last_u, {M}_FADE, 0) != {M}_OK) {\n", "        if (in != 0) {\n"),
-    "a bad state waits for ever": ("            wait(c);\n", "            ;\n"),
+    "a bad state waits for ever": ("            wait(c, missed);\n", "            ;\n"),
+    "calls missed in a bad state count as one": ("    long left = missed;\n", "    long left = 0L;\n"),
+    "a wrong time in a bad state is one miss": (
+        "        c->outage = {M}_LONGEST_OUTAGE; /* the fallback acts at once */\n    }\n    do",
+        "    }\n    do",
+    ),
     "a fade from beyond the limits": ("        limit(c->last_u);\n", "        ;\n"),
-    "a return from beyond the limits": ("            limit(c->last_u);\n", "            ;\n"),
+    "a return from beyond the limits": (
+        "    limit(c->last_u);\n    for (i = 0; i < {M}_INPUTS; ++i) {\n        c->b",
+        "    for (i = 0; i < {M}_INPUTS; ++i) {\n        c->b",
+    ),
     "a fresh measurement is thrown away": ("            measured = -1;", "            ;"),
     "a law that learns at wrong times": ("        taken.freeze = 1;\n", "        ;\n"),
     "a law that learns at wrong times whatever is asked": ("        taken.freeze = 1;\n", "        taken.freeze = 0;\n"),
@@ -379,9 +387,12 @@ OF_COMMANDS = {
     "no upper end of a command": ("in->r[0] <= ", "in->r[0] <= 9 * "),
     "no lower end of a command": ("in->r[0] >= ", "in->r[0] >= 9 * "),
     "a command falls at any rate": ("        && -(in->r[0]", "        && 0 * -(in->r[0]"),
-    "a lost command is not counted": ("            ++c->command_outage;", "            ;"),
-    "lost commands are never forgotten": ("        c->command_outage = 0L;", "        ;"),
+    "a lost command is not counted": ("        ++c->command_outage;", "        ;"),
+    "lost commands are never forgotten": ("    c->command_outage = commanded != 0 ? 0L : c->command_outage;\n    for", "    for"),
     "a start keeps the lost commands": ("    c->command_outage = 1000000000L;\n    return", "    return"),
+    "a bad state keeps what was measured": ("        c->age = 1000000000L;\n", ""),
+    "a bad state keeps what was commanded": ("        c->command_outage = 1000000000L;\n", ""),
+    "a command is younger after a refused result": ("    if (c->command_outage < 1000000000L) {", "    if (commanded[0] == 0) {"),
     "a refused command is not told": ("        *status |= {M}_COMMAND_LOST;\n", ""),
 }
 

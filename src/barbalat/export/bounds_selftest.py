@@ -135,6 +135,7 @@ def _undone(printed: Printed) -> Iterator[str]:
         for i, one in enumerate(value):
             yield f"in.{{x}}[{i}] = c.{layout.measured.name}[{i}] = {printed.number(float(one))};"
         yield "other = c; other.outage = {M}_LONGEST_OUTAGE + 1L; other.refused = 2;"
+        yield from (f"other.{name} = 1L;" for name in counted_misses(around) if name != "outage")
         yield "require({n}_step(&c, &in, &out) == ({M}_RESULT_REFUSED | {M}_FALLBACK) && same_state(&c, &other),"
         yield '    "a state or an output changes although the result of the fallback is out of range, too");'
 

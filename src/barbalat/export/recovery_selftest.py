@@ -6,6 +6,7 @@ import numpy as np
 
 from barbalat.export.contents import Contents
 from barbalat.export.layout import StatePart
+from barbalat.export.shell import counted_misses
 from barbalat.export.shell_selftest import alone_of, fallen
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED, Around
@@ -72,14 +73,18 @@ def _without_measurement(printed: Printed) -> list[str]:
     """The test of a bad state without a measurement: u is held, and after the longest outage the fallback acts."""
     around, name, M = printed.contents.around, printed.name, printed.macro
     step, told = f"{name}_step(&c, &in, &out)", '"a bad state is not reported, or the last control is not held"'
+    aged = [name for name in counted_misses(around) if name != "outage"] if printed.contents.measures_state else []
+    unknown = " && ".join(f"c.{name} == {MOST_COUNTED}L" for name in aged)
+    forgotten = [f'require({unknown}, "the last good values of a bad state are kept");'] if aged else []
     if not _ends(around) or not printed.contents.measures_state:
-        return [f"require({step} == {M}_STATE_REFUSED && same(out.u, other.last_u, {M}_INPUTS), {told});"]
+        return [f"require({step} == {M}_STATE_REFUSED && same(out.u, other.last_u, {M}_INPUTS), {told});", *forgotten]
     assert around is not None
     held = ["c.outage = -1L;", f"require({step} == {M}_STATE_REFUSED && c.outage == 1L && same(out.u, other.last_u, {M}_INPUTS),"]
     zero = f"0.0{printed.contents.real.suffix}"
     after = zero if around.baseline is not None else fallen(printed, "u")
     return [
         *([*held, f"    {told});"] if around.longest else []),
+        *(_missed_calls(printed) if around.band is not None else []),
         f"memcpy(u, c.last_u, sizeof u); c.outage = {M}_LONGEST_OUTAGE;",
         f"for (i = 0; i < {M}_INPUTS; ++i) {{ u[i] = {after}; }}",
         f"require({step} == ({M}_STATE_REFUSED | {M}_FALLBACK) && c.outage == {M}_LONGEST_OUTAGE + 1L",
@@ -88,7 +93,27 @@ def _without_measurement(printed: Printed) -> list[str]:
         f'c.outage = {MOST_COUNTED}L; require({step} != {M}_OK && c.outage == {MOST_COUNTED}L, "an outage is counted too far");',
         f"memcpy(other.last_u, c.last_u, sizeof u); c.outage = {MOST_COUNTED}L + 1L;",
         f'require({step} != {M}_OK && c.outage == 1L, "a bad count is kept"); memcpy(other.last_u, c.last_u, sizeof u);',
+        *forgotten,
     ]
+
+
+def _missed_calls(printed: Printed) -> list[str]:
+    """The test of missed calls, and of a wrong time, in a bad state without a measurement."""
+    around, M, tests = printed.contents.around, printed.macro, list[tuple[str, str, str, str]]()
+    assert around is not None and around.longest is not None
+    if around.longest >= 2:
+        later = f" | {M}_FALLBACK" if around.longest < 3 else ""
+        tests.append((printed.number(3 * around.T), f"{M}_MISSED_CALLS{later}", "3L", "missed calls do not count"))
+    tests.append(("0", f"{M}_WRONG_SAMPLE_TIME | {M}_FALLBACK", f"{M}_LONGEST_OUTAGE + 1L", "a wrong time does not count"))
+    lines = []
+    for time, status, outage, told in tests:
+        lines += [
+            f"c.outage = 0L; in.sample_time = {time};",
+            f"require({printed.name}_step(&c, &in, &out) == ({M}_STATE_REFUSED | {status}) && c.outage == {outage},",
+            f'    "{told} in a bad state");',
+            "memcpy(c.last_u, other.last_u, sizeof u);",
+        ]
+    return [*lines, f"in.sample_time = {M}_SAMPLE_TIME;"]
 
 
 def _refused(printed: Printed) -> list[str]:
@@ -110,20 +135,21 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
     good, lost = leads_out_of_range(contents, [part.rows for part in poked])
     if not good:
         return []
-    ends, longest, rated = _ends(around), None if around is None else around.longest, around is not None and bool(around.rated)
+    ends, longest = _ends(around), None if around is None else around.longest
+    aged = [name for name in counted_misses(around) if name != "outage"]
     status = "({M}_RESULT_REFUSED | {M}_FALLBACK)" if ends else "{M}_RESULT_REFUSED"
     others = [part for part in layout.parts if part not in (layout.u, layout.part("held.baseline"))]
     same = "\n        && ".join(f"same(c.{part.name}, other.{part.name}, {part.size})" for part in others)
     at_rest = [
         "c.fade = 5L; c.fade_left = 3L; c.matching = 1; before = c; before.refused = 1;"
         + " before.outage = 1L;" * ends
-        + " before.age = 1L;" * rated,
+        + "".join(f" before.{name} = 1L;" for name in aged),
         "require({n}_step(&c, &in, &out) == {M}_RESULT_REFUSED && same_state(&c, &before),",
         '    "a first result out of range changes the state");',
     ]
     tolerated = [
         "c.outage = {M}_LONGEST_OUTAGE - 1L; before.outage = {M}_LONGEST_OUTAGE; before.refused = 2;"
-        + " before.age = 2L;" * rated,
+        + "".join(f" before.{name} = 2L;" for name in aged),
         "require({n}_step(&c, &in, &out) == {M}_RESULT_REFUSED && same_state(&c, &before),",
         '    "the controller begins again too early");',
     ]
@@ -143,7 +169,7 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
         f"(void){{n}}_start(&other, {_given(printed)}u, 0L, {kept}); (void){{n}}_step(&other, &in, &out);",
         f"require({{n}}_step(&c, &in, &out) == {status}"
         + " && c.outage == {M}_LONGEST_OUTAGE + 1L" * ends
-        + " && c.age == 0L" * rated
+        + "".join(f" && c.{name} == 0L" for name in aged)
         + ",",
         '    "the status differs after results out of range");',
         f"require({same},",

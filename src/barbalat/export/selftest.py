@@ -351,7 +351,7 @@ static void test_standstill(void)
     in.r[0] = 2 * {macro}_RANGE;
     require({name}_step(&c, &in, &out) == ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST | {refused_status}),
         "a standstill is not reported");
-{lost_command}{refused_misses}    require({begins_again}(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS)),
+{refused_misses}    require({begins_again}(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS)),
         "a step out of range is not omitted");
 }}
 """
@@ -371,8 +371,7 @@ def _standstill(printed: Printed) -> str:
         return ""
     lines = [f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = {printed.macro}_RANGE; }}" for part in poked]
     names = {"name": printed.name, "macro": printed.macro, "measured": printed.measured, **_after_a_refusal(printed)}
-    counted = ["before.command_outage = 1L;"] if "command_outage" in members(contents.around) else []
-    return _STANDSTILL.format(**names, poked=indented(lines), lost_command=indented(counted))
+    return _STANDSTILL.format(**names, poked=indented(lines))
 
 
 def _after_a_refusal(printed: Printed) -> dict[str, str]:
@@ -381,7 +380,7 @@ def _after_a_refusal(printed: Printed) -> dict[str, str]:
     longest = None if around is None else around.longest
     return {
         "refused_status": f"({status} | {printed.macro}_FALLBACK)" if longest == 0 else status,
-        "refused_misses": indented(f"before.{name} = 1L;" for name in counted_misses(around) if name != "command_outage"),
+        "refused_misses": indented(f"before.{name} = 1L;" for name in counted_misses(around)),
         "counted": indented(["before.refused = 1;"]),
         "begins_again": "c.outage == 1L || " if longest == 0 else "",
     }

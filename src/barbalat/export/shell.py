@@ -31,7 +31,7 @@ def shell(printed: Printed) -> dict[str, str]:
     """The parts of ``controller.h`` and ``controller.c`` for a shell; they are empty without one."""
     around = printed.contents.around
     ends, timed = _ends(around), around is not None and around.band is not None
-    rated = around is not None and bool(around.rated)
+    commanded = around is not None and bool(around.command_rated)
     macro, x = printed.macro, printed.measured
     told = f"*status |= {macro}_MEASUREMENT_LOST;"
     lost = ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
@@ -39,7 +39,12 @@ def shell(printed: Printed) -> dict[str, str]:
         "shell_macros": _macros(printed),
         "shell_members": indented(_members(around)),
         "shell_functions": _plausible(printed) + _plausible_command(printed),
-        "kept_const": "" if around is not None and around.command_rated else "const ",
+        "kept_const": "" if commanded else "const ",
+        "commanded": ", int commanded" if commanded else "",
+        "commanded_taken": "int *commanded, " if commanded else "",
+        "commanded_given": ", commanded" if commanded else "",
+        "commanded_place": "&commanded, " if commanded else "",
+        "commanded_before": "    int commanded = 1;\n" if commanded else "",
         "command_lost": " || ".join(_command_lost(printed)),
         "fall_back": _fall_back(printed),
         "refuse": _refuse(printed, timed=timed),
@@ -51,20 +56,21 @@ def shell(printed: Printed) -> dict[str, str]:
         "uncalled": "*measured == 0 || " if timed else "",
         "implausible": " || ".join(_implausible(printed)),
         "lost": indented(lost, 8),
-        "returns": indented([*(_returns(printed) if ends else []), *(["c->age = 0L;"] if rated else []), "c->refused = 0;"], 8),
-        "seen": indented(_seen(printed)),
-        "accepted": indented(["c->advanced = measured > 0 ? 0L : c->advanced;"] if timed else []),
-        "counted": indented([*(_one_more("outage") if ends else []), *(_aged(timed=timed) if rated else [])], 8),
-        "falls_back": indented([f"fall_back({_before(around)}c);"] if _falls(around) else [], 8),
+        "come_back": _returns(printed) if ends else "",
+        "returns": indented([f"if (c->outage > {macro}_LONGEST_OUTAGE) {{", "    come_back(c);", "}"] if ends else [], 8),
+        "accepted": indented(_accepted(printed)),
+        "counted": indented(_one_more("outage") if ends else [], 8),
+        "falls_back": indented([f"fall_back({_before(around)}c);"] * _falls(around) + ["bumped = 1;"] * bool(_before(around)), 8),
         "no_outage": indented(_no_outage(printed, age=str(MOST_COUNTED))),
         "no_outage_at_start": indented(_no_outage(printed, age="0" if printed.contents.measures_state else str(MOST_COUNTED))),
         "limit": _limit(printed),
         "start_control": indented(_started(printed)),
         **_without_state(printed),
+        "distrusted": indented(_distrusted(printed), 8),
         "first_misses": ", up to LONGEST_OUTAGE misses" if ends else "",
         **(_timed(printed) if timed else _untimed(printed)),
-        "untold": indented(_untold(macro, timed=timed, rated=around is not None and bool(around.command_rated)), 8),
-        "command_good": " else {\n        c->command_outage = 0L;\n    }" if around is not None and around.command_rated else "",
+        "untold": indented(_untold(macro, timed=timed, rated=commanded), 8),
+        "command_good": indented(_one_more("command_outage") if commanded else []),
         "good": "> 0" if timed else "!= 0",
         "fallback_status": indented(_FALLS_BACK.format(macro=macro).splitlines()) if ends else "",
         "shell_statuses": str(31 | (64 | 128 if timed else 0) | (256 if ends else 0)),
@@ -137,11 +143,6 @@ def counted_misses(around: Around | None) -> list[str]:
     return [name for name, there in found.items() if there]
 
 
-def undone(around: Around | None) -> list[str]:
-    """The counters that a sample changes before its result is known, and that are restored if it is refused."""
-    return [*counted_misses(around), *counters(around)]
-
-
 def _implausible(printed: Printed) -> list[str]:
     """Tests for an invalid measurement; ranges of all channels imply the range of every number."""
     around, contents = printed.contents.around, printed.contents
@@ -197,21 +198,40 @@ def _without_state(printed: Printed) -> dict[str, str]:
     """C text for a state out of range, after which the controller restarts. Before that, it may wait for a measurement or for
     valid parameters."""
     around, contents = printed.contents.around, printed.contents
-    if not _ends(around) or not (contents.measures_state or contents.parameters):
+    if around is None or not _waits(printed):
         return {"wait": "", "outage_before": "", "begins": "(void)", "begun": ";", "told_fallback": ""}
-    assert around is not None
-    falls = _ZERO if around.baseline is not None else "    fall_back(&as);\n" if _falls(around) else ""
+    timed, names = around.band is not None, _names(printed)
+    falls = _ZERO if around.baseline is not None else "fall_back(&as);\n" if _falls(around) else ""
     still = " || !state_is_usable(c)" if contents.parameters else ""  # a bad parameter remains
     back = "            c->outage = outage;\n" if contents.parameters else ""
+    miss = _MISS_OF_WAIT.format(**names, most=MOST_COUNTED, falls=falls.format(**names)).splitlines()
+    each = ["do {", *(f"    {line}" for line in miss), "    --left;", "} while (left >= 0L);"]
     return {
         "wait": _WAIT.format(
-            **_names(printed), most=MOST_COUNTED, falls=falls.format(**_names(printed)), counted=indented(_one_more("outage"))
+            **names,
+            most=MOST_COUNTED,
+            each=", as is each missed call" if timed else "",
+            missed=", long missed" if timed else "",
+            declared="    long left = missed;\n" if timed else "",
+            at_once=_AT_ONCE.format(**names) if timed else "",
+            misses=indented(each if timed else miss),
         ),
         "outage_before": "        const long outage = c->outage;\n" if contents.parameters else "",
         "begins": "if (",
-        "begun": f" != {printed.macro}_OK{still}) {{\n{back}            wait(c);\n        }}",
+        "begun": f" != {printed.macro}_OK{still}) {{\n{back}            wait(c{', missed' if timed else ''});\n        }}",
         "told_fallback": indented(_FALLS_BACK.format(macro=printed.macro).splitlines(), 8),
     }
+
+
+def _distrusted(printed: Printed) -> list[str]:
+    """C text for a state out of range, whose last good values are not compared with the next ones, even if it can't restart."""
+    there = members(printed.contents.around) if printed.contents.measures_state else {}
+    return [f"c->{name} = {MOST_COUNTED}L;" for name in ("age", "command_outage") if name in there]
+
+
+def _waits(printed: Printed) -> bool:
+    """Whether a controller with a longest outage may have to wait before it restarts."""
+    return _ends(printed.contents.around) and bool(printed.contents.measures_state or printed.contents.parameters)
 
 
 def _seen(printed: Printed) -> list[str]:
@@ -228,14 +248,25 @@ def _seen(printed: Printed) -> list[str]:
     return ["if (measured != 0) {", *(f"    {line}" for line in good), "}"]
 
 
-def _aged(*, timed: bool) -> list[str]:
-    """Without a good measurement at the right time: the age of the last good one."""
-    older = _one_more("age")
-    return ["if (measured != 0) {", "    c->age = 0L;", "} else {", *(f"    {line}" for line in older), "}"] if timed else older
+def _accepted(printed: Printed) -> list[str]:
+    """The counts after a sample whose result is in range."""
+    around = printed.contents.around
+    timed, rated = around is not None and around.band is not None, around is not None and bool(around.rated)
+    ended = ["c->refused = 0;"] + ["c->outage = 0L;"] * _ends(around) + ["c->age = 0L;"] * rated + ["c->advanced = 0L;"] * timed
+    lines = [*_seen(printed), f"if (measured {'> 0' if timed else '!= 0'}) {{", *(f"    {line}" for line in ended), "}"]
+    if rated:
+        at_a_wrong_time = [" else if (measured != 0) {", "    c->age = 0L;", "}"] if timed else [""]
+        lines[-1] += at_a_wrong_time[0]
+        lines += at_a_wrong_time[1:]
+        lines[-1] += " else {"
+        lines += [*(f"    {line}" for line in _one_more("age")), "}"]
+    if around is not None and around.command_rated:
+        lines.append(_COMMANDED)
+    return lines
 
 
-def _returns(printed: Printed) -> list[str]:
-    """C text for a good sample: the return after the fallback, and the end of the outage."""
+def _returns(printed: Printed) -> str:
+    """The C function for the first good sample after the fallback."""
     around = printed.contents.around
     timed = around is not None and around.band is not None
     limited = indented([_limits_of(printed, "last_u")]) if printed.limits() else ""
@@ -243,8 +274,7 @@ def _returns(printed: Printed) -> list[str]:
     most = f"{MOST_COUNTED}L"  # a start may fade for longer
     kept = indented([f"const long earlier = c->{earlier} < {most} ? c->{earlier} : {most};"]) if timed else ""
     begins = indented((_SHORT_FADE if timed else _WHOLE_FADE).format(**_names(printed)).splitlines())
-    returns = _RETURNS.format(**_names(printed), earlier=kept, limited=limited, begins=begins).splitlines()
-    return [*returns, "c->outage = 0L;"]
+    return _RETURNS.format(**_names(printed), earlier=kept, limited=limited, begins=begins)
 
 
 def _started(printed: Printed) -> list[str]:
@@ -407,22 +437,26 @@ def _refuse(printed: Printed, *, timed: bool) -> str:
     ends, macro, good = _ends(around), printed.macro, "measured > 0" if timed else "measured != 0"
     beyond = "/* a control beyond its limits may be the cause */"
     limited = [f"{_limits_of(printed, printed.contents.layout.u.name)} {beyond}"] if printed.limits() else []
-    rated = around is not None and bool(around.rated)
+    rated, commanded = around is not None and bool(around.rated), around is not None and bool(around.command_rated)
     measured = [] if state else _STORES.format(**_names(printed)).splitlines()
-    measured += ["c->age = measured != 0 ? 0L : c->age;"] if rated else []
+    measured += ["c->age = measured != 0 ? 0L : c->age;"] * rated + [_COMMANDED] * commanded
     falls_back = [f"fall_back({_before(around)}c);" if _falls(around) else "hold(c);"]
-    counts = {"outage": ends, "age": rated}
-    kept = [name for name in ("outage", "refused", "paused") if name == "refused" or name in members(around)]
+    counted = [f"if ({good}) {{", *(f"    {line}" for line in _one_more("outage")), "}"] * ends + _one_more("age") * rated
+    kept = ["paused"] if "paused" in members(around) else []
     return _REFUSE.format(
         limited=indented(limited, 8),
         **_names(printed),
         about=_REFUSED_ENDS if ends else _REFUSED,
-        counted=indented([line for name, there in counts.items() if there for line in _one_more(name)]),
+        counted=indented(counted),
+        commanded=", int commanded" if commanded else "",
         measured=indented(measured, 8),
         good=good,
         when=f"c->outage > {macro}_LONGEST_OUTAGE" if ends else f"{good} && c->refused > 1",
-        before=f"    {printed.name}_controller before;\n    before = *c;\n" if _goes_back(printed) else "",
-        undone=_UNDONE.format(kept=indented([f"before.{name} = c->{name};" for name in kept], 12)) if _goes_back(printed) else "",
+        before=f"    {printed.name}_controller before;\n" if _goes_back(printed) else "",
+        stored="    before = *c;\n" if _goes_back(printed) else "",
+        undone=_UNDONE.format(macro=macro, kept=indented([f"before.{name} = c->{name};" for name in kept], 12))
+        if _goes_back(printed)
+        else "",
         given=f"in->{printed.measured}, " if state else "",
         falls_back=indented(falls_back if ends else [*falls_back, "c->fade_left = 0L;", "c->matching = 0;"], 8),
     )
@@ -535,22 +569,21 @@ def _timed(printed: Printed) -> dict[str, str]:
     call."""
     longest, around = f"{printed.macro}_LONGEST_OUTAGE", printed.contents.around
     wrong = [
-        "if (missed < 0L) {",
-        f"    if (c->outage < {longest}) {{",
-        f"        c->advanced += {longest} - c->outage;",
-        f"        c->outage = {longest}; /* the fallback acts at once */",
-        "    }",
-        "    if (missed < -2L) {",
-        "        c->advanced = c->advanced > -missed - 2L ? c->advanced + missed + 2L : 0L;",
-        "    }",
+        f"if (c->outage < {longest}) {{",
+        f"    c->advanced += {longest} - c->outage;",
+        f"    c->outage = {longest}; /* the fallback acts at once */",
+        "}",
+        "if (missed < -2L) {",
+        "    c->advanced = c->advanced > -missed - 2L ? c->advanced + missed + 2L : 0L;",
         "}",
     ]
-    if around is not None and around.rated:
-        wrong.insert(-1, f"    c->age = c->age - missed < {MOST_COUNTED}L ? c->age - missed - 1L : {MOST_COUNTED}L;")
+    counts = ("age", around is not None and around.rated), ("command_outage", around is not None and around.command_rated)
+    for name in (name for name, there in counts if there):
+        wrong.append(f"c->{name} = c->{name} - missed < {MOST_COUNTED}L ? c->{name} - missed - 1L : {MOST_COUNTED}L;")
     return {
         "step": _ONE_SAMPLE.format(name=printed.name),
         "clock_test": "",
-        "wrong_call": indented(wrong),
+        "wrong_call": indented(["if (missed < 0L) {", *(f"    {line}" for line in wrong), "}"]),
         "missed_call": indented(_TIMED.format(freeze=f"{printed.contents.lost:g}").splitlines()),
         "timed_step": _STEP.format(**_names(printed)),
     }
@@ -574,7 +607,7 @@ def _timer(printed: Printed) -> str:
 def _untold(macro: str, *, timed: bool, rated: bool) -> list[str]:
     """C text for a lost command; a missing call is not reported."""
     told = f"*status |= {macro}_COMMAND_LOST;"
-    more = _one_more("command_outage") if rated else []
+    more = ["*commanded = 0;"] if rated else []
     return [*(["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]), *more]
 
 
@@ -592,6 +625,11 @@ def _comment(around: Around | None, x: str) -> str:
         )
     if around.checks_commands:
         told.append("So does an entry of r.")
+    if around.rated or around.command_rated:
+        told += [
+            "A refused result leaves the last good values unchanged; the change that their rates allow grows with each sample.",
+            "After a refused state the next values are not compared with earlier ones.",
+        ]
     if around.longest is not None:
         told.append(
             "After LONGEST_OUTAGE consecutive misses the fallback acts; u returns from it without a bump, over FADE samples."
@@ -682,11 +720,10 @@ static unsigned at_another_time({name}_controller *c, const {name}_input *in, {n
 
 unsigned {name}_step({name}_controller *c, const {name}_input *in, {name}_output *out)
 {{
-    const {real} off = in->sample_time - {macro}_SAMPLE_TIME;
-    if (!(off <= {clock})) {{
+    if (!(in->sample_time <= {macro}_SAMPLE_TIME + {clock})) {{
         return at_another_time(c, in, out);
     }}
-    if (!(-off <= {clock})) {{
+    if (!(in->sample_time >= {macro}_SAMPLE_TIME - {clock})) {{
         return at_another_time(c, in, out);
     }}
     return sample(c, in, out, 0L);
@@ -694,12 +731,16 @@ unsigned {name}_step({name}_controller *c, const {name}_input *in, {name}_output
 
 """
 _RETURNS = """\
-if (c->outage > {macro}_LONGEST_OUTAGE) {{
+/* The first good sample after the fallback: u begins at the last control, and the difference fades out. */
+static void come_back({name}_controller *c)
+{{
+    int i;
 {earlier}{limited}    for (i = 0; i < {macro}_INPUTS; ++i) {{
         c->bump[i] = c->last_u[i];
     }}
 {begins}    c->matching = 1;
 }}
+
 """
 _WHOLE_FADE = """\
 c->fade = {macro}_FADE;
@@ -716,27 +757,38 @@ if (c->outage - c->advanced <= {macro}_LONGEST_OUTAGE) {{ /* wrong times, for a 
 }}
 """
 _WAIT = """\
-/* A bad state from which the controller cannot begin again: a miss. */
-static void wait({name}_controller *c)
+/* A bad state from which the controller cannot begin again: a miss{each}. */
+static void wait({name}_controller *c{missed})
 {{
     {name}_controller as;
-    int i;
+{declared}    int i;
     if (!(c->outage >= 0L && c->outage <= {most}L)) {{
         c->outage = 0L;
     }}
-{counted}    as = *c; /* only u changes in it */
-    hold(&as);
-{falls}    for (i = 0; i < {macro}_INPUTS; ++i) {{
-        c->last_u[i] = as.{u}[i];
-    }}
-}}
+{at_once}{misses}}}
 
 """
-_ZERO = """\
-    for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
-        as.{u}[i] = {zero}; /* the baseline would need a state that can't be trusted */
+_MISS_OF_WAIT = """\
+if (c->outage < {most}L) {{
+    ++c->outage;
+}}
+as = *c; /* only u changes in it */
+hold(&as);
+{falls}for (i = 0; i < {macro}_INPUTS; ++i) {{
+    c->last_u[i] = as.{u}[i];
+}}
+"""
+_AT_ONCE = """\
+    if (missed < 0L && c->outage < {macro}_LONGEST_OUTAGE) {{
+        c->outage = {macro}_LONGEST_OUTAGE; /* the fallback acts at once */
     }}
 """
+_ZERO = """\
+for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
+    as.{u}[i] = {zero}; /* the baseline would need a state that can't be trusted */
+}}
+"""
+_COMMANDED = "c->command_outage = commanded != 0 ? 0L : c->command_outage;"
 _REFUSED = """\
 /* After a sample whose result is out of range: u and the state keep their values. From the second in a row with a good
  * measurement on, the controller begins again at this sample with its estimates kept, since the state itself may be the cause.
@@ -748,12 +800,12 @@ _REFUSED_ENDS = """\
  * a row with a good measurement it begins again without what was learnt, and with u at zero before the fallback. */
 """
 _REFUSE = """\
-{about}static void refuse({name}_controller *c, const {name}_input *in, int measured)
+{about}static void refuse({name}_controller *c, const {name}_input *in, int measured{commanded})
 {{
 {before}{counted}    if ({good} && c->refused < {macro}_REFUSALS) {{
         ++c->refused;
     }}
-    if ({when}) {{
+{stored}    if ({when}) {{
         int i;
         begin(c, {given}c->refused < {macro}_REFUSALS);
 {measured}        for (i = 0; i < {macro}_COMMANDS; ++i) {{
@@ -776,7 +828,7 @@ for (i = 0; i < {macro}_MEASURED; ++i) {{
 }}
 """
 _UNDONE = """\
-        if (!result_is_usable(c)) {{
+        if (!result_is_usable(c) || !in_range(c->bump, {macro}_INPUTS)) {{
 {kept}            *c = before;
             return;
         }}
@@ -797,7 +849,7 @@ static void fall_back(const {name}_controller *before, {name}_controller *c)
     if (c->outage <= {macro}_LONGEST_OUTAGE) {{
         return;
     }}
-{rested}{alone}    if (before->outage <= {macro}_LONGEST_OUTAGE) {{
+{rested}{alone}    if (c->outage == {macro}_LONGEST_OUTAGE + 1L) {{
 {pauses}        c->fade = {macro}_FADE;
         left = {macro}_FADE;
 {limited}        for (i = 0; i < {macro}_INPUTS; ++i) {{

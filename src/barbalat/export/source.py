@@ -12,7 +12,7 @@ from barbalat.export.contents import Contents
 from barbalat.export.layout import StatePart
 from barbalat.export.log import log_body, log_header
 from barbalat.export.settable import settable
-from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, limits_vary, shell, undone
+from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, limits_vary, shell
 from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, comment, comments, filled, indented, readable
 from barbalat.loop.around import LOST
@@ -116,14 +116,14 @@ def inputs(printed: Printed) -> dict[tuple[int, int], str]:
 def _copied(printed: Printed) -> list[str]:
     """Every member of the state."""
     contents = printed.contents
-    m, counted = contents.sizes[2], undone(contents.around)
+    m = contents.sizes[2]
     sizes = {part.name: part.size for part in contents.layout.parts} | {
         "last_u": m,
         "bump": m,
     }
     more = ["change"] if contents.parameters else []
     numbers = [f"{name}[{i}]" for name, size in sizes.items() for i in range(size)]
-    return [f"to->{text} = from->{text};" for text in (*numbers, *more, "fade", "fade_left", "matching", "refused", *counted)]
+    return [f"to->{text} = from->{text};" for text in (*numbers, *more, "fade", "fade_left", "matching")]
 
 
 def _usable_result(printed: Printed) -> str:
@@ -138,13 +138,15 @@ def _usable_result(printed: Printed) -> str:
     bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite one does not imply the range
     known = {part.name for part in (*stored(contents), *([theta_hat] if bounded else []))}
     tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts if part.name not in known]
-    return _all([*tests, f"in_range(c->bump, {printed.macro}_INPUTS)", *bounds])
+    return _all([*tests, *bounds])
 
 
 def stored(contents: Contents) -> list[StatePart]:
-    """The arrays in which a sample stores its inputs. They were checked before and need no test as results."""
+    """The arrays that need no test as results: a sample stores its inputs in them, which were checked before, or counts in them
+    up to a limit."""
     layout = contents.layout
-    return [layout.measured, layout.r, layout.started]
+    counted = [part for part in layout.parts if part.path == "controller.span" and is_piecewise(contents)]
+    return [layout.measured, layout.r, layout.started, *counted]
 
 
 def _estimate_ends(contents: Contents) -> Array:
@@ -158,7 +160,8 @@ def _estimate_ends(contents: Contents) -> Array:
 def _usable(printed: Printed) -> str:
     """Checks of the held control, of the stored inputs, of the fade and of the counters."""
     held = {part.name: part.size for part in stored(printed.contents) if part.name not in in_own_range(printed.contents)}
-    tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", *(f"in_range(c->{name}, {size})" for name, size in held.items())]
+    tests = [f"in_range(c->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
+    tests += [*(f"in_range(c->{name}, {size})" for name, size in held.items())]
     tests += ["c->fade_left >= 0L && c->fade_left <= c->fade"]
     if printed.contents.parameters:
         tests += ["parameters_are_usable(c->parameter)"]

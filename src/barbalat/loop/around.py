@@ -300,9 +300,9 @@ class Around:
         fresh = np.where(lost_y > 0, 0.0, self.plausible(offered, held.measured.reshape(-1), held, elapsed))
         good = np.where(wrong > 0, 0.0, fresh)
         command: Value = np.where(lost_r > 0, held.r, r)
-        good_r = np.where(lost_r > 0, 0.0, self.plausible_command(command.reshape(-1), held.r.reshape(-1), held))
+        good_r = np.where(lost_r > 0, 0.0, self.plausible_command(command.reshape(-1), held.r.reshape(-1), held, elapsed))
         begun = np.where(held.started > 0, 1.0, good)
-        more = np.fmin(kept.command_outage + 1.0, float(MOST_COUNTED))
+        more = np.fmin(kept.command_outage + elapsed, float(MOST_COUNTED))
         return Taken(
             y=np.where(fresh > 0, offered, held.measured.reshape(-1)).reshape(y.shape),
             r=np.where(good_r > 0, command, held.r),
@@ -348,14 +348,14 @@ class Around:
             good = np.where(stuck > 0, 0.0, good)
         return good
 
-    def plausible_command(self, r: Value, last: Value, held: Held) -> Value:
+    def plausible_command(self, r: Value, last: Value, held: Held, elapsed: Value) -> Value:
         """1 if every command is in its range, and has changed no faster than accepted since the last good one, if there is
-        one."""
+        one; ``elapsed`` as for ``plausible``."""
         good = 1.0 + 0 * held.started
         for i in self.command_ranged:
             good = np.where(r[i] >= self.command_low[i], np.where(r[i] <= self.command_high[i], good, 0.0), 0.0)
         for i in self.command_rated:
-            slow = _slow(r[i] - last[i], self.command_rate[i] * (held.around.command_outage[0] + 1.0))
+            slow = _slow(r[i] - last[i], self.command_rate[i] * (held.around.command_outage[0] + elapsed))
             good = np.where(held.around.command_outage[0] >= MOST_COUNTED, good, np.where(slow > 0, good, 0.0))
         return good
 

@@ -52,7 +52,9 @@ static void fade(${name}_controller *c)
             c->${u}[i] = c->${u}[i] + c->bump[i] * ((${real})c->fade_left / (${real})c->fade);
         }
     }
-    c->matching = 0;
+    if (c->matching != 0) {
+        c->matching = 0;
+    }
     if (c->fade_left > 0L) {
         --c->fade_left;
     }
@@ -72,10 +74,11 @@ static void begin(${name}_controller *c, ${begin_argument}int keep_estimates)
 {
 ${start}}
 
-${limit}${fall_back}${refuse}${parameter_change}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
-static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
+${limit}${come_back}${fall_back}${refuse}${parameter_change}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
+static int go_on(${name}_controller *c, const ${name}_input *in, int measured${commanded})
 {
     int i;
+    int bumped = 0; /* whether the bump changes */
     ${name}_controller before;
     copy(&before, c);
     if (measured ${good} || c->${started}[0] > 0) {
@@ -84,14 +87,15 @@ ${advances}    } else { /* nothing has begun, and the measurement is already the
             c->${last_r}[i] = in->r[i];
         }
     }
-${seen}    if (measured ${good}) {
-${returns}        fade(c);
+    if (measured ${good}) {
+${returns}        bumped = c->matching;
+        fade(c);
     } else {
 ${counted}        hold(c);
 ${falls_back}    }
-    if (!result_is_usable(c)) {
+    if (!result_is_usable(c) || (bumped != 0 && !in_range(c->bump, ${macro}_INPUTS))) {
 ${unchanged}        copy(c, &before);
-        refuse(c, in, measured);
+        refuse(c, in, measured${commanded_given});
         return 0;
     }
 ${accepted}    for (i = 0; i < ${macro}_INPUTS; ++i) {
@@ -101,15 +105,15 @@ ${accepted}    for (i = 0; i < ${macro}_INPUTS; ++i) {
 }
 
 ${shell_functions}${shell_timer}/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen${predicts}. */
-static void take(${kept_const}${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
+static void take(${kept_const}${name}_controller *c, ${name}_input *in, int *measured, ${commanded_taken}unsigned *status)
 {
     int i;
     if (${uncalled}${command_lost}) {
 ${untold}        for (i = 0; i < ${macro}_COMMANDS; ++i) {
             in->r[i] = c->${last_r}[i];
         }
-    }${command_good}
-    if (${uncalled}${implausible}) {
+    }
+${command_good}    if (${uncalled}${implausible}) {
 ${lost}        *measured = 0;
         in->freeze = ${lost_freeze};
         for (i = 0; i < ${macro}_MEASURED; ++i) {
@@ -172,16 +176,16 @@ ${wait}${step}
 {
     unsigned status = ${macro}_OK;
     int measured = 1;
-    ${name}_input taken;
+${commanded_before}    ${name}_input taken;
 ${clock_test}    if (!state_is_usable(c)) {
 ${outage_before}        keep_control(c);
-        ${begins}${name}_start(c, ${measured_given}c->last_u, ${restart_fade}, 0)${begun}
+${distrusted}        ${begins}${name}_start(c, ${measured_given}c->last_u, ${restart_fade}, 0)${begun}
 ${told_fallback}        give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
 ${wrong_call}    taken = *in;
-${missed_call}    take(c, &taken, &measured, &status);
-    if (go_on(c, &taken, measured) == 0) {
+${missed_call}    take(c, &taken, &measured, ${commanded_place}&status);
+    if (go_on(c, &taken, measured${commanded_given}) == 0) {
         status |= ${macro}_RESULT_REFUSED;
     }
 ${fallback_status}    give(c, out, status);
