@@ -48,6 +48,7 @@ MEANINGS = {
     "u": "control, as computed by the controller",
     "r": "command",
     "y": "output",
+    "x_observed": "the observer's estimate of the state",
 }
 """Meanings of columns by the part of their name before the number. The meanings of a controller's own columns follow from
 their roles."""
@@ -94,5 +95,5 @@ def _label(symbol: str, place: int, result: Result) -> tuple[str, str]:
     labels = result.problem.labels or UNLABELLED
     if symbol == "u":
         return "", "".join(labels.input_units[place : place + 1])
-    measured = ("y", "e") if isinstance(result.problem, OutputProblem) else ("x", "x_m", "e")
+    measured = ("y", "e") if isinstance(result.problem, OutputProblem) else ("x", "x_m", "e", "x_observed")
     return (labels.name(place), "".join(labels.units[place : place + 1])) if symbol in measured else ("", "")

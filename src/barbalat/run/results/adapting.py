@@ -238,6 +238,20 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
     return values.reshape(len(states), phi.shape[0], -1)
 
 
+def observed_along(loop: ClosedLoop, states: Array, measured: Array) -> Array | None:
+    """(K, n) an observer's estimate of the state at K recorded states (K, size), with what is ``measured`` (K, n) without noise;
+    for a sampled controller from its last sample, noise included. None without an observer."""
+    if loop.observer is None:
+        return None
+    import casadi as ca
+
+    state_column, flat = symbols("state", loop.size)
+    output_column, x = symbols("measured", measured.shape[1])
+    seen = loop.received(loop.unpack(flat), x)[: measured.shape[1]]
+    function = ca.Function("observed", [state_column, output_column], [column(seen.reshape(-1))])
+    return np.asarray(function(states.T, measured.T)).T
+
+
 def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     """The time on bounds, from the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
 

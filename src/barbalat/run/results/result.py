@@ -21,7 +21,7 @@ from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.accuracy import Accuracy, MeasuredError
-from barbalat.run.results.adapting import Adapting, adapting, regressor_along
+from barbalat.run.results.adapting import Adapting, adapting, observed_along, regressor_along
 from barbalat.run.results.findings import Finding, behind_the_delay, lost_when_held, of_problem, shaking
 from barbalat.run.results.half_step import HalfStep
 from barbalat.run.results.missed import MissedSamples
@@ -308,10 +308,17 @@ class Result:
     def _own_parts(self) -> dict[str, StatePart]:
         """The parts of the controller's state that are not estimates, by the names of their columns."""
         parts = [part for part in self.loop.parts if part.role.kind != "estimates" and part.size]
-        return {name: part for part, name in column_names(parts, {"t", *SERIES, *self.reported}).items()}
+        return {name: part for part, name in column_names(parts, {"t", *SERIES, "x_observed", *self.reported}).items()}
+
+    @cached_property
+    def x_observed(self) -> Array | None:
+        """(K, n) the observer's estimate of the state, which the controller uses in place of x; at a sampled controller's last
+        sample. None without an observer."""
+        return observed_along(self.loop, self.states, self.x)
 
     def columns(self) -> dict[str, Array]:
-        """Scalar series by name, each (K,): x_1 ... theta_hat_1 ... u, r, then the controller's own states: x_hat_1, P_1_1 ..."""
+        """Scalar series by name, each (K,): x_1 ... theta_hat_1 ... u, r, then the controller's own states: x_hat_1, P_1_1 ...,
+        and the estimate of an observer: x_observed_1 ..."""
         series = {name: getattr(self, name) for name in SERIES} | self.reported
         vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
@@ -321,7 +328,8 @@ class Result:
             for name, part in self._own_parts.items()
             for i, column in enumerate(entry_names(name, part.shape))
         }
-        return Named.of("column", result | scalars | own)
+        seen = () if self.x_observed is None else enumerate(self.x_observed.T)
+        return Named.of("column", result | scalars | own | {f"x_observed_{i + 1}": value for i, value in seen})
 
     def column_meanings(self) -> dict[str, str]:
         """The meanings of the columns with the controller's own state, by name; docs/notation.md explains the others."""
@@ -355,6 +363,8 @@ class Result:
             for name, value in series.items()
             if value is not None
         }
+        if self.x_observed is not None:
+            variables["x_observed"] = ("t", "component"), self.x_observed
         for name, value in (self.reported | self.controller_states).items():
             variables[name] = ("t", *(f"{name}_{way}" for way in ("row", "column", "layer")[: value.ndim - 1])), value
         s = self.simulation
