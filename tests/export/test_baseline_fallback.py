@@ -107,10 +107,10 @@ DELETED = (
     "        c->held_u[i] = alone[i];",
     "            c->held_u[i] = alone[i] + c->bump[i] * ((double)left / (double)c->fade);",
     "    c->fade_left = left > 0L ? left - 1L : 0L;",
-    "                c->bump[i] = c->last_u[i];",
-    "            c->fade = {M}_FADE;",
-    "            c->fade_left = {M}_FADE;",
-    "            c->matching = 1;",
+    "        c->bump[i] = c->last_u[i];",
+    "    c->fade = {M}_FADE;",
+    "    c->fade_left = {M}_FADE;",
+    "    c->matching = 1;",
 )
 """Lines of the fallback and of the return, without which the self-test must fail."""
 
@@ -121,7 +121,7 @@ def test_the_self_test_finds_each_line_of_the_fallback_that_is_missing(tmp_path)
     posed = replace(problem("lqi"), faults=())
     made = files(posed, SCHEMES["mrac"], RUN)
     source, survived = made["controller.c"], []
-    at = source.index("static void fall_back(")
+    at = source.index("static void come_back(")
     for line in (f"\n{one}\n".replace("{M}", "MRAC") for one in DELETED):
         assert line in source[at:]
         write(tmp_path, made | {"controller.c": source[:at] + source[at:].replace(line, "\n;\n", 1)})

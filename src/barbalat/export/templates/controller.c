@@ -52,9 +52,7 @@ static void fade(${name}_controller *c)
             c->${u}[i] = c->${u}[i] + c->bump[i] * ((${real})c->fade_left / (${real})c->fade);
         }
     }
-    if (c->matching != 0) {
-        c->matching = 0;
-    }
+    c->matching = 0;
     if (c->fade_left > 0L) {
         --c->fade_left;
     }
@@ -89,7 +87,9 @@ ${advances}    } else { /* nothing has begun, and the measurement is already the
     }
     if (measured ${good}) {
 ${returns}        bumped = c->matching;
-        fade(c);
+        if (bumped != 0 || c->fade_left > 0L) {
+            fade(c);
+        }
     } else {
 ${counted}        hold(c);
 ${falls_back}    }
