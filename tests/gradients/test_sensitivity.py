@@ -84,6 +84,17 @@ def test_a_figure_at_a_corner_is_refused_with_both_slopes(tmp_path):
     assert one.difference == pytest.approx(slope / 2, rel=1e-3)
 
 
+def test_an_error_that_is_zero_has_a_corner(tmp_path):
+    """Without uncertainty MRAC follows its model exactly, and either sign of theta makes an error."""
+    text = SHORT.replace("theta = [4.0, -3.0]", "theta = [0.0, 0.0]") + controller("mrac")
+    found = sensitivity(written(tmp_path, text), to=["plant.theta[0]", "reference.amplitude"], of=["rms_e", "max_abs_e"])
+    for one in found.derivatives:
+        if str(one.path) == "plant.theta[0]":
+            assert one.at == 0.0 and one.refused is not None and one.refused.startswith("it has a corner here")
+        else:
+            assert one.derivative == 0.0 and one.elasticity is None
+
+
 SHORT = 'name = "short"' + SECTION_V + "[simulation]\nt_end = 2.0\ndt = 5e-4\n"
 SCHEMES = {
     "mrac": "gamma = 3.0",

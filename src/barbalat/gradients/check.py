@@ -70,6 +70,8 @@ def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
     same = all(abs(one - instant) <= NEIGHBOURING * dt for one in finest.instants) if isfinite(instant) else False
     moves = same and any(abs(one - instant) > 0.5 * dt for one in finest.instants)
     within = AGREES_BETWEEN_STEPS if moves else AGREES_WITHIN
+    if not same and (corner := _corner(value, instant, pairs, scale)):
+        return Checked(slopes[1], corner)
     for pair in pairs[1:]:
         if abs(tangent - pair.slope) <= within * abs(pair.slope) + _negligible(value, pair, scale):
             return Checked(pair.slope)
@@ -77,7 +79,7 @@ def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
         apart, small = abs(coarse.slope - fine.slope), _negligible(value, fine, scale)
         if apart <= CONVERGED_WITHIN * abs(fine.slope) + small and abs(tangent - fine.slope) <= 2 * apart + small:
             return Checked(fine.slope)
-    return Checked(slopes[1], _reason(tangent, value, instant, pairs, moves=moves))
+    return Checked(slopes[1], _reason(tangent, value, instant, pairs, scale, moves=moves))
 
 
 def _negligible(value: float, pair: Pair, scale: float) -> float:
@@ -85,19 +87,28 @@ def _negligible(value: float, pair: Pair, scale: float) -> float:
     return NEGLIGIBLE * abs(value) / scale + ROUNDING * abs(value) / pair.step
 
 
-def _reason(tangent: float, value: float, instant: float, pairs: Sequence[Pair], *, moves: bool) -> str:
+def _corner(value: float, instant: float, pairs: Sequence[Pair], scale: float) -> str:
+    """The sentence on a corner: the slopes on both sides differ, by the same with smaller steps. Empty if there is none."""
     middle, finest = pairs[-2], pairs[-1]
     gaps = [abs(above - below) for below, above in (pair.sides(value) for pair in (middle, finest))]
     below, above = finest.sides(value)
-    size = max(abs(below), abs(above))
+    if gaps[1] <= CONVERGED_WITHIN * max(abs(below), abs(above)) + _negligible(value, finest, scale):
+        return ""
+    if not 0.5 * gaps[0] <= gaps[1] <= 2 * gaps[0]:
+        return ""
+    passes = _passing(instant, finest.instants)
+    return f"it has a corner here: its slope is {below:.3g} below this value and {above:.3g} above{passes}"
+
+
+def _reason(tangent: float, value: float, instant: float, pairs: Sequence[Pair], scale: float, *, moves: bool) -> str:
+    middle, finest = pairs[-2], pairs[-1]
     if moves:
         return (
             f"the extremum moves from one solver step to the next, where the slope is {tangent:.3g} and differences give "
             f"{finest.slope:.3g}: a smaller simulation.dt is needed"
         )
-    if gaps[1] > CONVERGED_WITHIN * size and 0.5 * gaps[0] <= gaps[1] <= 2 * gaps[0]:
-        passes = _passing(instant, finest.instants)
-        return f"it has a corner here: its slope is {below:.3g} below this value and {above:.3g} above{passes}"
+    if corner := _corner(value, instant, pairs, scale):
+        return corner
     jumps = [abs(pair.above - pair.below) for pair in (middle, finest)]
     if jumps[1] > 0.5 * jumps[0] and jumps[1] > ROUNDING * abs(value):
         return f"it jumps by {jumps[1]:.3g} within {2 * finest.step:.1g} of this value: an event happens on one side only"

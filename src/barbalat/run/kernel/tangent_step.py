@@ -244,6 +244,7 @@ class TangentTotals(Totals):
         tail_time = float(simulation.t_end - simulation.time(simulation.tail_start))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             rms_e = moved / (2 * np.sqrt(total * (simulation.steps + 1)))
+            rms_e = np.where((total == 0) & (moved == 0), 0.0, rms_e)  # e is zero throughout
             rate = self.tail[self._beside(variation)[d]]
             rate = rate / tail_time if tail_time else np.zeros_like(final)
             return self._metrics(d, rms_e, final, rate, 1.0)
