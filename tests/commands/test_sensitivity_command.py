@@ -58,3 +58,14 @@ def test_the_screen_ranks_the_numbers_within_80_columns(case, options, capsys, m
 def test_bad_input_exits_with_2(case, capsys):
     assert main(["sensitivity", case, "--of", "verdict"]) == 2
     assert "verdict is not a figure of a run with a derivative" in capsys.readouterr().err
+
+
+def test_a_law_from_outside_has_derivatives_by_the_numbers_that_its_code_accepts_as_symbols(case, capsys):
+    assert main(["new", "my-law.py"]) == 0
+    capsys.readouterr()
+    options = ["--controllers", "my-law.py", "--controller", "MyLaw", "--of", "rms_e", "--json"]
+    assert main(["sensitivity", case, *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    known = {one["path"] for one in found["derivatives"] if one["derivative"]}
+    assert {"plant.theta[0]", "reference.amplitude"} <= known
+    assert all("on symbols fails in line" in why for path, why in found["without"].items() if path.startswith("plant.A_m"))

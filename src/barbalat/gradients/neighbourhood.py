@@ -254,3 +254,14 @@ def _no_history(numbers: Numbers) -> Array | None:
 def _history(numbers: Numbers) -> Array:
     assert numbers.history is not None
     return numbers.history
+
+
+def traced(source: CaseText | Case, one: Movable, which: Sequence[int], *, redesign: bool) -> Movable | Unmovable:
+    """Whether the code of controllers from outside the package accepts a symbol in place of this number."""
+    try:
+        near = Neighbourhood.of(source, [one], redesign=redesign)
+        for i in which:
+            _ = near.setting.families[i].members
+    except InputError as error:
+        return Unmovable(one.path, f"{error}")
+    return one

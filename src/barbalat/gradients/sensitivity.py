@@ -16,7 +16,8 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.gradients.check import Pair, checked
-from barbalat.gradients.neighbourhood import SHARES, Movable, Neighbourhood, Unmovable, examined, own_numbers
+from barbalat.gradients.neighbourhood import SHARES, Movable, Neighbourhood, Unmovable, examined, own_numbers, traced
+from barbalat.loop.structure import comes_from_outside
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.run.engine.tangent_run import TangentRun, run_tangents
 from barbalat.run.kernel import costs
@@ -148,6 +149,8 @@ def sensitivity_of(
     labels = own.problem.labels
     given = [FieldPath.parse(by_index(path, labels)) for path in to]
     found = [examined(source, path, redesign=redesign) for path in dict.fromkeys(given or own_numbers(source))]
+    if any(comes_from_outside(own.controllers[i]) for i in which):
+        found = [traced(source, one, which, redesign=redesign) if isinstance(one, Movable) else one for one in found]
     moved = [one for one in found if isinstance(one, Movable)]
     without = {str(one.path): one.why for one in found if isinstance(one, Unmovable) and (given or not one.invalid)}
     if not moved:
