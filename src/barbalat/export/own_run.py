@@ -17,7 +17,7 @@ MOST_OF_THE_TIME = 0.5
 
 def own_run_warning(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None) -> str:
     """A warning, if the case's own run with this controller is lost or diverges, ends in a limit cycle, or is off and mostly at
-    its limits, or if its shell refuses samples of that run without faults; otherwise empty."""
+    its limits, or if its shell refuses samples of that run without faults, or has a rate without a range; otherwise empty."""
     (run,) = simulate(problem, [controller], simulation, judge=judge).values()
     if run.verdict is not None and run.verdict.kind is Class.LOST:
         return f"Do not fly this export as it is: in the case's own run {controller.name} is {run.verdict}."
@@ -30,6 +30,12 @@ def own_run_warning(problem: TrackingProblem, controller: Controller, simulation
         missed = with_missed_samples({controller.name: run})[controller.name].missed
         told = None if missed is None else missed.sentence
         said += [f"In the case's own run without faults, {told}: widen the shell's limits."] if told else []
+        said += [
+            f"shell.rate.{name} has no shell.range.{name}: after a bit error in the last good value, good samples can be refused "
+            f"for long. Give a range too."
+            for name in problem.shell.rate
+            if name not in problem.shell.range
+        ]
     return " ".join(said)
 
 

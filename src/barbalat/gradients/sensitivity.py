@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -19,9 +19,11 @@ from barbalat.gradients.check import Pair, checked
 from barbalat.gradients.neighbourhood import SHARES, Movable, Neighbourhood, Unmovable, examined, own_numbers, traced
 from barbalat.loop.structure import comes_from_outside
 from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.run.engine.tangent_run import TangentRun, run_tangents
 from barbalat.run.kernel import costs
 from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -147,6 +149,8 @@ def sensitivity_of(
             raise InputError(str(validate.unknown_name("controller", name, names)))
     which = [i for i, name in enumerate(names) if not controllers or name in controllers]
     labels = own.problem.labels
+    figures = [by_index(one, labels) for one in of or FIGURES]
+    require_figures(figures, own)
     given = [FieldPath.parse(by_index(path, labels)) for path in to]
     found = [examined(source, path, redesign=redesign) for path in dict.fromkeys(given or own_numbers(source))]
     if any(comes_from_outside(own.controllers[i]) for i in which):
@@ -160,7 +164,6 @@ def sensitivity_of(
     study = _Runs(near, threads)
     study.require(which)
     derivatives: list[Derivative] = []
-    figures = [by_index(one, labels) for one in of or FIGURES]
     for k, i in enumerate(which):
         told = part_of(progress, k / len(which), 1 / len(which))
         derivatives += study.of(i, figures, told)
@@ -292,7 +295,13 @@ class _Runs:
         )
 
 
-def chosen(figures: Sequence[str], known: dict[str, Array]) -> list[str]:
+def require_figures(figures: Sequence[str], case: Case) -> None:
+    """InputError, before anything is computed, for names of which no component is a figure with a derivative."""
+    without = {"diverged_at"} if isinstance(case.problem, OutputProblem) else {"diverged_at", "max_abs_y"}
+    chosen([one.split("[")[0] for one in figures], [name for name in Metrics.__dataclass_fields__ if name not in without])
+
+
+def chosen(figures: Sequence[str], known: Iterable[str]) -> list[str]:
     """The figures with these names, or with all their components; InputError for an unknown one."""
     found: list[str] = []
     for figure in figures:

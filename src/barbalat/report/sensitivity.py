@@ -10,6 +10,7 @@ from barbalat.open_numbers.path import by_label
 from barbalat.pictures.symbols import number_text
 from barbalat.problem.labels import Labels
 from barbalat.report.terminal.layout import Screen
+from barbalat.validate import counted
 
 MOST_ROWS = 12
 """Numbers that a screen lists for each controller; the others are in the JSON document."""
@@ -44,7 +45,8 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
             headings = ("number", "value", *(by_label(one, labels).replace("[", "\n[") for one in figures))
             screen.table(headings, [_row(path, by, figures) for path, by in lead])
         if len(ranked) > len(lead):
-            screen.line(f"{len(ranked) - len(lead)} numbers with smaller ones are in the output of --json.", start="  ")
+            rest = counted(len(ranked) - len(lead), "further number")
+            screen.line(f"Of less influence, and in the output of --json: {rest}.", start="  ")
         _reasons(screen, own, labels)
     for why in dict.fromkeys(found.without.values()):
         which = [path for path, other in found.without.items() if other == why]

@@ -19,7 +19,7 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.gradients.neighbourhood import Movable, Neighbourhood, varied_of
-from barbalat.gradients.sensitivity import TANGENT_MEMBERS, chosen
+from barbalat.gradients.sensitivity import TANGENT_MEMBERS, chosen, require_figures
 from barbalat.open_numbers.members import Setting
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.problem.state_feedback import Problem
@@ -252,7 +252,9 @@ def search_worst(
     for path, kind in zip(paths, study.kinds, strict=True):
         if not kind.is_number:
             raise InputError(f"{path} changes a signal or the structure, which a search does not cover: vary it in a sweep")
-    search = _Search(study, region, [by_index(one, study.example.problem.labels) for one in figures], threads)
+    named = [by_index(one, study.example.problem.labels) for one in figures]
+    require_figures(named, study.example)
+    search = _Search(study, region, named, threads)
     search.require(starts)
     names, found = study.controllers, list[Extremes]()
     bounds = Bounds(study)
