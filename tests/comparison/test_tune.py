@@ -452,7 +452,7 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
     case = tmp_path / "drive.toml"
     case.write_text(DRIVE)
     found = tune(str(case), "rms_e", subject_to=["delay_margin_adapting >= 1e-3"], controller="MRAC", plants=1, trials=288)
-    assert any(note.startswith("delay_margin_adapting is that of a linear loop without input limits") for note in found.notes)
+    assert any(note.startswith("delay_margin_adapting belongs to a linear loop without input limits") for note in found.notes)
     tuned = found.controllers["MRAC"]
     ((_, linear),) = tuned.chosen.found.items()
     half = tuned.delay_margin_measured < 0.5 * linear

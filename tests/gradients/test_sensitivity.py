@@ -84,6 +84,16 @@ def test_a_figure_at_a_corner_is_refused_with_both_slopes(tmp_path):
     assert one.difference == pytest.approx(slope / 2, rel=1e-3)
 
 
+def test_a_derivative_that_does_not_describe_changes_of_a_thousandth_is_marked(tmp_path):
+    """The estimates of L1 with a high gain turn so fast that their final value is far from linear over a thousandth."""
+    path = written(tmp_path, SHORT + controller("l1"))
+    found = sensitivity(path, to=["reference.amplitude"], of=["theta_hat_final", "rms_e"]).derivatives
+    for one in found:
+        wide, _, narrow = one.differences
+        assert one.derivative == pytest.approx(narrow, rel=1e-2)
+        assert one.local == (abs(wide - narrow) > 0.1 * abs(narrow)) == one.figure.startswith("theta_hat_final")
+
+
 def test_an_error_that_is_zero_has_a_corner(tmp_path):
     """Without uncertainty MRAC follows its model exactly, and either sign of theta makes an error."""
     text = SHORT.replace("theta = [4.0, -3.0]", "theta = [0.0, 0.0]") + controller("mrac")

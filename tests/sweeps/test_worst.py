@@ -43,6 +43,15 @@ def test_it_finds_what_a_dense_grid_finds(case):
     assert found.undefined == 0
 
 
+def test_a_delay_over_several_steps_is_searched_although_it_has_corners(case):
+    """At each multiple of the step the delay has a corner, where the search moves without a slope."""
+    found = find_worst(case, ["rms_e"], vary={"plant.input.delay": "0.01:0.05:3"}, starts=8)
+    (one,) = found.extremes
+    grid = sweep(case, vary={"plant.input.delay": "0.01:0.05:41"}, bounds=False, audit=0).column("MRAC/rms_e[0]")
+    assert found.undefined > 0
+    assert one.largest.value >= 0.999 * grid.max() and one.least.value <= 1.001 * grid.min()
+
+
 def test_a_member_has_the_value_that_is_reported(case):
     (one,) = find_worst(case, ["rms_e"], sample=RANGES, starts=8).extremes
     paths = tuple(FieldPath.parse(path) for path in one.largest.numbers)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isfinite
 
@@ -19,6 +19,10 @@ NEARLY_WITHIN = 0.05
 the step, and no tangent sees it."""
 CONVERGED_WITHIN = 0.01
 """Relative difference of two successive differences below which they have converged."""
+HOLDS_WITHIN = 0.1
+"""Relative difference to the difference by the largest step up to which a derivative describes changes of that size too."""
+MINOR = 0.01
+"""Change of an elasticity that does not matter."""
 ROUNDING = 1e-12
 """Error of a figure by rounding, relative to the figure."""
 NEGLIGIBLE = 1e-6
@@ -47,10 +51,14 @@ class Pair:
 
 @dataclass(frozen=True)
 class Checked:
-    """The difference to which a derivative was compared, and the reason for its refusal, empty if it is accepted."""
+    """The difference to which a derivative was compared, and the reason for its refusal, empty if it is accepted.
+
+    ``local`` is true of a derivative that is right, but does not describe changes as large as the largest step.
+    """
 
     difference: float
     refused: str = ""
+    local: bool = False
 
 
 def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair], *, dt: float, scale: float) -> Checked:
@@ -61,6 +69,13 @@ def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
     dt     the solver's step [s]
     scale  of the number
     """
+    found = _confirmed(tangent, value, instant, pairs, dt=dt, scale=scale)
+    widest = pairs[0].slope
+    holds = abs(tangent - widest) <= HOLDS_WITHIN * max(abs(tangent), abs(widest)) + MINOR * abs(value) / scale
+    return found if found.refused or holds else replace(found, local=True)
+
+
+def _confirmed(tangent: float, value: float, instant: float, pairs: Sequence[Pair], *, dt: float, scale: float) -> Checked:
     slopes = [pair.slope for pair in pairs]
     if not isfinite(value) or not all(map(isfinite, slopes)):
         return Checked(inf, "a run beside this value diverges, or the run itself does")

@@ -49,6 +49,10 @@ class Movable:
     relative: bool = False
 
 
+class NoSlope(InputError):
+    """Raised where the numbers that follow from one have no slope, as a delay's at a multiple of the step."""
+
+
 @dataclass(frozen=True)
 class Unmovable:
     """A number without derivatives, and the reason; ``invalid`` if constructors refuse the values beside it."""
@@ -225,7 +229,7 @@ class Neighbourhood:
         coarse, fine = (values[0] - values[1]) / widths[0], (values[2] - values[3]) / widths[1]
         size = np.abs(fine).max(axis=0, initial=0.0)
         if not (np.abs(coarse - fine).max(axis=0, initial=0.0) <= SMOOTH_WITHIN * size + np.finfo(float).tiny).all():
-            raise InputError(f"{self.moved[column].path}: the numbers that follow from it have no slope here")
+            raise NoSlope(f"{self.moved[column].path}: the numbers that follow from it have no slope here")
         ratio = (SHARES[0] / SHARES[1]) ** 2
         return np.asarray((ratio * fine - coarse) / (ratio - 1))
 

@@ -42,6 +42,8 @@ class Derivative:
     derivative  None if it is refused, for the reason ``refused``
     elasticity  percent of the figure per percent of the number; None if it is refused, or if either of them is zero
     difference  the central difference with which it was compared; None if a run beside the number diverges
+    differences  by each of the steps, the largest first: shares SHARES of the number's size
+    local       whether the difference by the largest step departs by more than a tenth: it holds for smaller changes only
     """
 
     controller: str
@@ -53,6 +55,8 @@ class Derivative:
     derivative: float | None
     elasticity: float | None
     difference: float | None
+    differences: tuple[float | None, ...]
+    local: bool
     refused: str | None
 
     def as_json(self) -> dict[str, Any]:
@@ -63,6 +67,7 @@ class Derivative:
 class Sensitivities:
     """The derivatives of the figures of a case's runs: by controller and figure, the largest elasticities first.
 
+    redesign  whether model and controllers follow the plant's numbers; if not, these move the simulated plant alone
     without  the numbers that have no derivatives, with the reason
     runs     runs that were made for the differences, over all controllers
     seconds  of the runs with tangents, and of those for the differences
@@ -71,6 +76,7 @@ class Sensitivities:
     case: str
     controllers: tuple[str, ...]
     derivatives: tuple[Derivative, ...]
+    redesign: bool
     without: dict[str, str]
     runs: int
     seconds: dict[str, float]
@@ -95,6 +101,7 @@ class Sensitivities:
         return {
             "case": self.case,
             "controllers": list(self.controllers),
+            "redesign": self.redesign,
             "derivatives": [one.as_json() for one in self.derivatives],
             "without": self.without,
             "runs": self.runs,
@@ -171,6 +178,7 @@ def sensitivity_of(
         case=own.name,
         controllers=tuple(names[i] for i in which),
         derivatives=tuple(derivatives),
+        redesign=redesign,
         without=without,
         runs=study.runs,
         seconds=study.seconds,
@@ -291,6 +299,8 @@ class _Runs:
             derivative=None if found.refused else tangent,
             elasticity=tangent * one.value / value if elastic else None,
             difference=_finite(found.difference),
+            differences=tuple(_finite(pair.slope) for pair in pairs),
+            local=found.local,
             refused=found.refused or None,
         )
 

@@ -20,6 +20,11 @@ REFUSED = "refused"
 def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
     """Print a table for each controller, the numbers with the largest elasticities first, and the reasons for refusals."""
     screen.line(f"{found.case}: percent of a figure per percent of a number", "bold")
+    if not found.redesign:
+        screen.line(
+            "Numbers of the plant and its parameters move the simulated plant alone: the controllers stay as designed "
+            "(--redesign).", start="  ", indent="  ",
+        )  # fmt: skip
     for name in found.controllers:
         own = [one for one in found.derivatives if one.controller == name]
         figures = list(dict.fromkeys(one.figure for one in own))
@@ -47,6 +52,11 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
         if len(ranked) > len(lead):
             rest = counted(len(ranked) - len(lead), "further number")
             screen.line(f"Of less influence, and in the output of --json: {rest}.", start="  ")
+        if any(one.local for one in own):
+            screen.line(
+                "* for changes well below 0.1 % only: a change of 0.1 % has another slope, by more than a tenth.",
+                "yellow", start="  ", indent="  ",
+            )  # fmt: skip
         _reasons(screen, own, labels)
     for why in dict.fromkeys(found.without.values()):
         which = [path for path, other in found.without.items() if other == why]
@@ -59,15 +69,22 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
 
 
 def _ranked(own: Sequence[Derivative]) -> list[tuple[str, dict[str, Derivative]]]:
-    """The derivatives by path and figure, the paths with the largest elasticity first."""
+    """The derivatives by path and figure, the paths with the largest elasticity first; for a refused one, that by differences."""
     by_path: dict[str, dict[str, Derivative]] = {}
     for one in own:
         by_path.setdefault(str(one.path), {})[one.figure] = one
 
     def largest(item: tuple[str, dict[str, Derivative]]) -> float:
-        return max((abs(one.elasticity) for one in item[1].values() if one.elasticity is not None), default=-1.0)
+        return max(map(_size, item[1].values()))
 
     return sorted(by_path.items(), key=largest, reverse=True)
+
+
+def _size(one: Derivative) -> float:
+    """The size of the elasticity, or of its estimate by differences; -1 if there is neither."""
+    if one.elasticity is not None:
+        return abs(one.elasticity)
+    return abs(one.difference * one.value / one.at) if one.difference is not None and one.at else -1.0
 
 
 def _row(path: str, by: dict[str, Derivative], figures: Sequence[str]) -> tuple[str, ...]:
@@ -84,7 +101,7 @@ def _elasticity(one: Derivative) -> str:
         return REFUSED
     if one.elasticity is None:
         return "-"
-    return "0" if abs(one.elasticity) < NEGLIGIBLE else f"{one.elasticity:.3g}"
+    return "0" if abs(one.elasticity) < NEGLIGIBLE else f"{one.elasticity:.3g}{'*' if one.local else ''}"
 
 
 def _reasons(screen: Screen, own: Sequence[Derivative], labels: Labels | None) -> None:

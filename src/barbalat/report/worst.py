@@ -27,7 +27,7 @@ def show(screen: Screen, found: WorstFound, labels: Labels | None) -> None:
     for one in found.extremes:
         for sentence in _sentences(one, labels):
             screen.line(sentence, start="  ", indent="    ")
-    undefined = f"; {found.undefined} gradients overflowed, where the run is too sensitive" if found.undefined else ""
+    undefined = f"; {found.undefined} gradients do not exist or overflow" if found.undefined else ""
     screen.line(f"Found by {found.runs} runs and {found.gradients} gradients from many starts and the vertices{undefined}.")
 
 
@@ -45,6 +45,8 @@ def _sentences(one: Extremes, labels: Labels | None) -> list[str]:
     if one.bound is not None and one.largest.value is not None:
         share = 100 * one.largest.value / one.bound
         found.append(f"{name}: the largest is {share:.3g} % of the guaranteed bound, {one.bound:.4g}.")
+    if one.largest.value == one.least.value is not None:
+        found.append(f"{name} does not depend on these numbers.")
     for member in (one.largest, one.least):
         value, half = member.value, member.half_step
         if value is not None and (half is None or abs(half - value) > RESOLVED_WITHIN * abs(value)):

@@ -18,7 +18,7 @@ from barbalat import budget, validate
 from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.gradients.neighbourhood import Movable, Neighbourhood, varied_of
+from barbalat.gradients.neighbourhood import Movable, Neighbourhood, NoSlope, varied_of
 from barbalat.gradients.sensitivity import TANGENT_MEMBERS, chosen, require_figures
 from barbalat.open_numbers.members import Setting
 from barbalat.open_numbers.path import FieldPath, by_index
@@ -40,12 +40,19 @@ MOST_VERTICES = 64
 """Largest number of vertices that are tried; of more, that many are drawn."""
 FOLLOWED = 4
 """Starts from which each search follows gradients: the best points so far."""
+APART = 0.15
+"""Distance of the starts from each other in some coordinate, as a share of its range, so that they lie in different valleys."""
 ROUNDS = 12
 """Largest number of gradients from each start."""
+REFINED, PATIENCE, ELITES, DRAWN = 16, 2, 12, 5
+"""Rounds in which each search then draws points, DRAWN for each number, from the normal distribution of the ELITES best points so
+far, and rounds without a gain after which it ends. They need no slopes, and follow narrow valleys that gradients cross."""
 MOVES = (2.0, 0.3, 0.05, 0.005)
 """Steps along a gradient, as shares of the set's width in the direction in which it is steepest; all are tried at once."""
 GAIN = 1e-4
 """Relative gain below which the steps are shortened."""
+WIDE = 4.0
+"""Ratio of the ends of a range of positive numbers beyond which steps of differences are relative to each value."""
 SHORTENED, SHORTEST = 0.05, 1e-3
 """The factor by which they are, and the factor below which a search has ended."""
 NO_PROOF = "the worst that was found; no proof"
@@ -86,6 +93,11 @@ class SearchedSet:
             log.append(isinstance(one, LogUniform) or (isinstance(one, Axis) and one.logarithmic))
         low, high = np.array(ends).T
         return cls(low, high, np.array(log), tuple(map(tuple, balls.values())))
+
+    @property
+    def decades(self) -> Array:
+        """(d,) whether a number varies over so much that steps are relative to its value."""
+        return self.logarithmic | ((self.low > 0) & (self.high > WIDE * self.low))
 
     def numbers(self, z: Array) -> Array:
         """(M, d) the numbers at coordinates (M, d)."""
@@ -297,12 +309,13 @@ class _Search:
     def __init__(self, study: Study, region: SearchedSet, figures: Sequence[str], threads: int | None) -> None:
         self.study, self.region, self.given, self.threads = study, region, figures, threads
         self.runs = self.gradients = self.undefined = 0
+        self.seen: list[tuple[Array, dict[str, Array]]] = []
         setting = Setting.of(study.varied, study.kinds, study.tried, study.tried.middle)
         middle = region.numbers(np.full((1, len(region.low)), 0.5))[0]
         moved = [
             Movable(path=path, value=float(value), scale=float(width), kind=kind, relative=bool(log))
             for path, value, width, kind, log in zip(
-                study.varied.paths, middle, region.high - region.low, study.kinds, region.logarithmic, strict=True
+                study.varied.paths, middle, region.high - region.low, study.kinds, region.decades, strict=True
             )
         ]
         self.near = Neighbourhood(study.varied, tuple(moved), setting, study.tried.middle)
@@ -313,7 +326,7 @@ class _Search:
         width, steps = len(self.region.low), self.near.setting.simulation.steps
 
         def cost(numbers: float) -> budget.Estimate:
-            each = 2 * len(self.given) * FOLLOWED * ROUNDS * (len(MOVES) + TANGENT_MEMBERS * width)
+            each = 2 * len(self.given) * (FOLLOWED * ROUNDS * (len(MOVES) + TANGENT_MEMBERS * width) + REFINED * DRAWN * width)
             return costs.of_members(loops, steps, numbers + MOST_VERTICES + each)
 
         budget.require("starts", starts, cost, what="a search for the worst member")
@@ -326,13 +339,21 @@ class _Search:
     def _run(self, place: int, z: Array) -> TangentRun:
         """The runs at coordinates (M, d)."""
         self.runs += len(z)
-        return run_tangents(self._members(place, z)[0], self.near.setting.signals, threads=self.threads)
+        found = run_tangents(self._members(place, z)[0], self.near.setting.signals, threads=self.threads)
+        self.seen.append((z, found.values))
+        return found
 
     def _slopes(self, place: int, z: Array, figures: Sequence[str], rng: np.random.Generator) -> Array:
-        """(M, d) the derivative of each member's figure in the coordinates; a random direction where it overflows."""
-        self.gradients += len(z)
+        """(M, d) the derivative of each member's figure in the coordinates; a random direction where there is none."""
         members, rows = self._members(place, z)
-        directions = self.near.directions(rows, np.array([self.region.low, self.region.high]))[place]
+        try:
+            directions = self.near.directions(rows, np.array([self.region.low, self.region.high]))[place]
+        except NoSlope:
+            if len(z) == 1:
+                self.undefined += 1
+                return rng.normal(size=z.shape)
+            return np.vstack([self._slopes(place, one[None], [figure], rng) for one, figure in zip(z, figures, strict=True)])
+        self.gradients += len(z)
         run = run_tangents(members, self.near.setting.signals, directions, threads=self.threads)
         found = np.array([run.tangents[figure][:, m] for m, figure in enumerate(figures)]) * self.region.slopes(z)
         lost = ~np.isfinite(found).all(axis=1)
@@ -343,13 +364,14 @@ class _Search:
     def extremes(self, place: int, bounds: Bounds, first: Array, progress: Progress | None) -> Iterator[Extremes]:
         """The least and the largest value of each figure."""
         rng = np.random.default_rng(place)
+        self.seen = []
         begun = self._run(place, first)
         figures = chosen(self.given, begun.values)
         searches = [(figure, sign) for figure in figures for sign in (-1.0, 1.0)]
         z, worth, of = [], [], []
         for figure, sign in searches:
             value = _worth(begun.values[figure], sign)
-            best = np.argsort(-value, kind="stable")[:FOLLOWED]
+            best = _apart(first, np.argsort(-value, kind="stable"))
             z.append(first[best])
             worth.append(value[best])
             of += [(figure, sign)] * len(best)
@@ -357,12 +379,15 @@ class _Search:
         scales = np.where(np.isfinite(values), 1.0, 0.0)  # of the steps; 0 for a search that has ended
         for k in range(ROUNDS):
             if progress is not None:
-                progress((k + 1) / (ROUNDS + 1))
+                progress((k + 1) / (ROUNDS + REFINED + 1))
             if not scales.any():
                 break
             self._advance(place, points, values, scales, of, rng)
+        self._refine(
+            place, searches, rng, part_of(progress, (ROUNDS + 1) / (ROUNDS + REFINED + 1), REFINED / (ROUNDS + REFINED + 1))
+        )
         for i in range(0, len(searches), 2):
-            least, largest = (self._best(place, *searches[j], points, values, of) for j in (i, i + 1))
+            least, largest = (self._best(place, *searches[j]) for j in (i, i + 1))
             yield self._found(place, searches[i][0], least, largest, bounds)
 
     def _advance(
@@ -389,13 +414,43 @@ class _Search:
             if not isfinite(values[i]):
                 scales[i] = 0.0
 
-    def _best(
-        self, place: int, figure: str, sign: float, points: Array, values: Array, of: Sequence[tuple[str, float]]
-    ) -> tuple[Array, Member]:
-        which = [i for i, one in enumerate(of) if one == (figure, sign)]
-        best = max(which, key=lambda i: values[i])
-        row = self.region.numbers(points[best][None])[0]
-        value = float(sign * values[best])
+    def _ranked(self, figure: str, sign: float) -> tuple[Array, Array]:
+        """The points so far, the best first, and what they are worth."""
+        points = np.vstack([z for z, _ in self.seen])
+        worth = _worth(np.concatenate([values[figure] for _, values in self.seen]), sign)
+        best = np.argsort(-worth, kind="stable")
+        return points[best], worth[best]
+
+    def _refine(
+        self, place: int, searches: Sequence[tuple[str, float]], rng: np.random.Generator, progress: Progress | None
+    ) -> None:
+        """Draw further points for each search, until PATIENCE rounds in succession gain nothing."""
+        left = dict.fromkeys(searches, PATIENCE)
+        for k in range(REFINED):
+            going = [one for one in searches if left[one] > 0]
+            if not going:
+                return
+            if progress is not None:
+                progress((k + 1) / (REFINED + 1))
+            before = {one: float(self._ranked(*one)[1][0]) for one in going}
+            self._run(place, np.vstack([self._drawn(*one, rng) for one in going]))
+            for one in going:
+                gained = float(self._ranked(*one)[1][0]) > before[one] + GAIN * abs(before[one])
+                left[one] = PATIENCE if gained else left[one] - 1
+
+    def _drawn(self, figure: str, sign: float, rng: np.random.Generator) -> Array:
+        """(DRAWN d, d) points of the normal distribution of the best points so far, around the best one."""
+        points, _ = self._ranked(figure, sign)
+        best, rest = points[0], points[:ELITES] - points[0]
+        factors = rng.normal(size=(DRAWN * rest.shape[1], len(rest))) / np.sqrt(
+            len(rest)
+        )  # their products have the elites' covariance
+        return self.region.inside(best + factors @ rest)
+
+    def _best(self, place: int, figure: str, sign: float) -> tuple[Array, Member]:
+        points, worth = self._ranked(figure, sign)
+        row = self.region.numbers(points[:1])[0]
+        value = float(sign * worth[0])
         return row, Member(
             value=value if isfinite(value) else None,
             numbers={str(path): float(one) for path, one in zip(self.study.varied.paths, row, strict=True)},
@@ -419,6 +474,15 @@ class _Search:
         return Extremes(
             controller=name, figure=figure, least=least[1], largest=largest[1], bound=bound if isfinite(bound) else None
         )
+
+
+def _apart(points: Array, order: Array) -> list[int]:
+    """The first points in this order that are apart from each other; then, if they are too few, the first of the others."""
+    chosen: list[int] = []
+    for i in order.tolist():
+        if len(chosen) < FOLLOWED and all(np.abs(points[i] - points[j]).max() >= APART for j in chosen):
+            chosen.append(i)
+    return (chosen + [i for i in order.tolist() if i not in chosen])[:FOLLOWED]
 
 
 def _worth(values: Array, sign: float) -> Array:
