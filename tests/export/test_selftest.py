@@ -219,7 +219,7 @@ FAULTS = [
     ("if (!in_range(in->x, {macro}_MEASURED)) {", "if (0) {"),
     ("    if (!state_is_usable(c)) {", "    if (0) {"),
     ("    advance(c, in);", "    if (measured != 0) {\n        advance(c, in);\n    }"),
-    ("\n    if (!result_is_usable(c)) {", "\n    if (0) {"),
+    ("\n    if (!result_is_usable(c) ||", "\n    if (0 ||"),
 ]  # fmt: skip
 
 
@@ -289,7 +289,7 @@ AROUND = {
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
     ),
-    "a refused result is put out": ("\n    if (!result_is_usable(c)) {", "    if (0) {"),
+    "a refused result is put out": ("\n    if (!result_is_usable(c) ||", "    if (0 ||"),
     "a standstill is not told": ("        status |= {macro}_RESULT_REFUSED;\n", ""),
     "what was learnt is kept without being asked": ("    if (keep_estimates == 0) {", "    if (0) {"),
     "what was learnt is never kept": ("    if (keep_estimates == 0) {", "    if (1) {"),

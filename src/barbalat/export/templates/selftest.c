@@ -364,6 +364,28 @@ static void test_fade(void)
     }
 }
 
+/* A bump beyond the range, with one sign or the other, is refused if u is large enough to move it beyond. */
+static void test_bump_out_of_range(void)
+{
+    const ${name}_input in = sample(${fade_from});
+    const ${real} u = controls[${fade_from}][0];
+    const ${real} beyond = ${macro}_RANGE + (u < 0 ? -u : u);
+    unsigned told = 0u;
+    int side;
+    for (side = 0; side < 2; ++side) {
+        ${name}_controller c;
+        ${name}_output out;
+        ${name}_init(&c);
+        (void)replay(&c, ${fade_from});
+        c.fade = ${fade}L;
+        c.fade_left = ${fade}L;
+        c.matching = 1;
+        c.bump[0] = side == 0 ? ${macro}_RANGE : -${macro}_RANGE;
+        told |= ${name}_step(&c, &in, &out);
+    }
+    require((told & ${macro}_RESULT_REFUSED) != 0u || !(beyond > ${macro}_RANGE), "a bump out of range is put out");
+}
+
 static void test_start(void)
 {
     ${name}_controller c, before;
@@ -424,6 +446,7 @@ ${stands_still}    test_limits();
     test_hard_inputs();
     test_freeze();
 ${fade_test}    test_start();
+    test_bump_out_of_range();
 ${shell_test}    printf(failures == 0 ? "${name}: %d samples agree in every bit\n" : "${name}: FAILED (%d samples)\n", SAMPLES);
     return failures == 0 ? 0 : 1;
 }
