@@ -75,17 +75,11 @@ def drawn_documents(folder, seeds):
             continue
         document = document_of(case, certify(case.problem, case.controllers, case.simulation))
         of_all = document["controllers"]
-        document["controllers"] = {name: one for name, one in of_all.items() if samples_followed(one) <= MOST_SAMPLES}
+        document["controllers"] = {
+            name: one for name, one in of_all.items() if fuzz.samples_followed(one) <= fuzz.SAMPLES_CHECKED
+        }
         if document["controllers"]:
             yield seed, document
-
-
-MOST_SAMPLES = 700
-"""Limit for the sampled loops that the checker follows in a test, which takes a few seconds. A slower loop takes minutes."""
-
-
-def samples_followed(controller):
-    return max((line["witness"]["samples"] for line in controller["lines"] if line["key"] == "sampled response"), default=0)
 
 
 @pytest.mark.dear
@@ -136,7 +130,7 @@ def test_what_does_not_follow_is_refused(name, certified):
 def test_what_does_not_follow_of_random_cases_is_refused(tmp_path):
     accepted = []
     for seed, document in drawn_documents(tmp_path, range(60)):
-        if any(map(samples_followed, document["controllers"].values())):
+        if any(map(fuzz.samples_followed, document["controllers"].values())):
             continue  # test_sampled_response.py attacks these
         accepted += [f"{seed}: {what}" for what, false in attacks(document) if not refused(false, document)]
     assert not accepted

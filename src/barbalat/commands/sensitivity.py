@@ -42,12 +42,12 @@ EXPECTED_SECONDS = {"simulating": 5.0}
 def execute(options: argparse.Namespace) -> int:
     """Run the command. Return the exit code."""
     from barbalat.cases.load import CaseText
-    from barbalat.gradients.sensitivity import sensitivity_of
+    from barbalat.gradients.sensitivity import sensitivity as computed
 
     text = CaseText.read(options.case, options.controllers)
     labels = text.case().problem.labels  # errors of the file itself are reported first
     with work(EXPECTED_SECONDS) as running, running.part("simulating") as progress:
-        found = sensitivity_of(
+        found = computed(
             text, of=options.of, to=options.to, controllers=options.controller, redesign=options.redesign, progress=progress
         )
     from barbalat.report import documents, sensitivity

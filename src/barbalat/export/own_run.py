@@ -14,6 +14,10 @@ from barbalat.solvers.simulation import Simulation
 MOST_OF_THE_TIME = 0.5
 """Share of the time at the actuator's limits from which a run that is off is reported: the limits, and not the law, decide u."""
 
+AFTER_A_BIT_ERROR = (
+    "After a bit error in the last good value the shell can refuse good samples for a long time: give a range as well."
+)
+
 
 def own_run_warning(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None) -> str:
     """A warning, if the case's own run with this controller is lost or diverges, ends in a limit cycle, or is off and mostly at
@@ -30,12 +34,8 @@ def own_run_warning(problem: TrackingProblem, controller: Controller, simulation
         missed = with_missed_samples({controller.name: run})[controller.name].missed
         told = None if missed is None else missed.sentence
         said += [f"In the case's own run without faults, {told}: widen the shell's limits."] if told else []
-        said += [
-            f"shell.rate.{name} has no shell.range.{name}: after a bit error in the last good value, good samples can be refused "
-            f"for long. Give a range too."
-            for name in problem.shell.rate
-            if name not in problem.shell.range
-        ]
+        alone = ", ".join(name for name in problem.shell.rate if name not in problem.shell.range)
+        said += [f"{alone}: shell.rate without shell.range. {AFTER_A_BIT_ERROR}"] if alone else []
     return " ".join(said)
 
 

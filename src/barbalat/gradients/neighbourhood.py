@@ -70,7 +70,7 @@ def varied_of(source: CaseText | Case, paths: Sequence[FieldPath], *, redesign: 
 
 
 def numbers_of(source: CaseText | Case, paths: Sequence[FieldPath] = ()) -> dict[FieldPath, float]:
-    """The numbers of the case by their paths; with ``paths`` in theta, a plant given by A has them too."""
+    """The numbers of the case by path. If ``paths`` contain entries of theta, these are included for a plant given by A."""
     if isinstance(source, Case):
         return {path: float(value) for path, value in in_case(source)}
     return {path: float(value) for path, value in in_tables(tables_with(source, paths))}
@@ -186,7 +186,7 @@ class Neighbourhood:
     def directions(self, rows: Array, bounds: Array | None = None) -> list[list[Direction]]:
         """For each controller, the direction of each number, for members with the numbers ``rows`` (M, d).
 
-        bounds  (2, d) beyond which no derived number is computed: near them its slope is that a step inside
+        bounds  (2, d) the ends between which derived numbers are computed; near an end the slope is that one step inside
 
         InputError for a number from which others do not follow smoothly.
         """

@@ -110,7 +110,7 @@ class Sensitivities:
 
 
 def sensitivity(
-    case: str | Path | Case,
+    case: str | Path | CaseText | Case,
     *,
     of: Sequence[str] = (),
     to: Sequence[str] = (),
@@ -125,7 +125,7 @@ def sensitivity(
     run. An extremum has the slope at its instant. Each derivative is compared with central differences by three steps, and where
     they disagree it is refused with the reason: a corner, a jump, a motion that is too sensitive.
 
-    case         a case file, a bundled case's name, or a ``Case``
+    case         a case file, a bundled case's name, the text of one that has been read, or a ``Case``
     of           figures as in ``run --json``, ``rms_e[0]`` or ``rms_e`` for all components; by default those of FIGURES
     to           paths of numbers, as in ``sweep``; by default all of the loop that are not zero
     controllers  names; by default all
@@ -133,21 +133,7 @@ def sensitivity(
 
     Raises InputError for unknown names, for a case without fixed steps, and for a controller whose code has no derivative.
     """
-    source = case if isinstance(case, Case) else CaseText.read(case)
-    return sensitivity_of(source, of=of, to=to, controllers=controllers, redesign=redesign, threads=threads, progress=progress)
-
-
-def sensitivity_of(
-    source: CaseText | Case,
-    *,
-    of: Sequence[str] = (),
-    to: Sequence[str] = (),
-    controllers: Sequence[str] = (),
-    redesign: bool = False,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> Sensitivities:
-    """The derivatives for a case that has been read, see ``sensitivity``."""
+    source = case if isinstance(case, (Case, CaseText)) else CaseText.read(case)
     own = source if isinstance(source, Case) else source.case()
     own.simulation.require_steps("a sensitivity")
     names = [one.name for one in own.controllers]

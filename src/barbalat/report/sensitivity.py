@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from barbalat.gradients.check import NEGLIGIBLE
 from barbalat.gradients.sensitivity import Derivative, Sensitivities
@@ -81,9 +82,12 @@ def _ranked(own: Sequence[Derivative]) -> list[tuple[str, dict[str, Derivative]]
 
 
 def _size(one: Derivative) -> float:
-    """The size of the elasticity, or of its estimate by differences; -1 if there is neither."""
+    """The size of the elasticity, or of its estimate by differences; infinite if a run beside the number diverges, and -1 if
+    there is no elasticity."""
     if one.elasticity is not None:
         return abs(one.elasticity)
+    if one.refused and one.difference is None:
+        return inf
     return abs(one.difference * one.value / one.at) if one.difference is not None and one.at else -1.0
 
 

@@ -177,7 +177,7 @@ class WorstFound:
 
     ranges     the ends of each number, by path
     runs       runs without and with gradients, over all controllers
-    undefined  gradients that overflowed, because the run is too sensitive there
+    undefined  gradients that do not exist or overflow, as at a corner or where the run is too sensitive
     """
 
     case: str
