@@ -2,7 +2,7 @@
 
 The runs are those of Section V under its command. The error is the largest difference of theta_hat from our kernel's at a
 tolerance of 1e-12, at four instants, relative to the largest estimate. Times are the processor time of a run, the best of
-several, without compilation and without figures. With fixed steps they include the table of the command.
+several, without compilation and without metrics. With fixed steps they include the table of the command.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def fixed(loop: ClosedLoop, solver: Tableau, steps: int) -> Run:
 
 
 def by_tolerance(loop: ClosedLoop, tolerance: float, *, dense: bool = False) -> Run:
-    """A run with steps that our kernel chooses. With ``dense`` it has dense output, as a run with figures has."""
+    """A run with steps that our kernel chooses. With ``dense`` it has dense output, as a run with metrics has."""
     simulation = Simulation(T_END, tolerance=tolerance)
     made = Motion.of(loop, PROBLEM.signals, simulation, tolerance)
     if not dense:

@@ -21,7 +21,7 @@ from benchmarks.race import Contestant
 
 FAST_MATH = ("-ffast-math", "-ffast-math -mprefer-vector-width=512")
 """-ffast-math assumes that nothing is infinite or NaN. The loops have an infinite constant in the projection, which gcc 12
-happens to treat correctly, as the check shows. The figures start at infinity, so that the flag must stay off there."""
+happens to treat correctly, as the check shows. The metrics start at infinity, so that the flag must stay off there."""
 
 NO_TRAPS = ("-fno-trapping-math", "-fno-trapping-math -mprefer-vector-width=512")
 """LLVM's default assumptions: nobody reads the floating-point flags, and NaN and infinity keep their meaning."""

@@ -1,7 +1,7 @@
 """The cost of flights: a minute of the F-16 by the operation list and by the exported C, and 200 draws on two cores.
 
 ``./dev flight --benchmark`` runs it where JSBSim is installed. Costs are the processor time of all processes that take part, so
-that other programs hardly affect them. The costs of the draws include the start, the trim and the compilation.
+other programs hardly affect them. The costs of the draws include the start, the trim and the compilation.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ print(next(line.split()[1] for line in Path("/proc/self/status").read_text().spl
 
 
 def compiling(case: Case, *, quick: bool) -> list[Row]:
-    """Time from the equations to a running kernel with all figures, after the imports and with an empty cache."""
+    """Time from the equations to a running kernel with all metrics, after the imports and with an empty cache."""
 
     def build(lanes: int) -> None:
         program = step_program(ClosedLoop.of(PROBLEM, case.controller), RK4, STEP)
@@ -58,7 +58,7 @@ def compiling(case: Case, *, quick: bool) -> list[Row]:
 
 
 def two_cores(members: int, *, quick: bool) -> Section:
-    """Compare the engine with one thread and with two, with all figures."""
+    """Compare the engine with one thread and with two, with all metrics."""
     if (os.cpu_count() or 1) < 2:
         return [], ["skipped: this computer has one core"]
     case = l1(members)

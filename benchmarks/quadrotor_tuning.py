@@ -3,7 +3,7 @@
 The plant is an axis at hover behind its lags: for the attitude the motors and the command delay, for the position also the
 attitude loop. It follows a model of its command as in flight. The input is the sum of the model's acceleration, the feedback of
 the error and the scheme's part, and the last two each have a limit. The margins are those of the whole loop. The command is as
-large as the errors in flights. From ``OFF_AT`` on a constant disturbance uses a share of the scheme's limit. All measurements
+large as the errors in flights. From ``OFF_AT`` on a constant disturbance uses a fraction of the scheme's limit. All measurements
 have the flights' noise.
 """
 
@@ -43,8 +43,8 @@ T_END, OFF_AT, STEPS_AT = 40.0, 16.0, (4.0, 10.0, 28.0, 34.0)
 """Times relative to the axis' natural frequency: the command steps there and back before the disturbance and where runs are
 judged."""
 DISTURBANCE = 0.25
-"""Disturbance as a share of the limits of the scheme and the feedback. With half of the input's effectiveness the feedback alone
-still compensates it."""
+"""Disturbance as a fraction of the limits of the scheme and the feedback. With half of the input's effectiveness the feedback
+alone still compensates it."""
 KNOB_VALUES = 24
 
 

@@ -73,7 +73,7 @@ def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
 
 
 def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[str, Time]:
-    """Time all in turn several times, so that a busy moment of the machine affects all of them."""
+    """Time all in turn several times, so a busy moment of the machine affects all of them."""
     samples: dict[str, list[float]] = {contestant.name: [] for contestant in contestants}
     assert len(samples) == len(contestants), "two contestants of one name would share their times"
     for turn in range(repeats):
@@ -85,6 +85,6 @@ def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[
 
 
 def fastest(contestants: Sequence[Contestant], members: int, count: int) -> list[Contestant]:
-    """Run a short race first, so that only the best variants of a peer take part in the long one."""
+    """Run a short race first, so only the best variants of a peer take part in the long one."""
     times = race(contestants, members, 3)
     return sorted(contestants, key=lambda contestant: times[contestant.name].best)[:count]

@@ -1,6 +1,6 @@
 """Sweeps of Section V's L1 loop: threads, Dask's workers, stores, from a thousand members to a million, from 10 s to 1,000 s.
 
-Costs are the processor time of all processes that take part, in ns for one solver step of one member with all figures. Other
+Costs are the processor time of all processes that take part, in ns for one solver step of one member with all metrics. Other
 programs hardly affect it. Rates use elapsed time and are lower on a busy machine.
 """
 

@@ -1,4 +1,4 @@
-"""WebAssembly and the kernel compared: bytes of the module and ns for a step with all figures in wasmtime.
+"""WebAssembly and the kernel compared: bytes of the module and ns for a step with all metrics in wasmtime.
 
 ``python -m benchmarks.wasm [CASE ...]`` prints a line for each controller of the bundled cases. Browsers have other engines, with
 other times.

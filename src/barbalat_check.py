@@ -1509,7 +1509,7 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
 
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Sentences on the accepted claims of each controller, and the assumptions. Refused names the first line that fails."""
+    """Sentences on the accepted claims of each controller, and the assumptions. Rejected names the first line that fails."""
     require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
     said, assumed = [], dict[str, None]()
     with ctx.workprec(256):

@@ -54,7 +54,7 @@ SCROLLING = """
 OWN_ADDRESSES = ("file:", "data:", "blob:", "http://127.0.0.1:")
 """The addresses that a page may request: those within it or in its folder."""
 OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open = true })"
-"""Opens everything that is folded, so that it is checked too."""
+"""Opens everything that is folded, so it is checked too."""
 
 
 Tabs = dict[str, tuple[Page, list[str]]]

@@ -1,4 +1,4 @@
-"""Explorers in a real browser: every slider is moved, and every figure must equal that of a run of the copied case file in every
+"""Explorers in a real browser: every slider is moved, and every metric must equal that of a run of the copied case file bit for
 bit.
 
     python tests/browser_explorer.py [CASE ...] [--one-in N]
@@ -114,7 +114,7 @@ def copied(tab: Page) -> str:
 
 
 def compared(tab: Page, when: str) -> Iterator[str]:
-    """Every figure on the page against a run of the copied case."""
+    """Every metric on the page against a run of the copied case."""
     text, rows = copied(tab), tab.evaluate(ROWS)
     if len(rows) != tab.locator("input[id^=shown-]:checked").count():
         yield f"{when}: rows for {', '.join(rows) or 'nothing'}"
@@ -122,7 +122,7 @@ def compared(tab: Page, when: str) -> Iterator[str]:
 
 
 def differences(text: str, rows: dict[str, Figures], when: str) -> Iterator[str]:
-    """Differences between the figures of each controller and a run of the case file's text."""
+    """Differences between the metrics of each controller and a run of the case file's text."""
     assert tomllib.loads(text)["simulation"]["fused"] is False
     try:
         case = parse_case(text)

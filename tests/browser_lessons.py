@@ -1,4 +1,4 @@
-"""The lessons of Section V in a real browser: no goal is reached at the start, each is reached by its example, and all figures
+"""The lessons of Section V in a real browser: no goal is reached at the start, each is reached by its example, and all metrics
 equal the simulator's bit for bit.
 
     python tests/browser_lessons.py

@@ -108,8 +108,8 @@ def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], l
 
 @pytest.fixture(scope="session", autouse=True)
 def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Most tests have short runs, so that their code is compiled without optimisation. The full command optimises all code, as
-    for long runs."""
+    """Most tests have short runs, so their code is compiled without optimisation. The full command optimises all code, as for
+    long runs."""
     with pytest.MonkeyPatch.context() as changed:
         if request.config.getoption("full") or request.config.getoption("rest"):
             changed.setattr("barbalat.run.kernel.step.STEPS_WORTH_OPTIMISING", 0)

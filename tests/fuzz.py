@@ -1,9 +1,9 @@
 """Run plausible cases through every command: ``./dev fuzz [CASE]``. The exit code is 1 if one fails.
 
-A case is drawn from the schema (``plausible``), or is a bundled case or the given one with changed numbers and further keys.
-It is run and certified, and each other command runs on a part of the cases. A command must end with exit code 0 and strict JSON,
-or with exit code 2 and one sentence, within its processor time. A guaranteed bound must hold for the figures of the run. If it
-does not, it is compared with runs at finer steps. A case that fails is reduced key by key and stored as a case file.
+A case is drawn from the schema (``plausible``), or is a bundled case or the given one with changed numbers and further keys. It
+is run and certified, and each other command runs on a part of the cases. A command must end with exit code 0 and strict JSON, or
+with exit code 2 and one sentence, within its processor time. A guaranteed bound must hold for the metrics of the run. If it does
+not, it is compared with runs at finer steps. A case that fails is reduced key by key and stored as a case file.
 
   ./dev fuzz --cases 2000 --seed 7       the same cases each time; without --seed they differ every time, and the seed is printed
   ./dev fuzz --quick                     what two minutes allow
@@ -48,12 +48,12 @@ PROCESSOR_SECONDS = 90
 """Limit of processor time for a command on a small case. Commands that search have SEARCH_SECONDS."""
 SEARCH_SECONDS = 900
 SEARCHING_SHARE = 1 / 3
-"""Share of a limited time in which cases with a search may begin. Otherwise one that begins at the end would continue alone for
-minutes."""
+"""Fraction of a limited time in which cases with a search may begin. Otherwise one that begins at the end would continue alone
+for minutes."""
 WALL_SECONDS = 1800
 """Time after which a worker that uses no processor time counts as hanging."""
 MEMORY = 8 << 30
-"""Bytes of address space for a worker. The package promises to refuse cases that need more than half of it."""
+"""Bytes of address space for a worker. The package promises to reject cases that need more than half of it."""
 CASES_OF_A_WORKER = 40
 """Cases after which a worker is replaced, because compiled modules are never freed."""
 LONGEST_SENTENCE = 600
@@ -63,9 +63,9 @@ one."""
 REDUCTIONS = 60
 """Number of attempts to leave a key out of a failing case."""
 BY_TOLERANCE = 0.3
-"""Share of the cases with a tolerance in place of a step."""
+"""Fraction of the cases with a tolerance in place of a step."""
 ROUNDINGS = 1e-11
-"""Error of a figure by rounding: the error of estimates that start at the parameters is bounded by 0 without it."""
+"""Error of a metric by rounding: the error of estimates that start at the parameters is bounded by 0 without it."""
 SAMPLES_CHECKED = 700
 """Largest number of samples that the checker follows, which takes a few seconds. A slower loop takes minutes."""
 EARLY = 1500
@@ -73,7 +73,7 @@ EARLY = 1500
 
 
 class TooLong(BaseException):
-    """Raised when a command has used its processor time. It is not an Exception, so that nothing catches it."""
+    """Raised when a command has used its processor time. It is not an Exception, so nothing catches it."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ COMMANDS: tuple[tuple[float, int, Make], ...] = (
         lambda rng, case, folder: ["contest", "--quick", "--trials", "288", "--members", "8", "--plants", "1"],
     ),
 )
-"""For each command the share of the cases on which it runs, its processor time, and its words without the case."""
+"""For each command the fraction of the cases on which it runs, its processor time, and its words without the case."""
 
 
 @contextlib.contextmanager
@@ -228,7 +228,7 @@ def call(words: list[str], seconds: int) -> Said | Failure:
             code = main([*words, "--json"])
     except TooLong as error:
         return Failure("hang", _place(error), f"more than {seconds} s of processor time", command)
-    except SystemExit as error:  # from the parser: it refused the arguments, which this program chose wrongly
+    except SystemExit as error:  # from the parser: it rejected the arguments, which this program chose wrongly
         return Failure("exit", str(error.code), err.getvalue(), command)
     except BaseException as error:  # noqa: BLE001  # also what no program should end by
         return Failure(type(error).__name__, _place(error), traceback.format_exc(), command)
@@ -246,7 +246,7 @@ def _refuse(constant: str) -> None:
 
 
 def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
-    """A command's outcome, which is "done", "refused" or "failed", and its JSON, None or the Failure."""
+    """A command's outcome, which is "done", "rejected" or "failed", and its JSON, None or the Failure."""
     if isinstance(said, Failure):
         return "failed", said
     if said.code == 0:
@@ -301,14 +301,14 @@ def checked(file: Path, words: list[str]) -> tuple[str, str, Any]:
     return "proof", "held", None
 
 
-# Bounds compared with figures
+# Bounds compared with metrics
 
 HELD = {"error_bound": "max_abs_e", "output_bound": "max_abs_y", "control_bound": "max_abs_u"}
-"""A certificate's guaranteed keys, and the figures of a run that they bound, in every component."""
+"""A certificate's guaranteed keys, and the metrics of a run that they bound, in every component."""
 
 
 def broken_bounds(case: dict[str, Any], folder: Path, run: Any, certified: Any) -> Iterator[tuple[str, str, Any]]:
-    """ "held" for each guaranteed bound that was compared, "failed" for one that the figures exceed at every step tried."""
+    """ "held" for each guaranteed bound that was compared, "failed" for one that the metrics exceed at every step tried."""
     for name, certificate in certified["controllers"].items():
         for key in set(certificate.get("guaranteed", ())) & HELD.keys():
             bound = certificate.get(key)
@@ -325,7 +325,7 @@ def broken_bounds(case: dict[str, Any], folder: Path, run: Any, certified: Any) 
 
 
 def _exceeding(case: dict[str, Any], folder: Path, run: Any, name: str, key: str, bound: float, finer: int) -> float | None:
-    """The largest figure that exceeds the bound at a step that is ``finer`` times smaller, or None."""
+    """The largest metric that exceeds the bound at a step that is ``finer`` times smaller, or None."""
     if finer > 1:
         if not _exceeding(case, folder, run, name, key, bound, 1):
             return None
@@ -457,7 +457,7 @@ class Fuzz:
         return self.tally
 
     def feed(self, worker: Worker) -> None:
-        """Give a worker the next case, or none if it has run its share."""
+        """Give a worker the next case, or none if it has run its fraction."""
         seed = self.next_seed() if worker.left else None
         if seed is None:
             worker.seed = -1

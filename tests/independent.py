@@ -43,7 +43,7 @@ EPS = np.finfo(float).eps
 
 
 def refusal(make: Callable[[], object]) -> str:
-    """The message with which ``make`` is refused. It is one sentence on one line."""
+    """The message with which ``make`` is rejected. It is one sentence on one line."""
     with pytest.raises(InputError) as caught:
         make()
     message = str(caught.value)

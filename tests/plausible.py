@@ -48,7 +48,7 @@ FILES = {"csv": "recorded.csv", "mat": "recorded.mat"}
 LEFT_OUT = frozenset({"A", "V_hat0", "c_0", "design_plant", "file", "filter_poles", "input_gain", "lower", "poles", "upper"})
 """Optional keys that need others and are added together with them."""
 PHYSICAL = 0.3
-"""Share of plants with one input that are given by A and b, often with parameters or a baseline."""
+"""Fraction of plants with one input that are given by A and b, often with parameters or a baseline."""
 DRAWS = 8
 """Attempts at a controller that fits its problem. The package decides which settings fit together."""
 
@@ -79,7 +79,7 @@ class Draw:
         self.output = rng.random() < 0.15
         self.known: Table = {}
         self.share = 0.0
-        """Share of optional keys that are present. Most users' cases have few of them."""
+        """Fraction of optional keys that are present. Most users' cases have few of them."""
         self.special: dict[str, Callable[[], Any]] = {
             "A_m": self.hurwitz, "b": self.input_matrix, "theta": self.parameters, "x0": lambda: self.vector(self.n),
             "k_0": self.feedforward, "uncertainty": self.known_set, "theta_hat0": self.inside, "nominal": self.inside,
@@ -243,7 +243,7 @@ class Draw:
         return {name: self.resolved({"$ref": place}) for name, place in spec["discriminator"]["mapping"].items()}
 
     def table(self, spec: Table, without: Table | None = None) -> Table:
-        """A table with its required keys and a share of the others."""
+        """A table with its required keys and a fraction of the others."""
         found: Table = {}
         for key, value in self.properties(spec).items():
             if key in (without or ()) or (key not in spec.get("required", ()) and self.rng.random() >= self.share):
@@ -323,7 +323,7 @@ class Draw:
         return self.one_of(self.properties(self.definition("Problem"))["reference"])
 
     def case(self) -> Table:
-        """A problem with its required keys, a share of the others, and one to three controllers."""
+        """A problem with its required keys, a fraction of the others, and one to three controllers."""
         self.share = self.rng.choice((0.0, 0.05, 0.15, 0.3))
         return self.output_case() if self.output else self.state_case()
 
@@ -400,7 +400,7 @@ class Draw:
         return found
 
     def output_case(self) -> Table:
-        """A plant of first or second order with its model and a share of the keys."""
+        """A plant of first or second order with its model and a fraction of the keys."""
         self.n, self.m, self.p = 1, 1, 2
         pole, gain = self.rng.uniform(-1, 3), self.rng.uniform(0.5, 4)
         model = self.rng.uniform(1, 5)
@@ -456,7 +456,7 @@ class Draw:
 
 
 def accepted(case: Table, folder: Path) -> bool:
-    """Whether the package accepts these tables. Tables that crash it are kept, so that the commands show the crash."""
+    """Whether the package accepts these tables. Tables that crash it are kept, so the commands show the crash."""
     try:
         CaseText("", folder).case(copy.deepcopy(case))
     except InputError:

@@ -32,7 +32,7 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class Relay:
-    """Feedback that cancels a share of theta, with a relay of the error: with one, s = b'P e reaches 0 and stays there."""
+    """Feedback that cancels a fraction of theta, with a relay of the error: with one, s = b'P e reaches 0 and stays there."""
 
     relay: float
     share: float = 1.0

@@ -31,7 +31,7 @@ from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
 
 MEMBERS, CHUNK = 6000, 100
-"""Members for sixty files, one every few hundredths of a second, so that kills hit every stage of writing a file."""
+"""Members for sixty files, one every few hundredths of a second, so kills hit every stage of writing a file."""
 LONGEST = 1.5
 """Seconds from a writer's first output until it is killed. A whole run takes about as long."""
 TMPFS = "300k"
@@ -179,7 +179,7 @@ def full_disk(folder: Path, expected: dict[str, np.ndarray]) -> str:
 
 
 def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
-    """Check that a second writer is refused and a reader is not."""
+    """Check that a second writer is rejected and a reader is not."""
     first = writer(folder)
     while not (folder / INDEX_FILE).exists():
         time.sleep(0.01)

@@ -1,4 +1,4 @@
-"""The budget before work: refusals and their messages, suggested numbers that are accepted, and no work before the check."""
+"""The budget before work: rejections and their messages, suggested numbers that are accepted, and no work before the check."""
 
 import re
 import subprocess
@@ -138,9 +138,9 @@ def test_times_are_read_in_their_own_unit():
 class Size:
     """A number that determines a size, and its use.
 
-    huge    value that is refused within the budget as it is
-    said    in the refusal
-    budget  within which ``small`` is refused, and less is quickly done; none where a limit is no budget's
+    huge    value that is rejected within the budget as it is
+    said    in the rejection
+    budget  within which ``small`` is rejected, and less is quickly done; none where a limit is no budget's
     """
 
     use: Callable[[int], object]
@@ -260,7 +260,7 @@ def test_the_number_that_would_do_does(name):
 
 
 def would_do(sentence: str) -> int:
-    """The number in a refusal."""
+    """The number in a rejection."""
     if found := re.search(r"at most (\d+)", sentence):
         return int(found[1])
     if found := re.search(r"or a step of (\S+) s, would do", sentence):
@@ -284,7 +284,7 @@ for name, size in t.SIZES.items():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit a process's memory so")
 def test_no_refusal_takes_memory():
-    """Every refusal is raised in one process that may use at most 3 GiB of address space, libraries included."""
+    """Every rejection is raised in one process that may use at most 3 GiB of address space, libraries included."""
     script = LIMITED.format(tests=str(Path(__file__).parent))
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=300)
     assert run.stdout.splitlines() == list(SIZES), run.stderr[-2000:]
@@ -296,7 +296,7 @@ def test_a_smaller_budget_reaches_processes():
 
 
 def test_the_finer_run_of_a_check_keeps_to_the_budget():
-    """An additional check never refuses a computed run but continues as far as the budget allows."""
+    """An additional check never rejects a computed run but continues as far as the budget allows."""
     stiff = Simulation(t_end=2.0, dt=1e-3)
     results = simulate(problem(), Mrac(gamma=1e9), stiff)
     assert results["MRAC"].label is not None
@@ -331,7 +331,7 @@ def test_many_frequencies_are_solved_in_parts_with_the_same_bits(monkeypatch):
 
 
 def test_too_many_controllers_are_told_how_many_would_do():
-    """The same budget allows this many, and one more is refused."""
+    """The same budget allows this many, and one more is rejected."""
 
     def ran(count, budget):
         with budget:

@@ -181,7 +181,8 @@ def test_refused_with_the_field_and_the_value(section_v, case):
 
 
 def test_a_singular_A_m_is_not_hurwitz_in_any_coordinates():
-    """Its zero eigenvalue is computed as a rounding of either sign. Both must be refused, because P would be a division by it."""
+    """Its zero eigenvalue is computed as a rounding of either sign. Both must be rejected, because P would be a division by
+    it."""
     for angle in np.linspace(0.1, 3.0, 30):
         T = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         refusal(lambda T=T: plant(A_m=T @ np.diag([0.0, -1.0]) @ T.T, b=T @ [1.0, 1.0]))

@@ -1,5 +1,5 @@
-"""Helpers of the tests: the selection of items for a commit, so that in time all are run, and results that one of pytest's
-processes computes for all."""
+"""Helpers of the tests: the selection of items for a commit, so in time all are run, and results that one of pytest's processes
+computes for all."""
 
 from __future__ import annotations
 

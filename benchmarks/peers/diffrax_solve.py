@@ -39,7 +39,7 @@ class ClassicalRungeKutta(diffrax.AbstractERK):
 
 
 def contestants(case: Case, steps: int, *, quick: bool) -> list[Contestant]:
-    """All members at once. XLA may use every core. Each form compiles for seconds, so that ``quick`` has only one."""
+    """All members at once. XLA may use every core. Each form compiles for seconds, so ``quick`` has only one."""
     forms = list(WRITTEN[case.name].forms)
     return [_contestant(case, steps, form) for form in (forms[-1:] if quick else forms)]
 

@@ -17,7 +17,7 @@ flights     controllers on flight models, through failures
 interfaces  the protocols that a controller or law of your own implements
 testing     checks for a controller or law of your own
 
-Each name is imported when it is first used, so that ``import barbalat`` is fast.
+Each name is imported when it is first used, so ``import barbalat`` is fast.
 """
 
 from barbalat.public_names import public

@@ -2,7 +2,7 @@
 
 Each number that sets a size has a cost function, here or in the file that does the work: it returns an ``Estimate``, from costs
 per unit that were measured once. The estimates are right within a factor of a few and the same on every machine; a fast machine
-or much memory does not change what is refused. Seconds are those of one core.
+or much memory does not change what is rejected. Seconds are those of one core.
 
     with Budget.parse("16GiB,5h"):
         simulate(problem, controllers, simulation)
@@ -25,7 +25,7 @@ KIB, MIB, GIB = 2.0**10, 2.0**20, 2.0**30
 MINUTE, HOUR, DAY, YEAR = 60.0, 3600.0, 86400.0, 365.25 * 86400.0
 DEFAULT_MEMORY, DEFAULT_SECONDS = 4 * GIB, HOUR
 TOLD_SECONDS = 10.0
-"""Work that is expected to take longer than this [s] is announced, so that the user knows that it is running."""
+"""Work that is expected to take longer than this [s] is announced, so the user knows that it is running."""
 LARGEST_TRIED = 10**30
 """The number at which the cost of any larger number is evaluated: it exceeds every budget, and its powers are still floats."""
 
@@ -202,7 +202,7 @@ def in_time(seconds: float) -> str:
 # Costs of work whose size several rooms determine, measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
 
 STATE_OPERATIONS = 50
-"""Operations of a Runge-Kutta step of order four, with figures, for each state of a loop: 31 for a network's neurons, 48 with
+"""Operations of a Runge-Kutta step of order four, with metrics, for each state of a loop: 31 for a network's neurons, 48 with
 least squares, 75 with monomials as regressor, 110 with Gaussian functions."""
 DENSE_OPERATIONS = 24
 """Operations of such a step for each entry of a plant's matrix: four stages, a product and a sum, in plant, model and law."""

@@ -65,7 +65,7 @@ def deaf_children() -> Iterator[None]:
         yield
         return
     resource_tracker.ensure_running()  # it would otherwise unblock the signal when it is started with the first process
-    with undisturbed():  # the signal may be delivered to another thread
+    with undisturbed():  # the signal may be delivered to a different thread
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             yield

@@ -264,7 +264,7 @@ class Controller(Protocol):
 
     @property
     def name(self) -> str:
-        """The name in results, tables and figures."""
+        """The name in results, tables and metrics."""
         ...
 
     def bind(self, known: Any) -> Equations | SampledEquations:

@@ -1,4 +1,4 @@
-"""Reads files that a user names within the budget; refuses endless files and files that are too large for the work on them."""
+"""Reads files that a user names within the budget; rejects endless files and files that are too large for the work on them."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 Equations declare them in an attribute ``roles``, a mapping from the names of their state's fields to roles; a part of a nested
 NamedTuple has a path, "memory.covariance". A field with a conventional name (``theta_hat``, ``memory``, ``x_hat``, ``y_hat``,
-``filter``) has its role by default, so that most laws declare nothing. The roles determine freezing, equilibria, true values,
-column names and the comments of exports.
+``filter``) has its role by default, so most laws declare nothing. The roles determine freezing, equilibria, true values, column
+names and the comments of exports.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def declared_roles(equations: Any) -> Mapping[str, Role] | None:
 
 
 def _accepted(declared: Any) -> Any:
-    """The declared roles, each given as a role or by its kind; invalid ones are kept, and refused by the check of the
+    """The declared roles, each given as a role or by its kind; invalid ones are kept, and rejected by the check of the
     equations."""
     if not isinstance(declared, Mapping):
         return declared

@@ -73,7 +73,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
     problems  problems by name, instead of ``problem_kinds``
 
     Raises CheckFailed with all failures, and InputError for an object that is neither a controller nor a law. A problem that
-    ``bind`` refuses with an InputError does not count as a failure if another one is accepted.
+    ``bind`` rejects with an InputError does not count as a failure if another one is accepted.
     """
     controller = _controller(law)
     kinds = problem_kinds(feedback_of(controller)) if problems is None else problems

@@ -27,7 +27,7 @@ Matrix: TypeAlias = Annotated[Any, "matrix"]
 class InputError(ValueError):
     """Unusable input: one sentence for the user, or several if more than one problem was found.
 
-    field       the field with which the sentence begins, dotted as in a case file, so that no caller adds its path again
+    field       the field with which the sentence begins, dotted as in a case file, so no caller adds its path again
     controller  the name of the controller that the sentence names
     """
 
@@ -107,7 +107,7 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         raise InputError.of(field, f"must not have masked entries, got {show(value)}")
     if given.dtype.kind not in "iuf":
         raise InputError.of(field, f"must be an array of real numbers, got {show(value)}")
-    with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is refused below
+    with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is rejected below
         result = np.array(given, dtype=np.float64)
     fits = result.ndim == len(shape) and all(s == k or (s is None and k > 0) for s, k in zip(shape, result.shape, strict=True))
     if not fits:
@@ -121,7 +121,7 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def dimensions(value: Any) -> int:
-    """The depth to which a value is nested; 0 for values that are not arrays, which ``array`` then refuses."""
+    """The depth to which a value is nested; 0 for values that are not arrays, which ``array`` then rejects."""
     try:
         return int(np.asarray(value).ndim)
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, ...
@@ -161,7 +161,7 @@ def is_instance(value: Any, kind: type | tuple[type, ...]) -> bool:
 
 
 def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
-    """InputError for an object of another type; the message names the right types."""
+    """InputError for an object of a different type; the message names the right types."""
     if not is_instance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol requires
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
         raise InputError.of(field, f"must be a {names}, got {show(value)}")
@@ -267,7 +267,7 @@ class Named(dict[str, V]):
 
 
 def printable(text: str) -> str:
-    """The text with its control characters escaped, so that they have no effect on a terminal."""
+    """The text with its control characters escaped, so they have no effect on a terminal."""
     return "".join(ascii(c)[1:-1] if _controls(c) else c for c in text) if _may_control(text) else text
 
 

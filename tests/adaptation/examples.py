@@ -218,7 +218,7 @@ class ModifiedLaw:
 
 
 def laws(n: int) -> list[ModifiedLaw]:
-    """All accepted combinations. Another test checks that the rest are refused."""
+    """All accepted combinations. Another test checks that the rest are rejected."""
     return [
         ModifiedLaw(f"{kind} {i}, {name}", LAWS[kind](**settings, **modification.settings), example, modification)
         for kind, example in LAW_EXAMPLES.items()

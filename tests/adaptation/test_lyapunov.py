@@ -154,7 +154,7 @@ def test_the_memory_holds_z_as_theta_times_R(problems):
 def test_learning_needs_no_persistent_excitation(problems):
     """A step command excites only for a while. The MRAC keeps its parameter error, which vanishes with a memory.
 
-    h Gamma gamma_c capacity = 2^-8 50 6 = 1.2 is below RK4's limit of 2.78, so that the step resolves the memory's term.
+    h Gamma gamma_c capacity = 2^-8 50 6 = 1.2 is below RK4's limit of 2.78, so the step resolves the memory's term.
     """
     problem = replace(problems[3], reference=Step(amplitude=1.0, start=1.0))
     simulation = Simulation(t_end=30.0, dt=2.0**-8)

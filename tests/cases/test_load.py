@@ -1,4 +1,4 @@
-"""Case files: every key reaches its field, and everything unusable is refused in one clear sentence."""
+"""Case files: every key reaches its field, and everything unusable is rejected in one clear sentence."""
 
 import re
 from operator import attrgetter

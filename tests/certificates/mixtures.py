@@ -80,7 +80,7 @@ def disturbed(problem: TrackingProblem, features: tuple[str, ...]) -> TrackingPr
 
 
 def some_features(random: np.random.Generator) -> tuple[str, ...]:
-    """Some features at random. Two problems in five have none, so that the guarantees apply. The others have one to three."""
+    """Some features at random. Two problems in five have none, so the guarantees apply. The others have one to three."""
     count = random.choice([0, 0, 1, 2, 3])
     return tuple(random.choice(FEATURES, size=count, replace=False))
 

@@ -65,7 +65,7 @@ def test_gain_and_step_limits_agree():
 
 
 def test_a_step_that_the_solver_does_not_bear_is_said_beside_the_bound():
-    """The run exceeds (9) although the solution of the equations does not, so that the solver is the cause."""
+    """The run exceeds (9) although the solution of the equations does not, so the solver is the cause."""
     case = load_case("paper")
     controller = Mrac(gamma=1e6, projection=False)
     coarse, fine = Simulation(t_end=1.0, dt=1e-3), Simulation(t_end=1.0, dt=1e-6)
@@ -231,8 +231,7 @@ def test_margins_that_fail_take_nothing_with_them(monkeypatch, certified):
 
 
 def test_a_loop_whose_pole_lies_on_the_axis_is_certified():
-    """A_m + b theta' is undamped at a corner of the known set, so that the linear loop is infinite at a frequency of the
-    search."""
+    """A_m + b theta' is undamped at a corner of the known set, so the linear loop is infinite at a frequency of the search."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[0.0, -1.0])
     known = ParameterBox([-2.0, -2.0], [0.575, 2.0])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Constant(1.0), uncertainty=known)

@@ -78,7 +78,7 @@ def test_a_bound_rests_on_something():
 
 @pytest.mark.parametrize("formula", ["1/x1", "sqrt(x1)"])
 def test_nothing_is_known_where_the_regressor_is_no_number(formula, problems):
-    """1/x1 has no value at x = 0, so that no scheme's loop has a solution, not even with known parameters."""
+    """1/x1 has no value at x = 0, so no scheme's loop has a solution, not even with known parameters."""
     given = problems[1]
     plant = replace(given.plant, theta=[1.0], regressor=Terms(terms=[formula]), x0=[0.0])
     problem = Problem(plant=plant, reference_model=given.reference_model, reference=given.reference)

@@ -143,7 +143,7 @@ def test_a_robustness_of_what_breaks_its_conditions():
 
 
 def test_V_of_a_sampled_law_does_grow():
-    """The plant moves between samples, so that the claim that no sample time makes V grow was too strong."""
+    """The plant moves between samples, so the claim that no sample time makes V grow was too strong."""
     problem = replace(UNSTABLE, uncertainty=None, plant=replace(UNSTABLE.plant, x0=[2.0]))
     controller = Sampled(controller=Mrac(gamma=100.0, theta_hat0=problem.plant.theta), sample_time=0.4)
     _, column = judged(problem, controller, Simulation(t_end=12.0, dt=4e-3))

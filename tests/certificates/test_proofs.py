@@ -1,7 +1,7 @@
-"""Proofs of certificates: ``barbalat-check`` accepts them as written and refuses them with any false part.
+"""Proofs of certificates: ``barbalat-check`` accepts them as written and rejects them with any false part.
 
-The checker imports nothing from the package, and nothing here computes a bound. Acceptance and refusal are the checker's verdict
-alone.
+The checker imports nothing from the package, and nothing here computes a bound. Acceptance and rejection are the checker's
+verdict alone.
 """
 
 import ast
@@ -104,7 +104,7 @@ def without_cells(document, true):
 
 
 def refused(false, true):
-    """Whether the checker refuses a changed document. Controllers whose part is unchanged are not checked again."""
+    """Whether the checker rejects a changed document. Controllers whose part is unchanged are not checked again."""
     changed = {name: one for name, one in false["controllers"].items() if one != true["controllers"][name]}
     try:
         barbalat_check.check(without_cells(false | {"controllers": changed or false["controllers"]}, true))

@@ -84,7 +84,7 @@ def test_a_report_of_runs_with_faults_guarantees_nothing():
 
 @pytest.mark.parametrize("sampled", [True, False])
 def test_an_unstable_loop_with_its_law_is_named(sampled):
-    """The loop is stable with frozen estimates and unstable with the law, so that no margin is called unknown."""
+    """The loop is stable with frozen estimates and unstable with the law, so no margin is called unknown."""
     case = heater(delay=20.0, gamma=0.2, sampled=sampled)
     found = certify(case.problem, case.controllers, case.simulation)
     certificate, said = found["mrac"], lines_of(found, "mrac")

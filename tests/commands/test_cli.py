@@ -204,7 +204,7 @@ def test_a_whole_number_may_be_written_with_an_exponent(text, number):
     ("given", "says"), [("s3://b/x", "--out must be a path on this computer"), ("https://b/x", "'https://b/x'")]
 )
 def test_an_export_to_a_url_is_refused_as_it_was_typed(given, says, tmp_path, monkeypatch, capsys):
-    """The command refuses it before it looks for the case."""
+    """The command rejects it before it looks for the case."""
     monkeypatch.chdir(tmp_path)
     assert main(["export", "none", "--controller", "L1", "--out", given]) == 2
     said = capsys.readouterr().err
@@ -238,7 +238,7 @@ def test_what_a_command_leaves_is_one_document(typed, keys, tmp_path, monkeypatc
 
 
 def test_help_imports_nothing_heavy():
-    """No numerical package is loaded to print the help, so that it is fast by construction."""
+    """No numerical package is loaded to print the help, so it is fast by construction."""
     code = """
 import sys
 from barbalat.cli import main

@@ -1,4 +1,4 @@
-"""``barbalat design``: a recommendation with its files, the same result bit for bit in a second run, and refusals."""
+"""``barbalat design``: a recommendation with its files, the same result bit for bit in a second run, and rejections."""
 
 import json
 import shutil
@@ -174,7 +174,7 @@ def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_
 
 @pytest.mark.full
 def test_what_the_baseline_alone_misses_is_said_beside_the_schemes_asked_for(tmp_path, capsys):
-    """The limit of the noise's share is below the share of the baseline alone."""
+    """The limit of the noise's share is below the fraction of the baseline alone."""
     (tmp_path / "case.toml").write_text(AROUND_A_BASELINE.replace("noise = 0.05", "noise = 1e-5"))
     assert main(["design", "case.toml", "--schemes", "mrac", "--plants", "2", "--members", "8", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

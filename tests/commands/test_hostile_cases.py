@@ -1,4 +1,4 @@
-"""Cases that once ended in a traceback, an endless loop or a crash: every command finishes its work or refuses with one
+"""Cases that once ended in a traceback, an endless loop or a crash: every command finishes its work or rejects with one
 sentence."""
 
 import json

@@ -1,4 +1,4 @@
-"""``barbalat identify``: from a CSV file to a case that runs, and its refusals."""
+"""``barbalat identify``: from a CSV file to a case that runs, and its rejections."""
 
 import json
 from pathlib import Path

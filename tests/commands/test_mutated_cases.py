@@ -1,4 +1,4 @@
-"""Mutated case files: each one runs and is certified or is refused in one sentence, within a time limit, and the JSON is
+"""Mutated case files: each one runs and is certified or is rejected in one sentence, within a time limit, and the JSON is
 strict."""
 
 import copy
@@ -41,7 +41,8 @@ def places(table, path=()):
 
 
 def mutated(rng, case, donors):
-    """A case with up to three changes: a value is scaled or replaced, a key is left out, or a key of another case is inserted."""
+    """A case with up to three changes: a value is scaled or replaced, a key is left out, or a key of a different case is
+    inserted."""
     case = copy.deepcopy(case)
     for _ in range(rng.randint(1, 3)):
         paths = [path for path in places(case) if path != ("controller",)]

@@ -1,4 +1,4 @@
-"""The files that the commands leave on disk: all files of a run or none, and one sentence if the system refuses."""
+"""The files that the commands leave on disk: all files of a run or none, and one sentence if the system rejects."""
 
 import json
 import os
@@ -156,7 +156,7 @@ def test_json_of_what_is_not_finite():
 
 
 def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monkeypatch, capsys):
-    """The figures and trajectories are complete. There is no page, not even an older one."""
+    """The metrics and trajectories are complete. There is no page, not even an older one."""
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt

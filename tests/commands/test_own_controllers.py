@@ -57,7 +57,7 @@ def documents(capsys, case, laws) -> tuple[dict, dict]:
 
 
 def test_a_list_joins_the_cases_own(folder, capsys):
-    """The same equations as MRAC's give the same figures. The names keep their order."""
+    """The same equations as MRAC's give the same metrics. The names keep their order."""
     case, laws = folder(CASE + KNOWN, LAWS + 'CONTROLLERS = [Plain(5.0), Bare(5.0, "second")]\nleft_out = Plain(1.0, "x")')
     run, certified = documents(capsys, case, laws)
     assert list(run) == list(certified) == ["MRAC", "plain", "second"]

@@ -82,7 +82,7 @@ def test_a_page_simulates_them_beside_the_cases(folder):
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="no JavaScript here")
 def test_what_is_copied_from_the_page_runs(folder):
-    """The copied Python script, with the file in the same folder, gives the figures of the case without fused multiply-adds."""
+    """The copied Python script, with the file in the same folder, gives the metrics of the case without fused multiply-adds."""
     assert main(["explore", "case.toml", "--controllers", "laws.py", "--no-open"]) == 0
     data = data_of(Path("explore.html").read_text())
     script = f"import {{ pythonOf }} from {json.dumps(COPIES.as_uri())};\nprocess.stdout.write(pythonOf("

@@ -1,4 +1,4 @@
-"""The completed share of the work and the remaining time, by a clock that the test sets."""
+"""The completed fraction of the work and the remaining time, by a clock that the test sets."""
 
 import io
 import sys
@@ -13,7 +13,7 @@ from barbalat.commands.progress import Work, say
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Advance the clock by these seconds, in which this process had the given share of a core."""
+    """Advance the clock by these seconds, in which this process had the given fraction of a core."""
     now = [100.0, 1.0]
     monkeypatch.setattr(time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(time, "process_time", lambda: 100.0 + now[1] * (now[0] - 100.0))
@@ -27,7 +27,7 @@ def test_it_never_runs_backwards_and_is_right_within_a_factor_of_two(clock):
         for k in range(1, 21):
             clock[0] += 1.0
             progress(k / 20)
-            progress(k / 40)  # reported late by another thread
+            progress(k / 40)  # reported late by a different thread
             true = (20 - k) + 2
             assert true / 2 <= work.left <= 2 * true
             seen.append(work.over)
@@ -52,7 +52,7 @@ def test_what_is_overdue_still_takes_a_moment(clock):
     work = Work({"certifying": 1.0}, Console())
     with work.part("certifying"):
         clock[0] += 20
-        assert work.left == pytest.approx(10)  # unknown, so that half of the elapsed time is assumed
+        assert work.left == pytest.approx(10)  # unknown, so half of the elapsed time is assumed
     assert work.left == 0
 
 

@@ -175,13 +175,13 @@ def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
     assert (found.clouds[0].error != plain.error).all()
     assert any("without the case's measurement noise" in note for note in found.notes)
     member = noisy, Sampled(Mrac(gamma=1.0), 0.2)
-    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # the page is written and not refused
+    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # the page is written and not rejected
 
 
 @pytest.mark.parametrize("gain", [None, 2.0])
 def test_a_known_set_without_zero_starts_in_its_middle(gain):
     """With an unknown input gain every scheme used to be left out, and the page was empty. Without one, the scheme's own initial
-    estimates were refused."""
+    estimates were rejected."""
     plant = SMALL.plant if gain is None else replace(SMALL.plant, input=PlantInput(gain=gain))
     known = None if gain is None else (1.5, 3.0)
     apart = replace(SMALL, plant=plant, uncertainty=ParameterBox(lower=[0.5], upper=[2.5]), input_gain=known)
@@ -209,7 +209,7 @@ def test_the_baseline_alone_takes_part_beside_a_baseline_whose_parameters_are_th
 
 
 def test_the_normalised_law_is_also_tried_far_slower_than_the_model():
-    """Its rate is at most Gamma, so that its gains start at a hundredth of the slowest rate of the others."""
+    """Its rate is at most Gamma, so its gains start at a hundredth of the slowest rate of the others."""
     times = np.array([0.1, 1.0])
     scale = TuningScale(highest_gain=1e3, highest_square=1e3, times=times, density=2, known=SMALL.known, sample_time=0.01)
     gains = NormalizedMrac.knobs(scale).values["gamma"]

@@ -159,7 +159,7 @@ def test_margins_of_each_input_count_by_the_worst():
 
 @pytest.mark.full
 def test_a_certificates_condition_stops_the_filter_where_it_flips(drive):
-    """The delay margin grows with kappa, so that the best filter is the slowest one that satisfies the condition."""
+    """The delay margin grows with kappa, so the best filter is the slowest one that satisfies the condition."""
     found = tune(
         drive, "delay_margin", maximize=True, subject_to=["condition < 1"], plants=1, trials=288,
         vary={"controller[1].filter.kappa": "0.01:3:log"},
@@ -303,7 +303,7 @@ def test_plants_of_the_parameters_ranges_are_named_by_the_parameters(tmp_path, c
 
 
 def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
-    """Some plants of the known set are unstable and need more input than the limits allow, so that no constraint is the cause."""
+    """Some plants of the known set are unstable and need more input than the limits allow, so no constraint is the cause."""
     text = DRIVE.replace("[reference_model]", "[plant.input]\nsaturation = [-0.1, 0.1]\n[reference_model]")
     text = text.replace("t_end = 4.0", "t_end = 30.0").replace("lower = [-3.0]\nupper = [3.0]", "lower = [-0.5]\nupper = [6.0]")
     found = tune(
@@ -439,7 +439,7 @@ def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(
         rates.append(
             float(simulate(fine.problem, fine.controllers[:1], fine.simulation)["MRAC"].metrics.theta_hat_variation_rate[0, 0])
         )
-    assert rates[0] <= limit < 1.02 * limit < rates[1]  # found independently of the check, at another step
+    assert rates[0] <= limit < 1.02 * limit < rates[1]  # found independently of the check, at a different step
     assert right.chosen is not None and right.step.holds and right.refused == ()
     assert right.step.value == pytest.approx(right.chosen.value, rel=0.01)  # 0.2 % as above
     document = found["1e3"].as_json()["controllers"]["MRAC"]

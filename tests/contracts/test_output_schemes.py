@@ -188,7 +188,7 @@ def test_sampled_fast_it_is_the_continuous_controller(example, discretization):
         sampled = Sampled(controller=controller, sample_time=2.0**-9, discretization=discretization)
         sampled.bind(given.known)
     except ValueError as error:
-        assert discretization == "midpoint" and "midpoint" in str(error)  # refused if there is no proof
+        assert discretization == "midpoint" and "midpoint" in str(error)  # rejected if there is no proof
         pytest.skip(str(error))
     simulation = Simulation(t_end=3.0, dt=2.0**-10)
     held, continuous = (simulate(given, [c], simulation)[controller.name] for c in (sampled, controller))

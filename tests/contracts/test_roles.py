@@ -41,7 +41,7 @@ def linear(problems):
 
 @pytest.fixture
 def told(tmp_path, monkeypatch, capsys):
-    """The output of a command for a case with the three laws or with those of another file."""
+    """The output of a command for a case with the three laws or with those of a different file."""
     (tmp_path / "case.toml").write_text(OWN)
     monkeypatch.chdir(tmp_path)
 

@@ -111,8 +111,8 @@ def with_setting(controller, **changes):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
-    """The box ends at 0.8 theta, and the estimate starts in its corner, so that the law drives it outward. It stays inside at
-    every step to the last bit."""
+    """The box ends at 0.8 theta, and the estimate starts in its corner, so the law drives it outward. It stays inside at every
+    step, exactly."""
     problem, controller = adaptive
     corner = 0.8 * problem.plant.theta
     box = ParameterBox(lower=-np.abs(corner), upper=np.abs(corner))
@@ -153,9 +153,7 @@ def test_shapes_and_numbers_of_a_result(example):
     n, result = problem.plant.n, long_run(problem, controller)
     count = len(result.t)
     assert result.t[0] == 0
-    if (
-        isinstance(controller, BaselineAlone) and result.diverged_at
-    ):  # nothing stabilises the plant, so that the record ends there
+    if isinstance(controller, BaselineAlone) and result.diverged_at:  # nothing stabilises the plant, so the record ends there
         assert 0 < result.t[-1] <= result.diverged_at
         assert long_run(problem, Mrac(gamma=1e-30)).diverged_at
     else:

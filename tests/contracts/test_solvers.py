@@ -25,7 +25,7 @@ def test_the_registry_uses_the_name(solver):
 
 
 def test_it_is_explicit(solver):
-    """Row i of a has i entries, so that a stage uses only earlier ones."""
+    """Row i of a has i entries, so a stage uses only earlier ones."""
     assert [len(row) for row in solver.a] == list(range(len(solver.b)))
     assert len(solver.c) == len(solver.b)
     assert solver.c[0] == 0
@@ -69,7 +69,7 @@ def test_high_gain_stays_bounded_through_the_limit(section_v, solver):
 
 
 def test_through_the_projection_as_plain_stepping(problems, solver):
-    """The box excludes theta_1 = 1, so that the estimate is on a face part of the time, at a gain without numerical chaos.
+    """The box excludes theta_1 = 1, so the estimate is on a face part of the time, at a gain without numerical chaos.
 
     The tolerance 1e-10 is for roundings of states of order 1 in 1500 steps, without amplification.
     """

@@ -44,7 +44,7 @@ class Strange:
 
 @pytest.mark.parametrize("scheme", [NormalizedMrac, lambda law: RobustMrac(tau=0.2, law=law)])
 def test_a_law_from_outside_runs_as_the_law_that_it_copies(problems, scheme):
-    """The same equations give the same run to the last bit, continuous and sampled by Euler steps."""
+    """The same equations give the same run bit for bit, continuous and sampled by Euler steps."""
     for make in (lambda c: c, lambda c: Sampled(controller=c, sample_time=5e-3, discretization="euler")):
         runs = [simulate(problems[2], [make(scheme(law=law))], SIMULATION) for law in (Strange(7.0), Gradient(gamma=7.0))]
         found, expected = (next(iter(run.values())) for run in runs)

@@ -1,4 +1,4 @@
-"""The whole table of schemes, options, plants, signals and targets: each cell is either built or refused as declared.
+"""The whole table of schemes, options, plants, signals and targets: each cell is either built or rejected as declared.
 
 Registered names are included automatically. A setting of a scheme, of a plant's input or of a sensor without an example here
 fails a test.
@@ -152,7 +152,7 @@ def optional(kind: type) -> list[str]:
 
 
 def with_options(scheme: str) -> Iterator[Cell]:
-    """The options of a scheme. A value that no example of the scheme accepts makes no cell, because it belongs to another
+    """The options of a scheme. A value that no example of the scheme accepts makes no cell, because it belongs to a different
     scheme's setting of the same name."""
     for name, kind, examples, problem in schemes(scheme):
         for i, controller in enumerate(examples):
@@ -329,7 +329,7 @@ def signal_of(name: str, tmp_path: Path) -> Any:
 
 
 def test_targets_ask_for_what_they_declare():
-    """For each requirement a problem that violates it is refused. A problem that meets all requirements is accepted."""
+    """For each requirement a problem that violates it is rejected. A problem that meets all requirements is accepted."""
     clocked = replace(PLAIN_OUTPUT, plant=replace(PLAIN_OUTPUT.plant, nonlinear="0.1*sin(t)*y"))
     lacking = {MEASURED_STATE: PLAIN_OUTPUT, KNOWN_SET: replace(PLAIN, uncertainty=None), NO_CLOCK: clocked}
     assert lacking.keys() == {need for target in TARGETS for need in target.problem}

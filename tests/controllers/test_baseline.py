@@ -79,7 +79,7 @@ def controllers(n):
 
 @pytest.mark.parametrize("kind", BASELINES)
 def test_on_the_nominal_plant_every_loop_is_the_model(kind):
-    """The laws have nothing to learn, so that e stays at the roundings of 8,000 steps and the estimates stay at the baseline's
+    """The laws have nothing to learn, so e stays at the roundings of 8,000 steps and the estimates stay at the baseline's
     gains."""
     problem = posed(kind)
     found = simulate(problem, controllers(problem.plant.n), SIMULATION)

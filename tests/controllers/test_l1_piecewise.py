@@ -119,7 +119,7 @@ def test_u_is_what_scipys_trapezoidal_rule_makes_of_the_estimates(name):
 
 @pytest.mark.parametrize(("a", "left"), [(-5.0, 0.0124), (-10.0, 0.0247)])
 def test_what_is_left_of_a_constant_disturbance_at_400_hz(a, left):
-    """sigma_hat tends to e^(aT) times the disturbance, so that 1.24 % and 2.47 % remain for any C."""
+    """sigma_hat tends to e^(aT) times the disturbance, so 1.24 % and 2.47 % remain for any C."""
     T, plant = 1 / 400, Plant(A_m=[[-2.0]], b=[1.0], theta=[0.0])
     problem = Problem(plant=plant, disturbance=Constant(3.0), reference=Constant(0.0))
     flown = L1PiecewiseConstant(sample_time=T, filter=input_filter(0.05), as_flown=AsFlown(predictor_poles=a))
@@ -224,8 +224,8 @@ def test_without_the_filter_it_is_lost_at_twice_the_assumed_sample_time(ratio, l
 
 
 def test_for_short_samples_section_v_has_the_tail_of_the_gradient_law_at_a_high_gain(section_v):
-    """The difference is proportional to T, so that two sample times give the limit. The tolerance is 1 %, of which the gradient
-    law's own sample time causes 0.6 %.
+    """The difference is proportional to T, so two sample times give the limit. The tolerance is 1 %, of which the gradient law's
+    own sample time causes 0.6 %.
 
     The sampled gradient law tolerates Gamma = 1e8. There is no known set, because its projection would act.
     """
@@ -298,7 +298,7 @@ def test_frozen_it_keeps_its_estimate_and_follows_at_once_afterwards():
 
 
 def test_the_first_sample_says_nothing_of_what_acts():
-    """The predictor starts at the measured state, wherever that is, so that there is no start-up transient."""
+    """The predictor starts at the measured state, wherever that is, so there is no start-up transient."""
     _, _, _, u, sigma_hat = sampled_run(*CASES["exact"])
     assert not sigma_hat[0].any() and u[0] == 0
 
@@ -360,7 +360,7 @@ def test_it_is_sampled_by_nature():
 
 @pytest.mark.parametrize("gap", [1, 2, 3, 10, 200])
 def test_after_a_gap_the_estimate_has_answered_once_what_acted_in_it(gap) -> None:
-    """In one dimension the weight of a gap is exact, so that the response to a jump at its beginning is as without a gap.
+    """In one dimension the weight of a gap is exact, so the response to a jump at its beginning is as without a gap.
 
     The response to the next sample is the same too, because the predictor does not depend on its past.
     """

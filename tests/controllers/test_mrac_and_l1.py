@@ -120,8 +120,7 @@ def test_without_its_filter_l1_is_mrac_in_section_v(section_v):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_lyapunov_function_never_grows(problems, n):
-    """V = e'Pe + |theta_tilde|^2/gamma has V' = -|e|^2, so that V plus the integral of |e|^2 is constant, by Theorem 1's
-    proof."""
+    """V = e'Pe + |theta_tilde|^2/gamma has V' = -|e|^2, so V plus the integral of |e|^2 is constant, by Theorem 1's proof."""
     problem, gamma = problems[n], 10.0
     steps = 2**12
     result = simulate(problem, [Mrac(gamma=gamma, projection=False)], Simulation(t_end=8.0, dt=8 / steps, record_points=steps))[

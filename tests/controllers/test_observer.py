@@ -231,7 +231,7 @@ def test_a_sampled_observer_contains_the_delay_of_two_inputs():
 
 
 def test_an_exact_model_is_estimated_exactly_and_changes_nothing():
-    """With a measured x0 the estimate equals the nominal plant's state, so that the run equals that without an observer."""
+    """With a measured x0 the estimate equals the nominal plant's state, so the run equals that without an observer."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     plant = replace(posed("kalman").plant, x0=still)
     for kind in ("luenberger", "kalman"):
@@ -344,7 +344,7 @@ def test_nothing_is_guaranteed_beside_an_observer():
 
 
 def test_a_sampled_controller_needs_no_continuous_observer(monkeypatch):
-    """A failing continuous Riccati equation is no reason to refuse a sampled controller, neither in a run nor in a
+    """A failing continuous Riccati equation is no reason to reject a sampled controller, neither in a run nor in a
     certificate."""
 
     def refused(self, plant):
@@ -651,7 +651,7 @@ def test_the_keys_of_another_kind_are_told_in_one_line():
 
 
 def test_a_sampled_dynamic_baseline_has_its_margins_over_the_known_set():
-    """The loop at another theta is that of the plant with that theta. The baseline's own state does not change."""
+    """The loop at a different theta is that of the plant with that theta. The baseline's own state does not change."""
     plant = Plant(A=A, b=B, x0=X0, baseline=LqiBaseline(Q=[1.0, 1.0, 0.1, 0.1, 4.0], R=1.0, output=C[0]))
     change = np.array([0.1, -0.2, 0.05, 0.1, 0.0])
     known = ParameterBox(lower=plant.theta - 2 * abs(change), upper=plant.theta + 2 * abs(change))

@@ -1,4 +1,4 @@
-"""Robust MRAC for several inputs: the swapping identity, the scheme for one input as a special case, laws and refusals."""
+"""Robust MRAC for several inputs: the swapping identity, the scheme for one input as a special case, laws and rejections."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
 @pytest.mark.parametrize("scheme", ["robust", "normalised"])
 @pytest.mark.short(kept=lambda scheme: scheme == "robust")
 def test_the_estimates_find_all_parameters(scheme):
-    """Six sines excite six parameters, so that theta_hat -> theta and e -> 0."""
+    """Six sines excite six parameters, so theta_hat -> theta and e -> 0."""
     law = LeastSquares(covariance0=500.0)
     controller = RobustMrac(tau=0.2, law=law) if scheme == "robust" else NormalizedMrac(law=law)
     (run,) = simulate(two_inputs(), [controller], Simulation(t_end=200.0, dt=5e-3)).values()
@@ -188,8 +188,8 @@ def test_the_estimates_stay_in_the_set_that_they_want_to_leave(known_set, law):
 
 
 def test_a_limit_that_the_model_knows_is_not_learnt_from():
-    """With sat(u) in the model z = phi'theta stays exact, so that epsilon m_s^2 = -phi'theta_tilde. The tolerance 1e-9 is for RK4
-    at 2 ms."""
+    """With sat(u) in the model z = phi'theta stays exact, so epsilon m_s^2 = -phi'theta_tilde. The tolerance 1e-9 is for RK4 at 2
+    ms."""
     plant = Plant(A_m=A_M, b=B, theta=THETA, x0=[0.3, -0.2, 0.5], input=PlantInput(saturation=[-0.6, 0.6]))
     controller = RobustMrac(tau=0.2, law=LAWS["gradient"], saturated_predictor=True)
     (run,) = simulate(two_inputs(plant=plant), [controller], Simulation(t_end=10.0, dt=2e-3)).values()

@@ -102,7 +102,7 @@ def test_compiled_loop_against_a_plain_one(problems, name, discretization):
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.short(kept=lambda name: name in EACH_KIND)
 def test_midpoint_tends_to_the_continuous_controller(problems, name, sample):
-    """Holding the control causes an error proportional to the sample time, so that half the sample time halves the distance."""
+    """Holding the control causes an error proportional to the sample time, so half the sample time halves the distance."""
     problem, controller = problems[2], CONTROLLERS[name]
     simulation = Simulation(t_end=4.0, dt=2.0**-9)
     exact = simulate(problem, [controller], simulation)[controller.name].x[-1]
@@ -185,9 +185,8 @@ def test_the_predictor_of_mrac_tends_to_the_model_with_the_sample_time(section_v
 
 
 def test_the_fast_loop_tolerates_one_sample_of_delay(section_v):
-    """For Gamma -> infinity, u_next = u - v - theta'phi + k_0 r with the input v of the plant, so that z^2 - a z + a = 0 for a
-    delay of a T and |z|^2 = a. 0.9 T is tolerated without chatter, but 1.1 T is not. With a filter five samples and more are
-    tolerated.
+    """For Gamma -> infinity, u_next = u - v - theta'phi + k_0 r with the input v of the plant, so z^2 - a z + a = 0 for a delay
+    of a T and |z|^2 = a. 0.9 T is tolerated without chatter, but 1.1 T is not. With a filter five samples and more are tolerated.
     """
     T = 1e-3
     rates = {}

@@ -170,7 +170,7 @@ def test_V_falls_with_a_matrix_gain():
 
 
 def test_the_predictor_is_fed_with_the_estimate_inside_the_set(sample):
-    """x_hat follows from the estimate within the set, so that with C = 1 it stays at the model. The tolerance 1e-9 is for sums in
+    """x_hat follows from the estimate within the set, so with C = 1 it stays at the model. The tolerance 1e-9 is for sums in
     different orders."""
     random = np.random.default_rng(17)
     for m in (1, 2):

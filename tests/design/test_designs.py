@@ -152,7 +152,7 @@ def test_the_loop_is_the_one_that_was_designed(section_v):
 
 @pytest.mark.parametrize("case", ["lateral-aircraft", "wing-rock", "f16-short-period"])
 def test_plants_with_several_inputs_or_nonlinear_terms_are_refused(case):
-    """The design itself refuses several inputs and a nonlinear regressor in one sentence. It takes an unknown input gain as 1."""
+    """The design itself rejects several inputs and a nonlinear regressor in one sentence. It takes an unknown input gain as 1."""
     known = load_case(case).problem.known
     if known.inputs == 1 and isinstance(known.matched.regressor, Linear):
         assert pi_feedback(known).bind(known).K.order == 1

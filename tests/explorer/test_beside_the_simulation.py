@@ -166,7 +166,7 @@ def test_a_record_longer_than_a_page_is_refused_in_a_sentence():
 
 @dataclass(frozen=True)
 class Stranger:
-    """A separate table that == never finds equal to another array-like."""
+    """A separate table that == never finds equal to a different array-like."""
 
     times: np.ndarray
     values: np.ndarray

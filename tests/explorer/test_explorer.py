@@ -115,7 +115,7 @@ def test_gains_of_sampled_controllers_have_sliders(controller) -> None:
 
 
 def test_numbers_that_move_the_same_entries_name_each_other() -> None:
-    """P depends on all entries of A_m, so that a page changes only one of them at a time. b, gamma and kappa are independent."""
+    """P depends on all entries of A_m, so a page changes only one of them at a time. b, gamma and kappa are independent."""
     text = CASE.replace("[[-4.0]]", "[[0.0, 1.0], [-4.0, -2.8]]").replace("[1.0]", "[0.0, 1.0]").replace("[5.0]", "[1.0, -0.5]")
     sliders = Described.of(TextSource(CaseText(text.replace("[-10.0]", "[-3.0, -3.0]").replace("[10.0]", "[3.0, 3.0]")))).sliders
     excludes = {str(one.number.path): sum(one.excludes(other) for other in sliders if other is not one) for one in sliders}
@@ -302,8 +302,8 @@ def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequ
 
 
 def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
-    """With a gain of 1 the multiplication used to be left out and sums were reordered, so that the copied case differed in its
-    last bits."""
+    """With a gain of 1 the multiplication used to be left out and sums were reordered, so the copied case differed in its last
+    bits."""
     (gain,) = [
         one.number for one in Described.of(TextSource(CaseText(GAIN))).sliders if str(one.number.path) == "plant.input.gain"
     ]
@@ -313,8 +313,8 @@ def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
 
 
 def test_of_the_amplitude_and_what_shifts_a_jumping_command_one_moves_at_a_time() -> None:
-    """For another amplitude a page multiplies the stored rows. This is right with another frequency or phase, but wrong with
-    another constant part."""
+    """For another amplitude a page multiplies the stored rows. This is right with a different frequency or phase, but wrong with
+    a different constant part."""
     text = JUMPING.replace("frequency = 3.0", "frequency = 3.0\nphase = 0.0\nconstant = 0.0")
     source = TextSource(CaseText(text.replace('"l1"', '"mrac"').replace("filter = { kappa = 0.05 }\n", "")))
     sliders = {str(one.number.path).removeprefix("reference."): one for one in Described.of(source).sliders}

@@ -1,4 +1,4 @@
-"""Mutants of the C around ``advance``: starts, the shell, refusals and checks of the state, all in one program.
+"""Mutants of the C around ``advance``: starts, the shell, rejections and checks of the state, all in one program.
 
 Each is a copy of its function with one changed place, and the function calls the copy that is selected. A mutant that the
 self-test does not find is compared with the export on random samples, faults, starts and corrupted states. If a bit of an output
@@ -84,7 +84,7 @@ class FoundAround:
 
     @property
     def score(self) -> float:
-        """The share of killed mutants among those that are known to be faults."""
+        """The fraction of killed mutants among those that are known to be faults."""
         killed = self.letters.count("x")
         return killed / (killed + len(self.missed))
 

@@ -148,7 +148,7 @@ def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant 
                 sampled.bind(problem.known)
             except (
                 InputError
-            ):  # examples that have no midpoint form, do not fit the set or are always sampled are tested where they are refused
+            ):  # examples that have no midpoint form, do not fit the set or are always sampled are tested where they are rejected
                 continue
             found.append((f"{type(controller).__name__}-{problem.name}-{discretization}-{number}", problem, sampled))
     return found + [(f"{type(law).__name__}-{problem.name}-{i}", problem, law) for i, (problem, law) in enumerate(_by_nature())]

@@ -70,7 +70,7 @@ def unbounded_alone(program: Program) -> bool:
     """Whether every infinite constant is an inactive bound: the second operand of a minimum or maximum.
 
     Then the largest finite number has the same effect and can replace them for Eva, which treats an infinite constant as an
-    alarm. Eva shows that every other operand is finite, so that none exceeds this number and the bound is never the result.
+    alarm. Eva shows that every other operand is finite, so none exceeds this number and the bound is never the result.
     """
     infinite: dict[int, float] = {}
     for i, op in enumerate(program.operations):

@@ -1,6 +1,6 @@
 """Terms over floats: only the facts of IEEE 754 on signs, on the order of two operands and on comparisons are used.
 
-+ * / sqrt, sin, ... are uninterpreted functions, so that two terms are equal only if they have the same operations with the same
++ * / sqrt, sin, ... are uninterpreted functions, so two terms are equal only if they have the same operations with the same
 operands.
 """
 

@@ -70,7 +70,8 @@ class CaseOf:
         return True
 
     def drawn(self, random: np.random.Generator, i: int, others: np.ndarray) -> float:
-        """A random new value of a number: near or far, with the other sign, a special value, or the value of another number."""
+        """A random new value of a number: near or far, with the other sign, a special value, or the value of a different
+        number."""
         own = self.values[i] or random.choice([0.1, 1.0])
         kinds = (
             own * 10.0 ** random.uniform(-1, 1),
@@ -101,7 +102,7 @@ def on_a_sphere(conditions, values: np.ndarray) -> bool:
 
 
 def disagreements(problem, controller, simulation, draws: int) -> tuple[list[dict[str, float]], int, int]:
-    """Random values that only one of the two accepts, and how many both accept and both refuse."""
+    """Random values that only one of the two accepts, and how many both accept and both reject."""
     problem = problem.nominal
     opened = Opened.of(problem, controller, simulation, tunable=True)
     case, random = CaseOf(opened, problem, controller, simulation), np.random.default_rng(5)
@@ -163,7 +164,7 @@ void walk(int count, const int *which, const double *value, int *taken)
 @pytest.mark.parametrize("real", [DOUBLE, FLOAT], ids=["double", "float"])
 @pytest.mark.short(kept=lambda name, real: real is DOUBLE and name in ("modified error", "covariance"))
 def test_c_accepts_in_a_walk_what_the_case_accepts(name, real, tmp_path) -> None:
-    """Numbers are set one after another. An accepted number stays, so that the next one is checked against it."""
+    """Numbers are set one after another. An accepted number stays, so the next one is checked against it."""
     problem, controller, simulation = EXAMPLES[name]
     simulation = replace(simulation, t_end=2.0) if isinstance(simulation, Simulation) else simulation
     contents = made_of(problem, controller, simulation, real, parameters=True)

@@ -1,4 +1,4 @@
-"""The exported controller is the simulated one: with the same samples, the compiled C gives the same results in every bit."""
+"""The exported controller is the simulated one: with the same samples, the compiled C gives the same results bit for bit."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ KINDS = ("law", "leakage", "dead_zone", "learning", "modified_error", "auxiliary
 ONE_OF_EACH = frozenset({kinds(name): name for name in reversed(EXAMPLES)}.values())
 """The first example of every combination of kinds. ``./dev test --full`` also replays those that differ only in numbers."""
 MORE_OF_THEM = 24
-"""Number of other examples that are replayed too, which takes half a minute on one core. Each commit draws different ones, so
-that in time all are tested."""
+"""Number of other examples that are replayed too, which takes half a minute on one core. Each commit draws different ones, so in
+time all are tested."""
 
 REPLAYED = {*ONE_OF_EACH, *drawn([name for name in EXAMPLES if name not in ONE_OF_EACH], MORE_OF_THEM)}
 

@@ -1,4 +1,4 @@
-"""A campaign's figures, compared with runs of the simulation, which has the same faults without C."""
+"""A campaign's metrics, compared with runs of the simulation, which has the same faults without C."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
 
 @needs_gcc
 def test_regular_outages_are_just_within_the_longest_one() -> None:
-    """Of every six samples five are lost, in each phase: no fallback acts, and the figures are the simulation's with these times
+    """Of every six samples five are lost, in each phase: no fallback acts, and the metrics are the simulation's with these times
     written out."""
     problem, controller = surrounded("Mrac-state-midpoint", Shell(longest_outage=5 * T, fallback="zero"), ())
     regular = export_campaign(problem, controller, RUN, draws=DRAWS).rows[-1]
@@ -131,7 +131,7 @@ def test_every_controller_whose_cost_is_counted_has_a_row() -> None:
 
 @needs_gcc
 def test_each_row_has_the_judges_classes_of_its_runs() -> None:
-    """The figures equal those of the simulation. Holding a lost measurement in the judge's continuation would open the loop."""
+    """The metrics equal those of the simulation. Holding a lost measurement in the judge's continuation would open the loop."""
     problem, controller = one("Mrac-state-midpoint")
     short = replace(RUN, t_end=4.0)
     found = export_campaign(problem, controller, short, draws=2)

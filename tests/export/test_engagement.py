@@ -144,7 +144,7 @@ def test_the_predictor_is_told_what_is_put_out_while_the_start_fades(name) -> No
         ((u, *sigma_hat),) = flight.fly(1)
         acting = loop.computer.act(acting, x, np.zeros(()))
         own = float(acting.held.u)
-        np.testing.assert_allclose(acting.controller.sigma_hat, sigma_hat, rtol=1e-9, atol=1e-9)  # sums in another order
+        np.testing.assert_allclose(acting.controller.sigma_hat, sigma_hat, rtol=1e-9, atol=1e-9)  # sums in a different order
         if k == 0:
             bump = 3.0 - own
         assert u == pytest.approx(own + bump * max(20 - k, 0) / 20, abs=1e-9)

@@ -111,7 +111,7 @@ def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_pat
 
 
 def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:
-    """The control differs from that of the list, so that the C was really used."""
+    """The control differs from that of the list, so the C was really used."""
     right = exported_step.source
 
     def wrong(printed):

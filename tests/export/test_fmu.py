@@ -65,7 +65,7 @@ def declared(version: int) -> set[str]:
 @pytest.mark.dear
 def test_a_loop_of_units_is_the_simulation(name, version, tmp_path) -> None:
     """FMPy's validation finds no fault. A master closes the loop of controller and plant. This loop and the unit of the whole
-    loop give, in every bit, the state of an ensemble in which each parameter has a different value in one member.
+    loop give, bit for bit, the state of an ensemble in which each parameter has a different value in one member.
     """
     from fmpy.validation import validate_fmu
 
@@ -236,7 +236,7 @@ def test_a_state_goes_on_in_another_process(version, tmp_path) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("version", [2, 3])
 def test_states_are_got_set_and_freed(version, tmp_path) -> None:
-    """A step is undone and repeated. Bytes of another unit or too few bytes are refused."""
+    """A step is undone and repeated. Bytes of a different unit or too few bytes are rejected."""
     paths = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)
     slave, other = Slave(paths["loop"], tmp_path), Slave(paths["plant"], tmp_path)
     slave.step(0.0, T)
@@ -377,7 +377,7 @@ def test_bounds_that_exclude_the_initial_estimate_are_refused_and_all_three_can_
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["Mrac-state-midpoint", "Mrac-state-euler", "NormalizedMrac-ball-midpoint", "RobustMrac-state"])
 def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
-    """No sample is refused because of it. After the next sample the estimate is at the new bound or inside it."""
+    """No sample is rejected because of it. After the next sample the estimate is at the new bound or inside it."""
     paths, begun = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2), 0.1
     slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": begun})
     ball = "uncertainty.radius" in slave.at

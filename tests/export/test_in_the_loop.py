@@ -36,7 +36,7 @@ def test_the_same_run_in_every_bit(name) -> None:
 
 
 def test_another_bit_in_the_c_is_another_run(monkeypatch) -> None:
-    """An export that differs is detected, so that the control in the loop really comes from C."""
+    """An export that differs is detected, so the control in the loop really comes from C."""
     controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     origin = simulate(STATE, [controller], SIMULATION)[controller.name]
     right = in_the_loop.source

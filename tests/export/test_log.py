@@ -1,4 +1,4 @@
-"""The struct that is logged: equal in every bit to the columns of the simulation's results, with the case's names and units."""
+"""The struct that is logged: equal bit for bit to the columns of the simulation's results, with the case's names and units."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def driven(printed: Printed, folder, measured, commands) -> tuple[dict[str, np.n
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.short(kept=lambda name: name in KINDS[:6:2])
 def test_the_log_has_the_simulations_columns(name, tmp_path) -> None:
-    """Every column of the controller's own state, the estimates and u are equal in every bit. The values of a sample remain until
-    the next one. At the sample's instant a result evaluates them again with fused products, so that the last bits differ.
+    """Every column of the controller's own state, the estimates and u are equal bit for bit. The values of a sample remain until
+    the next one. At the sample's instant a result evaluates them again with fused products, so the last bits differ.
     """
     problem, controller = EXAMPLES[name]
     printed = Printed(Contents.of(problem, controller, SHORT, DOUBLE))

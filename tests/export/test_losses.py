@@ -148,7 +148,7 @@ def test_through_random_losses_the_c_is_the_list_in_every_bit_and_an_outage_brin
 
 
 LINEAR = {name for name in EXAMPLES if name.startswith("Linear")}
-"""A user's own controllers, whose poles may be anywhere, so that they need not come to rest."""
+"""A user's own controllers, whose poles may be anywhere, so they need not come to rest."""
 
 
 def outage(printed: Printed, folder, run):

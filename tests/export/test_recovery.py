@@ -25,7 +25,7 @@ from turns import drawn
 
 STATE_REFUSED, RESULT_REFUSED, LOST, FALLBACK = 4, 8, 2, 256
 REFUSALS = 10
-"""Number of consecutive good samples with refused results after which everything learnt is discarded; see controller.h."""
+"""Number of consecutive good samples with rejected results after which everything learnt is discarded; see controller.h."""
 STIFF = Problem(
     Plant(A_m=[[0, 1], [-2000, -90]], b=[0, 2000], theta=[0.1, -0.01], input=PlantInput(saturation=[-5, 5])),
     ReferenceModel(k_0=1),
@@ -55,7 +55,7 @@ def after_a_large_command(printed: Printed, folder: Path, bad: int = 100):
 @needs_gcc
 @pytest.mark.parametrize(("problem", "last"), [(STIFF, 102), (BARE, 100 + REFUSALS)], ids=["with limits", "without limits"])
 def test_without_a_longest_outage_the_controller_begins_again_too(problem, last, tmp_path) -> None:
-    """It begins again at the second refused result. A control without limits that the command has made large is discarded after
+    """It begins again at the second rejected result. A control without limits that the command has made large is discarded after
     ten."""
     found, nominal = after_a_large_command(exported(problem, tmp_path), tmp_path)
     assert found.status[100] == 0 and (found.status[101 : last + 1] == RESULT_REFUSED).all()

@@ -134,7 +134,7 @@ def test_it_passes_with_clang(name, tmp_path, exported) -> None:
 
 
 def seen_when_fused(name: str) -> bool:
-    """Known parameters are 1 and -0.5 here, as are a baseline's gains, so that their products are exact, fused or not."""
+    """Known parameters are 1 and -0.5 here, as are a baseline's gains, so their products are exact, fused or not."""
     return not name.startswith(("KnownParameters", "BaselineAlone"))
 
 
@@ -315,7 +315,7 @@ def test_it_finds_every_fault_that_is_planted_around_the_arithmetic(fault, tmp_p
 @needs_gcc
 @pytest.mark.parametrize("beginning", ["L1Adaptive-state-midpoint", "L1PiecewiseConstant-state"])
 def test_a_negative_fade_is_found_where_the_first_control_is_zero(beginning, tmp_path, exported) -> None:
-    """The filter of such a law starts at zero, so that a refused step after the start outputs the same u as a good one."""
+    """The filter of such a law starts at zero, so a rejected step after the start outputs the same u as a good one."""
     exported(one(beginning), tmp_path)
     right = (tmp_path / "controller.c").read_text()
     original, planted = AROUND["a fade of a negative time"]

@@ -139,7 +139,7 @@ unsigned drive(int samples, int from, int which, double value, long fade, const 
 @pytest.mark.parametrize("name", KINDS[1:4])
 @pytest.mark.short(kept=lambda name: name == KINDS[1])
 def test_a_change_in_flight_is_the_list_with_the_other_number(name, tmp_path) -> None:
-    """Each parameter is set at sample 40 without a fade. The state equals that of the list in every bit."""
+    """Each parameter is set at sample 40 without a fade. The state equals that of the list bit for bit."""
     made = printed(name)
     contents, entries = made.contents, made.contents.layout.entries()
     stored = [f"kept[k * {len(entries)} + {i}] = {text.replace('c->', 'c.')};" for i, text in enumerate(entries.values())]
@@ -352,7 +352,7 @@ void flown(int samples, double h, const double *stiffness, double b, int which, 
 @pytest.mark.parametrize(("scheme", "key"), [(KINDS[1], "gamma"), (KINDS[5], "D")])
 def test_a_number_that_is_set_at_every_sample_leaves_the_loop_closed(scheme, key, tmp_path) -> None:
     """The C runs in a loop with a plant. With the same value at every sample, the flight equals that without setting up to
-    rounding. With a gain schedule u continues with the law, equal to plain Python in every bit, and the plant follows as with an
+    rounding. With a gain schedule u continues with the law, equal to plain Python bit for bit, and the plant follows as with an
     immediate schedule."""
     problem, _ = EXAMPLES[scheme]
     made = printed(scheme)
@@ -458,7 +458,7 @@ def test_what_is_refused_and_what_is_told(tmp_path, capsys) -> None:
 
 
 def test_both_limits_of_the_control_are_not_0_together() -> None:
-    """As in the case, [0, 0] is refused, but one of them may be 0."""
+    """As in the case, [0, 0] is rejected, but one of them may be 0."""
     name = next(name for name in KINDS if EXAMPLES[name][0].plant.paths[0].saturation is not None)
     contents = printed(name).contents
     (low,), (high,) = ([i for i, made in enumerate(contents.parameters) if made.limit == (0, side)] for side in (0, 1))

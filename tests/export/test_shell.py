@@ -1,4 +1,4 @@
-"""The shell in C and in simulations: it is equal in every bit under each fault, and the C is compared with a shell in plain
+"""The shell in C and in simulations: it is equal bit for bit under each fault, and the C is compared with a shell in plain
 Python."""
 
 from __future__ import annotations
@@ -115,8 +115,7 @@ SHORT |= {("MracOutput-output-midpoint", "hold", "outages")}
 @pytest.mark.parametrize("scheme", ["Mrac-state-midpoint", "L1Adaptive-several-midpoint"])
 @pytest.mark.parametrize("shell", ["command", "command in time"])
 def test_a_commands_jump_is_held_in_c_as_in_the_simulation(scheme, shell, monkeypatch) -> None:
-    """A step is accepted when enough time has passed for its size. Such a case is not exported, so that the check is left out
-    here."""
+    """A step is accepted when enough time has passed for its size. Such a case is not exported, so the check is left out here."""
     monkeypatch.setattr(Around, "require_taken", lambda *_: None)
     steps = Square(amplitude=0.5, frequency=2.0), Square(amplitude=1.0, frequency=3.0)
     problem, controller = surrounded(scheme, SHELLS[shell], FAULTS["command"])
@@ -480,7 +479,7 @@ def test_a_shell_that_refuses_the_case_itself_is_not_exported() -> None:
 
 
 def test_a_shell_that_refuses_the_cases_command_is_not_run(tmp_path, capsys) -> None:
-    """It is refused with the same sentence as an export, before anything is simulated."""
+    """It is rejected with the same sentence as an export, before anything is simulated."""
     case, moving = tmp_path / "case.toml", CASE.replace('"constant"\nvalue = 1.0', '"sine"\namplitude = 1.0\nfrequency = 1.0')
     case.write_text(moving + "[shell]\nrate = { command = 0.01 }")
     assert main(["run", str(case), "--no-plots"]) == 2

@@ -1,4 +1,4 @@
-"""The written files, their folders and names, and refusals."""
+"""The written files, their folders and names, and rejections."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_the_same_files_every_time(tmp_path) -> None:
     assert sorted(file.name for file in (tmp_path / "new" / "mrac").iterdir()) == NAMES
     found = files(STATE, MRAC, SIMULATION)
     code = "import json; from export.test_write import *; print(json.dumps(files(STATE, MRAC, SIMULATION)))"
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "1"}  # sets have another order
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "1"}  # sets have a different order
     told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
     assert found == json.loads(told)
     for name, text in found.items():

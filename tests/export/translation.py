@@ -33,7 +33,7 @@ TYPED_POINTER = re.compile(r"(%struct\.\w+|\[\d+ x \w+\]|double|float|i\d+)\*+")
 
 
 def compiled(printed: Printed, folder: Path, level: str, text: str | None = None) -> str:
-    """LLVM's text of the export or of another source in its place."""
+    """LLVM's text of the export or of a different source in its place."""
     write(folder, {"controller.h": header(printed), "controller.c": text or source(printed)})
     command = [*CLANG, level, "controller.c", "-o", "controller.ll"]
     subprocess.run(command, cwd=folder, check=True, timeout=60)

@@ -1,4 +1,4 @@
-"""Derivatives of figures: against closed forms, against differences of the same runs, and refused where there is none."""
+"""Derivatives of metrics: against closed forms, against differences of the same runs, and rejected where there is none."""
 
 from dataclasses import replace
 

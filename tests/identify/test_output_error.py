@@ -207,7 +207,7 @@ def test_bounds_that_exclude_the_plant_lead_to_an_unstable_one_inside_them():
 
 
 def test_noise_that_hides_the_motion_is_told_apart_from_a_wrong_plant():
-    """The residual is noise as in the fit, so that the plant is not called wrong."""
+    """The residual is noise as in the fit, so the plant is not called wrong."""
     found = identify(rig(0.1, 3.0, 0, N=1200))
     assert min(found.fit.values()) < 0.7
     assert any("the noise is large compared with the motion of q, w" in said for said in found.findings)

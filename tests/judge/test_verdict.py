@@ -313,7 +313,7 @@ def test_two_inputs_are_judged_each():
     ],
 )
 def test_the_state_that_is_declared_to_follow_comes_first(follows, told):
-    """In Section V with a slow filter both states miss their bands. Only x_1 can be declared, so that the states are swapped."""
+    """In Section V with a slow filter both states miss their bands. Only x_1 can be declared, so the states are swapped."""
     text = SECTION_V.replace("k_0 = 4.0", 'follow = "x_2"').replace("[4.0, -3.0]", "[-3.0, 4.0]").replace("GAMMA", "10.0")
     text = text.replace("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A_m = [[-1.0, -0.3], [1.0, 0.0]]").replace(
         "b = [0.0, 1.0]", "b = [1.0, 0.0]"

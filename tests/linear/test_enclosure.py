@@ -114,7 +114,7 @@ def test_no_certificate_beyond_the_slowest_decay():
     with ctx.workprec(192):
         assert decay_certificate(A, C, [-1.0, -2.0], 0.99) is not None
         assert decay_certificate(A, C, [-1.0, -2.0], 1.01) is None
-        # with a wrong spectrum the verification still refuses
+        # with a wrong spectrum the verification still rejects
         assert decay_certificate(A, C, [-10.0, -20.0], 1.01) is None
 
 

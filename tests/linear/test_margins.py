@@ -143,7 +143,7 @@ def test_fast_adaptation_is_the_limit_of_the_adaptive_loop():
 
 
 def test_mrac_around_a_constant_command_by_hand():
-    """theta_hat'x* integrates Gamma |x*|^2 b'P e, so that L = theta'G + (Gamma |x*|^2/s) b'P G."""
+    """theta_hat'x* integrates Gamma |x*|^2 b'P e, so L = theta'G + (Gamma |x*|^2/s) b'P G."""
     problem = load_case("paper").problem
     plant, gamma, r = problem.plant, 2.0, 3.0
     controller = Mrac(gamma=gamma)
@@ -242,7 +242,7 @@ def test_an_integrator_with_a_delay():
 
 
 def test_a_loop_that_does_not_fall_off_tolerates_no_more_than_its_end():
-    """With the delay, L = 0.5 (s + 3)/(s + 1) rotates for ever at |L| -> 0.5, so that stability is lost at the factor 2."""
+    """With the delay, L = 0.5 (s + 3)/(s + 1) rotates for ever at |L| -> 0.5, so stability is lost at the factor 2."""
     loop = TransferFunction([0.5, 1.5], [1.0, 1.0]).realise()
     assert margins(loop, 0.01).gain_up == pytest.approx(2, rel=1e-3)
     assert margins(loop, 0.01).gain_up <= 2

@@ -63,7 +63,7 @@ def test_slicots_upper_bound_lies_on_it():
 
 
 def test_the_parameters_that_attain_it():
-    """A feasible point has that value, so that the lower bound equals the upper one."""
+    """A feasible point has that value, so the lower bound equals the upper one."""
     rng = np.random.default_rng(3)
     for _ in range(200):
         a = rng.normal(size=(1, int(rng.integers(2, 5)))) + 1j * rng.normal(size=(1, 1)) * rng.normal(size=1)

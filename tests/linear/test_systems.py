@@ -60,7 +60,7 @@ def test_realisation_scales_by_powers_of_two_only():
     A, B, C = np.array([[-1e4, -1e7], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([3.0, 7.0])
     for k in range(4):
         assert system.C @ np.linalg.matrix_power(system.A, k) @ system.B == C @ np.linalg.matrix_power(A, k) @ B
-    assert np.abs(system.A).max() < 1e5  # 1e7 unscaled, so that the balancing has an effect
+    assert np.abs(system.A).max() < 1e5  # 1e7 unscaled, so the balancing has an effect
 
 
 def test_a_constant_has_no_state():
@@ -159,7 +159,7 @@ def test_Q_inverts_W_m_up_to_the_lag(n, relative_degree):
 
 
 def test_Q_of_section_v(section_v):
-    """By hand, W_m = (s + 1)/(s^2 + s + 0.3), so that Q = (s^2 + s + 0.3)/((s + 1)(0.5 s + 1))."""
+    """By hand, W_m = (s + 1)/(s^2 + s + 0.3), so Q = (s^2 + s + 0.3)/((s + 1)(0.5 s + 1))."""
     W_m = minimum_phase_model(np.array([1.0, 1.0]), section_v.known)
     np.testing.assert_allclose(W_m.num, [1, 1], rtol=1e-15)
     np.testing.assert_allclose(W_m.den, [1, 1, 0.3], rtol=1e-15)

@@ -31,7 +31,7 @@ SIMULATION = Simulation(t_end=0.5, dt=1e-2)
 
 
 def test_of_several_the_one_that_does_not_fit_is_named():
-    """It can't run, so that there is nothing to certify. This is an error and not a finding."""
+    """It can't run, so there is nothing to certify. This is an error and not a finding."""
     squared = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.5], regressor=Terms(terms=("x1**2",)))
     given, linear = Problem(plant=squared), LinearFeedback(controller=TransferFunction([1.0], [1.0, 0.0]), name="old PI")
     for use in (simulate, certify, delay_margins):
@@ -83,7 +83,7 @@ def test_a_plain_number_is_a_control(problems):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_every_scheme_of_the_package_passes(problems, n):
-    """Runs skip the check for these controllers, so that it is made here, continuous and sampled."""
+    """Runs skip the check for these controllers, so it is made here, continuous and sampled."""
     for examples in example_controllers(n).values():
         for controller in examples:
             wrapped = [Sampled(controller=controller, sample_time=0.1, discretization=d) for d in ("euler", "midpoint")]

@@ -66,7 +66,7 @@ def interpret(program: Program, x: list[float]) -> list[float]:
     return [float(values[i]) for i in program.outputs[0]]
 
 
-# --- random graphs over integers: every association of a sum or product is exact, so that equality is exact ---
+# --- random graphs over integers: every association of a sum or product is exact, so equality is exact ---
 
 GRAPH_OPERATIONS = {
     "add": (2, lambda a, b: a + b), "sub": (2, lambda a, b: a - b), "mul": (2, lambda a, b: a * b), "neg": (1, lambda a: -a),
@@ -147,7 +147,7 @@ def value_of(tree, x):
 @REPRODUCIBLE
 @given(st.integers(0, 2**32 - 1))
 def test_random_trees(seed):
-    """The trees contain signs, fused products and collected constants. Numbers are integers below 2^53 (3^16 at depth 4), so that
+    """The trees contain signs, fused products and collected constants. Numbers are integers below 2^53 (3^16 at depth 4), so
     equality is exact."""
     random = np.random.default_rng(seed)
     trees, numbers = [grown(random, 4) for _ in range(6)], [float(v) for v in random.integers(-3, 4, 6)]
@@ -264,7 +264,7 @@ def test_a_long_sum(direction):
     """The sum is as long as that over the states of a plant of order 23 with least squares. Python's limit of recursion does not
     apply."""
     program = optimize(read(traced(lambda x, _: [sum(x[i] for i in range(LONG)[::direction])], LONG)))
-    assert interpret(program, [float(i) for i in range(LONG)])[0] == LONG * (LONG - 1) / 2  # integers, so that the sum is exact
+    assert interpret(program, [float(i) for i in range(LONG)])[0] == LONG * (LONG - 1) / 2  # integers, so the sum is exact
 
 
 def test_a_long_product():

@@ -81,7 +81,7 @@ def test_unmatched_disturbance_against_dop853(problems):
 
 
 def test_members_differ_in_every_number_of_the_path(problems):
-    """An ensemble over limits, rates, gains and quanta equals the single runs in every figure."""
+    """An ensemble over limits, rates, gains and quanta equals the single runs in every metric."""
     simulation = Simulation(t_end=3.0, dt=1e-2)
     paths = [
         PlantInput(quantization=0.01 * i, saturation=(-1.0 / i, 2.0 / i), rate_limit=1.0 + i, gain=0.5 + 0.1 * i)

@@ -1,4 +1,4 @@
-"""The random faults compared with a second implementation of SplitMix64, their shares and times, and refused settings."""
+"""The random faults compared with a second implementation of SplitMix64, their shares and times, and rejected settings."""
 
 from __future__ import annotations
 

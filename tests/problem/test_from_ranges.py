@@ -151,7 +151,7 @@ def test_formulas_are_written_as_numbers_are():
 
 
 def test_parameters_without_ranges_give_a_known_plant():
-    """The parameters are only names for numbers, so that theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the
+    """The parameters are only names for numbers, so theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the
     gain."""
     plant = PhysicalPlant(A=[[0, 1], ["-k/J", "-0.1"]], b=[0, "1/J"], parameters=[Parameter("k", 1.3), Parameter("J", 0.5)])
     found = derived(Plant(physical=plant, poles=[-3, -4]))
@@ -160,7 +160,7 @@ def test_parameters_without_ranges_give_a_known_plant():
 
 
 def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
-    """The change acts along (1/J_eq, -1/J_eq - 1/J) and b along (1, -1). The share is the sine of the angle between them."""
+    """The change acts along (1/J_eq, -1/J_eq - 1/J) and b along (1, -1). The fraction is the sine of the angle between them."""
     plant = joint(tolerance=0.3)
     found = derived(Plant(physical=plant.physical, A_m=plant.A_m)).shares["K_s"]["A"]
     along, b = np.array([1 / J_eq, -1 / J_eq - 1 / 0.0038]), np.array([1.0, -1.0])
@@ -281,7 +281,7 @@ def test_an_own_gain_alone_keeps_the_derived_box():
 
 
 def test_no_share_of_a_change_exceeds_100_percent():
-    """With two inputs in nearly the same direction, the projection is oblique, so that the remainder of b is larger than its
+    """With two inputs in nearly the same direction, the projection is oblique, so the remainder of b is larger than its
     change."""
     e = Parameter("e", 0.0, between=(-0.05, 0.05))
     physical = PhysicalPlant(A=[[0, 1], [-2, -3]], b=[[1, 1], ["0.2 + e", 0.1]], parameters=[e])

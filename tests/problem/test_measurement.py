@@ -82,8 +82,8 @@ def test_numbers_that_are_none(problems, numbers, words):
 
 
 def test_refining_the_step_keeps_the_noise(problems):
-    """The noise is a function of time, so that the runs converge. RK4 at steps of 2^-7 and 2^-8 with jumps every 2^-6 has errors
-    below 1e-5."""
+    """The noise is a function of time, so the runs converge. RK4 at steps of 2^-7 and 2^-8 with jumps every 2^-6 has errors below
+    1e-5."""
     problem = noisy(problems[2], std=[0.1, 0.2], sample_time=2.0**-6, seed=4)
     ends = [simulate(problem, [Mrac(gamma=5.0)], Simulation(t_end=4.0, dt=dt))["MRAC"].x[-1] for dt in (2.0**-7, 2.0**-8)]
     quiet = simulate(problems[2], [Mrac(gamma=5.0)], Simulation(t_end=4.0, dt=2.0**-8))["MRAC"].x[-1]
@@ -148,7 +148,7 @@ def quantised(problem, resolution):
 
 @pytest.mark.parametrize("resolution", [0.05, [0.05, 0.05], [0.0, 0.2], [0.3, 0.0]])
 def test_a_quantised_state_feedback_against_exact_samples(problems, resolution):
-    """With u = k_0 r - theta'q(x) the plant is linear and u constant between samples, so that matrix exponentials are exact."""
+    """With u = k_0 r - theta'q(x) the plant is linear and u constant between samples, so matrix exponentials are exact."""
     problem, T, count = problems[2], 0.0625, 80
     plant, theta = problem.plant, np.array([0.7, -0.4])
     controller = Sampled(controller=KnownParameters(theta=theta), sample_time=T, discretization="euler")

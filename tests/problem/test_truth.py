@@ -79,7 +79,7 @@ def test_another_plant_friction_a_disturbance_and_terms():
     ids=["names", "matrix"],
 )
 def test_a_truth_with_a_further_state(states, S):
-    """A motor's lag before the input, in another order of states or with a combination of them as measurement."""
+    """A motor's lag before the input, in a different order of states or with a combination of them as measurement."""
     A, B = np.array([[-1.0, 2.0, -3.0], [0.0, -20.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 20.0, 0.0])
     problem = designed(truth=Truth(A=A, b=B, x0=[0.0, 0.1, 0.3], states=states))
     S = np.array(S, dtype=float)
@@ -351,7 +351,7 @@ def test_documents_of_runs_and_certificates_name_the_differences():
 
 
 def test_a_remainder_is_judged_in_any_unit():
-    """The same plant with its second state in units 10,000 times smaller, so that the deviating entry of A is 1e-5."""
+    """The same plant with its second state in units 10,000 times smaller, so the deviating entry of A is 1e-5."""
     rest = np.array([[0.0, 0.1], [0.0, 0.0]])
     for scale in (1.0, 1e4):
         T = np.diag([1.0, scale])

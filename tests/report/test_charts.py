@@ -1,4 +1,4 @@
-"""Charts: a lost run is marked at its end, invalid data are refused, and the page contains picture and table."""
+"""Charts: a lost run is marked at its end, invalid data are rejected, and the page contains picture and table."""
 
 import numpy as np
 import pytest

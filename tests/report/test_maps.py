@@ -1,4 +1,4 @@
-"""Maps: lost runs are distinguishable, cells are centred at their values, and invalid data are refused."""
+"""Maps: lost runs are distinguishable, cells are centred at their values, and invalid data are rejected."""
 
 import io
 

@@ -50,7 +50,7 @@ def test_sines_needs_one_frequency_for_each_amplitude():
 
 
 def test_chirp_against_scipy():
-    """scipy.signal.chirp has frequencies in Hz and starts with a cosine, so that its phase is -90 degrees."""
+    """scipy.signal.chirp has frequencies in Hz and starts with a cosine, so its phase is -90 degrees."""
     ours = Chirp(2.0, 1.0, 9.0, 20.0)(T)
     np.testing.assert_allclose(
         ours, 2 * scipy_signal.chirp(T, 1 / (2 * np.pi), 20.0, 9 / (2 * np.pi), phi=-90), atol=1e-11

@@ -1,4 +1,4 @@
-"""The numbers that a refusal for too many steps proposes."""
+"""The numbers that a rejection for too many steps proposes."""
 
 from __future__ import annotations
 

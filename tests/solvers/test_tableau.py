@@ -81,7 +81,7 @@ def test_order_on_a_smooth_closed_loop(problems, name, kind):
     for count in counts:
         result = simulate(problem, [controller], Simulation(t_end=2.0, dt=2.0 / count, solver=ALL[name]))["c"]
         errors.append(np.abs(result.x[-1] - exact).max())
-    assert min(errors) > 1e-12  # above roundings, so that the slope is that of the method
+    assert min(errors) > 1e-12  # above roundings, so the slope is that of the method
     # 0.25: the slope of four points still contains the next order's term
     assert observed_order(counts, errors) == pytest.approx(ALL[name].order, abs=0.25)
 
@@ -100,8 +100,7 @@ def exact_after_jumps(plant, k_0, jumps, t_end):
 @pytest.mark.parametrize("kind", ["step", "steps", "disturbance"])
 @pytest.mark.short(kept=lambda t_end, kind: kind == "steps" or t_end in (2.4, 0.7))
 def test_a_jump_on_the_grid_keeps_the_order(t_end, kind):
-    """Adaptation is off (gamma = 1e-30), so that the loop is linear and the exact solution known. The jumps are at 0.3 and 0.5
-    s."""
+    """Adaptation is off (gamma = 1e-30), so the loop is linear and the exact solution known. The jumps are at 0.3 and 0.5 s."""
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0], theta=[1.0, -0.5], x0=[0.5, -0.5])
     if kind == "steps":
         signal, jumps = Steps((0.3, 0.5), (2.0, -1.0), initial=1.0), [(0.0, 1.0), (0.3, 2.0), (0.5, -1.0)]

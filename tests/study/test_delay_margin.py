@@ -404,7 +404,7 @@ def test_motion_of_a_model_in_its_steady_state():
 
 @pytest.mark.full
 def test_a_command_that_comes_to_rest_is_said():
-    """Wing rock's command ends at 35 of 60 s, so that both criteria evaluate a loop at equilibrium."""
+    """Wing rock's command ends at 35 of 60 s, so both criteria evaluate a loop at equilibrium."""
     case = load_case("wing-rock")
     assert ReferenceMotion.of(case.problem, case.simulation).comes_to_rest
     controllers = case.controllers[:1]
@@ -428,7 +428,7 @@ def test_refusals(section_v):
 
 
 def test_a_slow_plant_tolerates_in_its_own_time():
-    # the same loop, a hundred times slower: every rate is divided by 100, so that its margin is 100 times as long
+    # the same loop, a hundred times slower: every rate is divided by 100, so its margin is 100 times as long
     def loop(slow):
         plant = Plant(A_m=[[-1.0 / slow]], b=[1.0 / slow], theta=[0.5])
         known = ParameterBox(lower=[-2.0], upper=[2.0])

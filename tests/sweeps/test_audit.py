@@ -1,4 +1,4 @@
-"""A sweep's remarks on its shares: solver artefacts, limit cycles, members that were not checked, different designs."""
+"""A sweep's remarks on its fractions: solver artefacts, limit cycles, members that were not checked, different designs."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_the_audits_share_is_of_members_that_were_run_again(unsettled):
 
 
 def test_requirements_are_split_by_what_the_solver_settles():
-    """The figures are those of the step that settles a member. If no step does, the member may or may not violate the
+    """The metrics are those of the step that settles a member. If no step does, the member may or may not violate the
     requirement."""
     case = study(STIFF, {"plant.theta": "known-set"}, 64)
     found = run_study(case, requirements=[Requirement.parse("L1/theta_hat_variation_rate[0] < 1e-9")], bounds=False, audit=0)
@@ -262,8 +262,7 @@ def test_an_audit_of_no_number_of_members(members):
 
 
 def test_limit_cycles_are_counted_where_the_estimates_rest():
-    """The command is constant and there is no noise, so that only a loop that does not settle continues to oscillate in the
-    tail."""
+    """The command is constant and there is no noise, so only a loop that does not settle continues to oscillate in the tail."""
     joint = study(JOINT, {"plant.theta": "known-set", "plant.input.gain": "uniform:0.6:1.4"}, 12)
     found = run_study(joint, bounds=False)
     swinging = set()

@@ -87,7 +87,7 @@ def test_a_worker_that_would_make_other_bits_refuses():
 
 
 def test_a_worker_whose_sources_differ_refuses(tmp_path):
-    """The worker has a copy of the package with a factor of 2 in the figures, as on another machine. Its version number is the
+    """The worker has a copy of the package with a factor of 2 in the metrics, as on another machine. Its version number is the
     same."""
     (part,) = study().parts(0, 4)
     given = pickle.dumps((WorkerTask.of(part), Tabulated.of(part)))

@@ -130,7 +130,7 @@ def test_main_effects_of_a_grid_and_of_draws_at_its_points():
     ids=["grid", "draws", "saltelli"],
 )
 def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
-    """A power of two changes no digit of a figure and therefore no bit of a share, although the plain variance is then 0 or
+    """A power of two changes no digit of a metric and therefore no bit of a fraction, although the plain variance is then 0 or
     infinite."""
     x = plan.values(0, len(plan))
     columns = {str(path): x[:, i] for i, path in enumerate(plan.paths)}
@@ -146,7 +146,7 @@ def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
 
 
 def test_why_fewer_members_are_held_against_a_bound():
-    """Two of five members have no bound. The share refers to three, and the reason is stated."""
+    """Two of five members have no bound. The fraction refers to three, and the reason is stated."""
     columns = {"max_abs_e[0]": [1.0, 2.0, 3.0, 4.0, 5.0], "diverged_at": [np.nan] * 5, "oscillated": [0.0] * 5}
     columns["error_bound"] = [2.0, np.nan, 2.0, np.nan, 9.0]
     found = rows(member=np.arange(5), a=np.arange(5.0), **{f"L1/{name}": one for name, one in columns.items()})

@@ -1,4 +1,4 @@
-"""A member's number determines its values and every bit of its figures, whatever is simulated with it."""
+"""A member's number determines its values and every bit of its metrics, whatever is simulated with it."""
 
 import re
 
@@ -114,12 +114,12 @@ def test_no_bit_depends_on_who_else_is_simulated_and_a_member_alone_is_the_same(
     again = replay(found, 20)
     assert again.differing({name: float(values[20]) for name, values in together.items()}) == []
     assert again.differing({"L1/rms_e[0]": 1.0}) == ["L1/rms_e[0]"]
-    for result in again.results:  # the recorded run is the run whose figures these are
+    for result in again.results:  # the recorded run is the run whose metrics these are
         assert np.abs(result.e).max(axis=0) == pytest.approx(result.metrics.max_abs_e[0], rel=1e-2)
 
 
 def test_a_member_is_the_run_of_its_case():
-    """``simulate`` compiles its numbers in, so that roundings differ. A thousand smooth steps hardly amplify them."""
+    """``simulate`` compiles its numbers in, so roundings differ. A thousand smooth steps hardly amplify them."""
     found = study(SHORT, Plan({}, sampled(CaseText(SHORT), [("plant.theta", "known-set")]), 5))
     columns = found.run(0, 5)
     case = found.varied.at(found.values(3, 1)[0])
@@ -204,7 +204,7 @@ BALL = SHORT.replace("lower = [-5.0, -5.0]\nupper = [5.0, 5.0]", "center = [1.0,
 
 
 def test_draws_over_a_ball_are_even_and_inside():
-    """The volume within a share s of the radius is proportional to s^d, and all directions are equally likely."""
+    """The volume within a fraction s of the radius is proportional to s^d, and all directions are equally likely."""
     center = (1.0, -2.0, 0.5)
     draws = {FieldPath.parse(f"plant.theta[{k}]"): InBall(center, 3.0, k) for k in range(3)}
     for design in (Design.LATIN, Design.RANDOM):

@@ -1,4 +1,4 @@
-"""A sweep of a case with faults states the fault patterns to which its shares apply."""
+"""A sweep of a case with faults states the fault patterns to which its fractions apply."""
 
 from __future__ import annotations
 

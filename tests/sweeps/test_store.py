@@ -1,4 +1,4 @@
-"""A store contains whole rows, resumes, and refuses foreign data. ./dev store-faults covers real faults."""
+"""A store contains whole rows, resumes, and rejects foreign data. ./dev store-faults covers real faults."""
 
 import json
 import os
@@ -243,7 +243,7 @@ def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(sample, 
 
 @pytest.mark.parametrize("given", ["s3://bucket/x", Path("gs://bucket/x")])
 def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
-    """A URL is refused before anything runs."""
+    """A URL is rejected before anything runs."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Study, "run", None)
     with pytest.raises(InputError, match="store must be a path on this computer, and URLs are not supported"):

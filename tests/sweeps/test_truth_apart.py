@@ -41,7 +41,7 @@ scheme = "mrac"
 gamma = 1e-9
 theta_hat0 = [4.5, 3.45]
 """
-"""A controller whose estimates keep their initial values, so that the loop is linear and known by an exponential."""
+"""A controller whose estimates keep their initial values, so the loop is linear and known by an exponential."""
 PLAIN = CASE.replace('["-k/m", "-d/m"]', "[-2.6, -0.1]").split("[parameters]")
 PLAIN = PLAIN[0] + PLAIN[1][PLAIN[1].index("[plant]") :].replace("poles = [-3, -4]", "A_m = [[0, 1], [-12, -7]]")
 PLAIN += "[uncertainty]\nlower = [3.0, 3.0]\nupper = [6.0, 4.0]\n"
@@ -176,7 +176,7 @@ dt = 1e-3
 scheme = "mrac"
 gamma = 2
 """
-"""A truth with its own numbers, whose states have another order than the plant's."""
+"""A truth with its own numbers, whose states have a different order than the plant's."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The search for the worst member: against a dense grid, inside its set, and refused where it can't search."""
+"""The search for the worst member: against a dense grid, inside its set, and rejected where it can't search."""
 
 import json
 
@@ -86,7 +86,7 @@ def test_points_stay_in_a_ball_and_a_logarithmic_axis_is_searched_in_its_logarit
 
 
 def test_a_number_over_decades_has_its_slopes_at_its_low_end(tmp_path):
-    """The filter's matrices follow from kappa, so that their slopes are differences, whose steps are relative to each value."""
+    """The filter's matrices follow from kappa, so their slopes are differences, whose steps are relative to each value."""
     path = tmp_path / "filter.toml"
     path.write_text(STEPS.replace('scheme = "mrac"\ngamma = 3.0', 'scheme = "l1"\ngamma = 300.0\nfilter = { kappa = 0.02 }'))
     (one,) = find_worst(path, ["rms_e"], sample={"controller[0].filter.kappa": "loguniform:1e-3:2"}, starts=4).extremes

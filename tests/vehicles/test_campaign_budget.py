@@ -11,7 +11,7 @@ from barbalat.vehicles.vehicle import Aboard
 
 
 def campaign(schemes: int) -> Campaign:
-    """A campaign of flights of half a second each, so that a process flies 60 in half a minute."""
+    """A campaign of flights of half a second each, so a process flies 60 in half a minute."""
     vehicle = SimpleNamespace(drawing=SimpleNamespace(chunk=60))
     aboard = (tuple(Aboard(name="scheme", loops=()) for _ in range(schemes)),)
     return Campaign(vehicle=vehicle, failures=("failure",) * 5, models=(None,), aboard=aboard, plan=None)

@@ -1,4 +1,4 @@
-"""A separate process: its results, refusals and failures."""
+"""A separate process: its results, rejections and failures."""
 
 import os
 import select

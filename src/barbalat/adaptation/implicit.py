@@ -39,7 +39,7 @@ def require_projectable(gain: Gain, known_set: EstimateSet | None) -> None:
 
 
 def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
-    """exp(-beta T), the share that is kept after T, and its integral over [0, T], the weight of the data in between; beta >=
+    """exp(-beta T), the fraction that is kept after T, and its integral over [0, T], the weight of the data in between; beta >=
     0."""
     half = np.tanh(
         np.maximum(beta, NO_FORGETTING_RATE) * T / 2

@@ -198,7 +198,7 @@ class Normalization(Settings):
         validate.freeze(self, delta_0=validate.positive("normalization.delta_0", self.delta_0))
 
     def m_s_squared(self, phi: Value, n_d: Value) -> Value:
-        """At least 1, even if a bit flip has hit the memory of n_d, so that divisions in flight stay finite."""
+        """At least 1, even if a bit flip has hit the memory of n_d, so divisions in flight stay finite."""
         return np.maximum(1 + phi @ phi + self.alpha_0 * n_d, 1)  # (16)
 
     def n_d_dot(self, n_d: Value, u: Value) -> Value:

@@ -31,13 +31,13 @@ class CompositeLearning(Settings):
 
     gamma_c        weight of the memory relative to the tracking error, > 0
     time_constant  tau_f of the regressor's filter [s], > 0
-    forgetting     beta of the memory [1/s], >= 0; by default 0, so that nothing is forgotten
+    forgetting     beta of the memory [1/s], >= 0; by default 0, so nothing is forgotten
     capacity       capacity of the memory [s], > 0: new data have the weight 1 - trace(R)/capacity. Unlimited by default; then,
                    without forgetting, R grows like t, and so does the law's own rate Gamma gamma_c R, which the step must resolve
 
     With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f, zeta' = z + b^+ A_m x + u,
     zeta(0) = b^+ x(0); phi' = (phi(x) - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With m^2 = 1 + phi'phi and the
-    weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so that Q = R theta, and V = e'P e + theta_tilde'Gamma^-1
+    weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so Q = R theta, and V = e'P e + theta_tilde'Gamma^-1
     theta_tilde has V' = -|e|^2 - 2 gamma_c theta_tilde'R theta_tilde. Without forgetting lambda_min(R) never falls: once the data
     have excited all directions for a finite time, e and theta_tilde converge exponentially, without persistent excitation.
     Disturbances of the plant are remembered as well: neither a dead zone nor an epsilon-modification removes the memory's bias.

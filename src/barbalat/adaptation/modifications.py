@@ -23,8 +23,8 @@ class DeadZone(Settings):
 
     g_0  half-width of the zone: a bound of the modelling error
 
-    For the laws on the parametric model E = |epsilon m_s|, so that epsilon becomes epsilon + g with g = -g_0/m_s for epsilon m_s
-    > g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta, V =
+    For the laws on the parametric model E = |epsilon m_s|, so epsilon becomes epsilon + g with g = -g_0/m_s for epsilon m_s >
+    g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta, V =
     theta_tilde'Gamma^-1 theta_tilde does not grow. In return, the error converges to the zone and not to zero.
 
     For the Lyapunov laws of MRAC and L1-AC E = sqrt(e'P e). With a matched disturbance |d| <= d_0,
@@ -42,7 +42,7 @@ class DeadZone(Settings):
         validate.freeze(self, g_0=validate.positive("g_0", self.g_0))
 
     def weight(self, squared_error: Value) -> Value:
-        """max(0, E - g_0)/E from E^2: in [0, 1), the share of the error that counts."""
+        """max(0, E - g_0)/E from E^2: in [0, 1), the fraction of the error that counts."""
         return 1 - self.g_0 / np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
 
     def share(self, squared_error: Value, speed: Value) -> Value:
@@ -132,8 +132,8 @@ class FixedSigma(PullingLeakage, Settings):
 
     sigma  the leakage
 
-    The drawback is that V' = ... - sigma theta_tilde'theta_hat may be positive, so that even without modelling error the
-    tracking error converges only to a set of the order of sqrt(sigma) |theta|.
+    The drawback is that V' = ... - sigma theta_tilde'theta_hat may be positive, so even without modelling error the tracking
+    error converges only to a set of the order of sqrt(sigma) |theta|.
 
     Source: Ioannou and Kokotovic (1983); Ioannou and Sun, section 8.4.1.
     """
@@ -196,7 +196,7 @@ class SwitchingSigma(Settings):
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
         """w for a sample, held: evaluated at the estimate to which the full sigma would lead.
 
-        A larger leakage leaves a smaller estimate, so that w never exceeds its value at the end, and is zero if the estimate ends
+        A larger leakage leaves a smaller estimate, so w never exceeds its value at the end, and is zero if the estimate ends
         below M_0.
         """
         return self.coefficient(solve(self.sigma), error)

@@ -256,7 +256,7 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
     require_controllers(controllers)
     by_tolerance = simulation.tolerance is not None
     if problem.delay > 0 and not by_tolerance:
-        delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't represent
+        delay.lag(problem.delay, simulation.dt)  # rejects a delay that this step can't represent
     if problem.noise is not None and not by_tolerance:
         whole_steps("sensor.noise.sample_time", problem.noise.sample_time, simulation)
     for controller, equations in found:
@@ -268,7 +268,7 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
             if by_tolerance:
                 require_known_instants(loop, problem, simulation)
             else:
-                Rhythm.of(loop, None, simulation)  # refuses events between steps
+                Rhythm.of(loop, None, simulation)  # rejects events between steps
         if not parts.complete:
             parts.fitting[id(controller)] = fits
     return Case(problem, controllers, simulation, tuple(equations for _, equations in found))

@@ -49,7 +49,7 @@ Make = Callable[[Given, Context], Any]
 class Differences:
     """The differences between the keys that make an object and the fields of its class.
 
-    keys       keys that are not fields, or have another type than the field
+    keys       keys that are not fields, or have a different type than the field
     required   fields that have a default in Python but must be given here; ``optional`` is the opposite
     without    fields without a key
     make       makes the object from the given values; by default the class is called with them as keyword arguments

@@ -79,7 +79,7 @@ class Variants:
 
 
 def _with_number(part: Any, keys: Keys, value: float) -> Any:
-    """A copy of checked tables with another number at one place; None if there is no such number."""
+    """A copy of checked tables with a different number at one place; None if there is no such number."""
     if not keys:
         return float(value) if type(part) is float and math.isfinite(value) else None
     first, rest = keys[0], keys[1:]
@@ -135,7 +135,7 @@ class CaseText:
         except RecursionError:
             raise InputError(f"{self.source} has too many nested tables or lists") from None
         except ValueError as error:
-            if not isinstance(error, tomllib.TOMLDecodeError):  # Python refuses whole numbers with so many digits
+            if not isinstance(error, tomllib.TOMLDecodeError):  # Python rejects whole numbers with so many digits
                 raise InputError(f"{self.source}{self._too_long()} {BEYOND_RANGE}") from None
             twice = len(SINGLE_BRACKETS.findall(self.text)) > 1
             meant = "; each controller needs [[controller]], with two brackets" if twice else ""
@@ -199,7 +199,7 @@ def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
                  is run
 
     Raises InputError, with one sentence, for a missing or unreadable file, text that is not TOML, unknown keys (with the closest
-    known one), and everything that the objects' constructors refuse.
+    known one), and everything that the objects' constructors reject.
     """
     return CaseText.read(case, controllers).case()
 

@@ -37,7 +37,7 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
         return tables, None
     given, plant, truth = tables.get("parameters", {}), tables.get("plant"), tables.get("truth", {})
     if not isinstance(plant, dict) or not isinstance(given, dict) or not isinstance(truth, dict):
-        return tables, tables  # refused when the tables are checked
+        return tables, tables  # rejected when the tables are checked
     if "transfer_function" in plant:
         which = "parameters" if "parameters" in tables else "truth"
         raise InputError.of(
@@ -68,7 +68,7 @@ def _require_use(given: Mapping[str, Any], parts: Any) -> None:
 
 
 def _value(given: Any) -> float:
-    """A parameter's value; 1 for an invalid one, which is refused when the tables are checked."""
+    """A parameter's value; 1 for an invalid one, which is rejected when the tables are checked."""
     value = given.get("value") if isinstance(given, dict) else given
     return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else 1.0
 

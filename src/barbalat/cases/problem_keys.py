@@ -169,7 +169,7 @@ def _nominal_plant(
     A, b = physical.matrices(physical.nominal)
     A_m = place(A, b, model["poles"]) if "poles" in model else model["A_m"]
     commands, labels = given.get("reference"), given.get("labels")
-    nominal = Plant(physical=physical, A_m=A_m)  # refuses an A_m that does not fit
+    nominal = Plant(physical=physical, A_m=A_m)  # rejects an A_m that does not fit
     scale, said = scale_of_states(nominal, reference_model, commands, labels, context.judge, context.t_end)
     return Plant(physical=physical, A_m=A_m, scale=scale, scale_from=said)
 

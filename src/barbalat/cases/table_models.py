@@ -32,7 +32,7 @@ class Recipe:
 
 
 class Table(BaseModel):
-    """A table of a case file: unknown keys are refused, and so is a text in place of a number."""
+    """A table of a case file: unknown keys are rejected, and so is a text in place of a number."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -81,6 +81,6 @@ def one_or_several(one: Any) -> Any:
 
 
 def chosen(forms: dict[str, Any], choose: Callable[[Any], str]) -> Any:
-    """One of several types, chosen by the value, so that findings are only about that one."""
+    """One of several types, chosen by the value, so findings are only about that one."""
     tagged = tuple(Annotated[form, Tag(name)] for name, form in forms.items())
     return Annotated[Union[tagged], Discriminator(choose)]  # noqa: UP007  # made at run time

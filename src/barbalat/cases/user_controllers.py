@@ -111,7 +111,7 @@ def run(path: str | Path) -> OwnFile:
     assert spec is not None
     module = sys.modules[name] = module_from_spec(spec)
     folder = str(path.resolve().parent)
-    sys.path.append(folder)  # for files in the same folder; last, so that none replaces an installed package
+    sys.path.append(folder)  # for files in the same folder; last, so none replaces an installed package
     try:
         with telling_user_errors(Subject(f"--controllers: {str(path)!r}")):
             loader.exec_module(module)

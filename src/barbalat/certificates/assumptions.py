@@ -72,7 +72,7 @@ WHOLE_RANGES = Assumption(
     "the known set contains every theta that the parameters' ranges allow",
     "the parameters' ranges exceed the case's own set, see the notes",
 )
-"""The assumptions that the simulated loop or the declared ranges do not satisfy, so that guarantees hold for the design only."""
+"""The assumptions that the simulated loop or the declared ranges do not satisfy, so guarantees hold for the design only."""
 
 
 def unmet_by(problem: TrackingProblem) -> list[Assumption]:
@@ -136,7 +136,7 @@ def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
 
 
 def theta_in_the_set(problem: Problem) -> Assumption:
-    """The case's theta is in the known set, so that statements for every theta in the set apply to it."""
+    """The case's theta is in the known set, so statements for every theta in the set apply to it."""
     known_set = problem.uncertainty
     outside = known_set is not None and not known_set.contains(problem.plant.theta)
     return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "", theorems.THETA_OUTSIDE)

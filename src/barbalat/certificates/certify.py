@@ -113,7 +113,7 @@ def certify_where_possible(
 
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Certify loops in which every sample is used; with a shell, a note states this."""
-    equations = bound(problem, controller)  # refuses a controller that does not fit
+    equations = bound(problem, controller)  # rejects a controller that does not fit
     found = _of_nominal(problem.nominal, controller, simulation)
     equations = equations.continuous if isinstance(equations, DiscretizedEquations) else equations
     assumed = equations.assumed if isinstance(equations, Assuming) else None
@@ -127,7 +127,7 @@ SHELL_NOTE = "the guarantees hold as long as the shell refuses no sample"
 def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Overflows, singular or non-finite matrices, and norms beyond the limit of precision are findings of the case."""
     try:
-        sampled = is_sampled(bound(problem, controller))  # refuses a controller that does not fit
+        sampled = is_sampled(bound(problem, controller))  # rejects a controller that does not fit
         if simulation.tolerance is not None:
             return _without_step(_of_nominal(problem, controller, simulation.grid))
         found = file_of(problem, controller).certificate(problem, controller, simulation)

@@ -28,7 +28,7 @@ class Quantity(NamedTuple):
     """The meaning of a key.
 
     below     marks a guarantee that holds for everything below the value but not above it
-    timeless  whether it belongs to the problem, to a filter or to t = 0, so that sampling does not change it
+    timeless  whether it belongs to the problem, to a filter or to t = 0, so sampling does not change it
     """
 
     meaning: str

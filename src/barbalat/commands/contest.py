@@ -79,7 +79,7 @@ def add(commands: Commands) -> None:
 
 DRAWING_SECONDS = 2.0
 QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
-"""Values of --quick: the search's smallest number of trials, and two plants, so that one is not the case's own."""
+"""Values of --quick: the search's smallest number of trials, and two plants, so one is not the case's own."""
 FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 
 

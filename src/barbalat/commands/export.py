@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
 
 
 class Targets:
-    """The names of all targets, searched only when a user requests one or asks for help, so that other commands start fast."""
+    """The names of all targets, searched only when a user requests one or asks for help, so other commands start fast."""
 
     def __iter__(self) -> Iterator[str]:
         from barbalat.export.target import targets

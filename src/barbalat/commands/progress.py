@@ -29,18 +29,18 @@ and the remaining time is printed. Measured on sweep, tune, tradeoff and reprodu
 FEWEST_REPORTS = 3
 """Smallest number of reports of a part after which its pace is known."""
 RECENT_SHARE = 0.5
-"""The recent pace is measured over this share of the work done since a part's first report."""
+"""The recent pace is measured over this fraction of the work done since a part's first report."""
 AGREEING = 2.0
 """If both paces differ by at most this factor, a value between them is used."""
 
 OVERDUE_SHARE = 0.5
-"""Overdue work is expected to take this share of the time since the last report; it takes longer or shorter with even odds."""
+"""Overdue work is expected to take this fraction of the time since the last report; it takes longer or shorter with even odds."""
 
 
 SHORTEST_SECONDS = 1e-9
 """Smallest difference in seconds between two readings of a clock, used if it has not advanced."""
 CERTAIN_AFTER = 1.0
-"""Seconds after which the measured share of a core is used."""
+"""Seconds after which the measured fraction of a core is used."""
 
 
 class Work:
@@ -60,7 +60,7 @@ class Work:
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
         """Start one of the parts. Yield a function that takes the finished fraction of the part.
 
-        here whether this process does the work; its share of a core then gives the factor by which everything takes longer
+        here whether this process does the work; its fraction of a core then gives the factor by which everything takes longer
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()

@@ -112,8 +112,7 @@ def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
 
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
-    """Write the JSON, the trajectories and the description of their columns before the certificates, so that the runs are
-    safe."""
+    """Write the JSON, the trajectories and the description of their columns before the certificates, so the runs are safe."""
     from barbalat.report.documents import as_json
     from barbalat.report.file_names import COLUMNS, RUN, files_of_run
     from barbalat.report.trajectories import data_package, write_trajectories
@@ -190,7 +189,7 @@ def require_sampled(case: Case) -> None:
 
 
 def require_commands_taken(case: Case) -> None:
-    """Raise InputError before any simulation if the shell refuses the case's own command, as an export does."""
+    """Raise InputError before any simulation if the shell rejects the case's own command, as an export does."""
     if case.problem.shell is None:
         return
     import numpy as np

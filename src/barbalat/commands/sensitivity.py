@@ -1,4 +1,4 @@
-"""``barbalat sensitivity`` computes how much each number of a case matters: derivatives of the figures of its runs."""
+"""``barbalat sensitivity`` computes how much each number of a case matters: derivatives of the metrics of its runs."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> 
         return _of_the_ranges(problem, problem.plant.physical, plants, random)
     thetas = known_set.drawn(random, plants - 1)
     found = [problem.plant, *(replace(problem.plant, theta=theta) for theta in thetas)]
-    if problem.known.gains is not None:  # the case's own gain is written out too, so that all plants have one structure
+    if problem.known.gains is not None:  # the case's own gain is written out too, so all plants have one structure
         gains = [[path.gain for path in problem.plant.paths], *problem.known.gains.drawn(random, plants - 1)]
         found = [_with_gains(plant, gain) for plant, gain in zip(found, gains, strict=True)]
     return [replace(problem, plant=plant) for plant in found]

@@ -33,7 +33,7 @@ class Range:
 
     @classmethod
     def parse(cls, text: str) -> Range:
-        """Parse a range such as START:STOP[:log]. InputError for another text."""
+        """Parse a range such as START:STOP[:log]. InputError for a different text."""
         parts = text.split(":")
         if len(parts) not in (2, 3) or (len(parts) == 3 and parts[2] != "log"):
             raise InputError(f"a range must be START:STOP or START:STOP:log, got {validate.show(text)}")
@@ -45,7 +45,7 @@ class Range:
             raise InputError(f"START and STOP must be numbers, got {validate.show(text)}") from None
 
     def at(self, share: Array) -> Array:
-        """Return the values at these shares of the range, with few digits."""
+        """Return the values at these fractions of the range, with few digits."""
         if self.logarithmic:
             found = np.exp(np.log(self.low) + (np.log(self.high) - np.log(self.low)) * share)
         else:
@@ -53,7 +53,7 @@ class Range:
         return np.clip([float(f"{value:.{SIGNIFICANT_DIGITS}g}") for value in found], self.low, self.high)
 
     def share(self, value: float) -> float | None:
-        """Return the share of the range at which a value lies; None if it is outside."""
+        """Return the fraction of the range at which a value lies; None if it is outside."""
         if not self.low <= value <= self.high:
             return None
         if self.logarithmic:
@@ -78,11 +78,11 @@ class Space:
         return tuple(self.ranges)
 
     def rows(self, shares: Array) -> Array:
-        """Return numbers (K, d) for shares of each range."""
+        """Return numbers (K, d) for fractions of each range."""
         return np.column_stack([one.at(shares[:, i]) for i, one in enumerate(self.ranges.values())])
 
     def shares(self, row: Array) -> Array | None:
-        """Return the shares (d,) of a tuning; None if it is outside."""
+        """Return the fractions (d,) of a tuning; None if it is outside."""
         found = [one.share(float(value)) for one, value in zip(self.ranges.values(), row, strict=True)]
         return None if any(share is None for share in found) else np.array(found, dtype=float)
 

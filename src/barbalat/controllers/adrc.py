@@ -102,7 +102,7 @@ def _ackermann(A: Array, c: Array, bandwidth: float) -> Array:
     """g with all eigenvalues of A - g c' at -bandwidth: (A + bandwidth I)^N O^-1 [0 ... 0 1]', O the observability matrix."""
     size, rows = len(A), [c]
     for _ in range(size - 1):
-        rows.append(rows[-1] @ A / bandwidth)  # scaled, so that the rows have similar magnitudes
+        rows.append(rows[-1] @ A / bandwidth)  # scaled, so the rows have similar magnitudes
     last = np.zeros(size)
     last[-1] = np.float64(bandwidth) ** -(size - 1)
     column = np.linalg.solve(np.array(rows), last)
@@ -154,8 +154,8 @@ class Adrc(Scheme):
     bandwidth  omega_o [rad/s]: every pole of the observer is at -omega_o
     output     c, (n,): the extended-state observer of order n + 1 then measures only c'x, as in the textbooks. By default the
                whole state is measured, and only the disturbance is observed: f_hat = omega_o/(s + omega_o) [f]
-    nominal    theta_0, (n,), or (n m,) with m inputs: the parameters that the observer assumes; zero by default, so that it uses
-               the model's A_m. For the textbooks' chain of integrators, give the theta_0 with which A is such a chain
+    nominal    theta_0, (n,), or (n m,) with m inputs: the parameters that the observer assumes; zero by default, so it uses the
+               model's A_m. For the textbooks' chain of integrators, give the theta_0 with which A is such a chain
     b_0        the assumed effectiveness of the input, > 0; 1 by default
     saturated_predictor  against windup: the observer receives sat(u); off by default
 

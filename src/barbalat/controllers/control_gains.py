@@ -71,7 +71,7 @@ class ControlGains:
     @classmethod
     def of(cls, settings: GainSettings, known: Known) -> ControlGains:
         """InputError if the settings don't fit the plant."""
-        projection_set(settings.projection, known)  # refuses a value that is not a boolean, and a projection without a set
+        projection_set(settings.projection, known)  # rejects a value that is not a boolean, and a projection without a set
         regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
         if known.inputs > 1 and gamma.is_matrix:

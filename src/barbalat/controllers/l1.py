@@ -216,8 +216,8 @@ class L1Adaptive(Scheme):
     projection  onto the known set; by default on if there is one. The estimate of an unknown input gain is always projected
     leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
     learning    a memory of past data; none by default
-    saturated_predictor  against windup: the predictor receives sat(u), times omega_hat if the input gain is unknown, so that the
-                         limit does not affect x_tilde; off by default
+    saturated_predictor  against windup: the predictor receives sat(u), times omega_hat if the input gain is unknown, so the limit
+                         does not affect x_tilde; off by default
 
     Source: eqs (5)-(8); Hovakimyan and Cao, L1 Adaptive Control Theory, section 2.1.
     """
@@ -236,7 +236,7 @@ class L1Adaptive(Scheme):
     def __post_init__(self) -> None:
         check_common(self)
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
-        Modifications.of(self)  # refuses parts that can't be combined
+        Modifications.of(self)  # rejects parts that can't be combined
         if self.filter is not None:
             object.__setattr__(self, "filter", require_low_pass(TransferFunction.accept("filter", self.filter)))
 

@@ -142,7 +142,7 @@ class Mrac(Scheme):
                     "modified_error cannot be combined with composite learning, whose memory assumes that u reaches the plant"
                 )
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
-        Modifications.of(self)  # refuses parts that can't be combined
+        Modifications.of(self)  # rejects parts that can't be combined
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:

@@ -53,8 +53,8 @@ def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Ar
     """-C(s) H_m(s)^-1 H_um(s): (A, B, C) from sigma_hat_um to u, where v keeps c'w zero in w' = A_m w + b v + b_um zeta.
 
     zeta = C(s) sigma_hat_um. ``known`` contains as many of its derivatives, from the zeroth on, as the relative degree of C(s),
-    so that nothing is differentiated. With r_i the relative degree of c_i, v is chosen such that (d/dt + a)^r_i c_i'w = 0, from
-    zero: c_i'w is zero; a, on which H_m^-1 H_um does not depend, only makes rounding errors decay.
+    so nothing is differentiated. With r_i the relative degree of c_i, v is chosen such that (d/dt + a)^r_i c_i'w = 0, from zero:
+    c_i'w is zero; a, on which H_m^-1 H_um does not depend, only makes rounding errors decay.
     """
     b, b_um, k = B[:, :m], B[:, m:], len(A_m) - m
     A_z, B_z, C_z = (np.kron(np.eye(k), part) for part in (C.A, C.B[:, None], C.C[None, :]))

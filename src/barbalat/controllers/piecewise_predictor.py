@@ -57,7 +57,7 @@ def inverse(G: Array) -> Array:
 
 
 LONGEST_SPAN = 1e4
-"""The count of samples stops at this number, so that during a long freeze no number leaves an export's range, which is at least
+"""The count of samples stops at this number, so during a long freeze no number leaves an export's range, which is at least
 1e6."""
 
 
@@ -67,7 +67,7 @@ def memory_of(A_m: Array, T: float) -> float:
 
 
 def shared(error: Value, answered: Value, span: Value) -> Value:
-    """One sample's share of a prediction error that accumulated over ``span`` samples without a measurement.
+    """One sample's fraction of a prediction error that accumulated over ``span`` samples without a measurement.
 
     The law treats the whole error as the effect of one sample. With an error of m samples it would compensate m times the
     uncertainty, for several samples until the next measurement: a loop that misses two of three samples would diverge. Therefore

@@ -252,7 +252,7 @@ def _bound(settings: RobustMrac | NormalizedMrac, known: Known) -> Equations | s
         )
     c_0 = known.P @ known.b if settings.c_0 is None else validate.vector("c_0", settings.c_0, known.n)
     W_m = minimum_phase_model(c_0, known)
-    settings.law.initial(known.n)  # refuses settings of another size
+    settings.law.initial(known.n)  # rejects settings of a different size
     estimate_set = projection_set(settings.projection, known)
     return Equations(
         A_m=known.A_m,

@@ -116,7 +116,7 @@ def equations(
         raise InputError(f"{type(law.leakage).__name__} supports only plants with one input, got {known.inputs}; give a sigma")
     C_0 = known.b.T @ known.P if c_0 is None else validate.array("c_0", c_0, (known.inputs, known.n))
     require_minimum_phase(C_0, known)
-    law.initial(known.parameters)  # refuses settings of another size
+    law.initial(known.parameters)  # rejects settings of a different size
     return Equations(
         A_m=known.A_m,
         B=known.b,

@@ -69,7 +69,7 @@ def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None,
     """theta_hat(0), (p,), inside the known set if there is one.
 
     The default is zero, or the centre of a set that does not contain zero; for an input gain 1, or the nearest bound. With a
-    baseline, the default is its theta_0 instead of zero, so that the control starts as the baseline's.
+    baseline, the default is its theta_0 instead of zero, so the control starts as the baseline's.
     """
     gains = known.inputs if known.matched.gain_unknown else 0
     of_baseline = np.zeros(known.parameters - gains) if known.theta_0 is None else known.theta_0

@@ -50,7 +50,7 @@ class TuningScale:
 
     highest_gain  the highest gain that the step resolves
     highest_square  the highest product, that the step resolves, of a gain and the squared norm of its regressor: the same as
-                    highest_gain for another regressor
+                    highest_gain for a different regressor
     times         time constants [s], from five steps to the model's slowest; ``sampled`` has others
     density       number of values of a knob in combination with another one
     known         the known part of the plant

@@ -1,9 +1,9 @@
 """Mixed-sensitivity H-infinity design: the fastest loop that the unmodelled dynamics allow.
 
-||[W_S S; W_KS K S; W_T T]||_inf <= 1 with W_T the size of the unmodelled dynamics, so that |W_T T| <= 1 guarantees stability, and
-W_S = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2, which requires the bandwidth w_B and that |S| falls with the square of the
-frequency below it, as it does with a PI controller on this plant. The largest feasible w_B is found by bisection. Source:
-Skogestad and Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
+||[W_S S; W_KS K S; W_T T]||_inf <= 1 with W_T the size of the unmodelled dynamics, so |W_T T| <= 1 guarantees stability, and W_S
+= (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2, which requires the bandwidth w_B and that |S| falls with the square of the frequency
+below it, as it does with a PI controller on this plant. The largest feasible w_B is found by bisection. Source: Skogestad and
+Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ SENSITIVITY_PEAK = 2.0
 STEADY_SENSITIVITY = 1e-6
 """A: |S| at zero frequency; an integrator itself would put a pole of W_S on the axis, which the synthesis does not allow."""
 BANDWIDTH_SHARE = 0.9
-"""Share of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole goes to infinity."""
+"""Fraction of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole goes to infinity."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,7 +140,7 @@ def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpa
 
 
 def _effort(scaled: TransferFunction) -> float:
-    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so that K rolls off above that frequency."""
+    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so K rolls off above that frequency."""
     return float(abs(scaled.at(10j)))
 
 

@@ -160,7 +160,7 @@ class Grid:
 
 
 def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool, most_steps: int) -> list[Grid]:
-    """Return grids for this run and for runs with another step or horizon, all for the same kind of kernel.
+    """Return grids for this run and for runs with a different step or horizon, all for the same kind of kernel.
 
     The kernel either splits steps into pieces or, with ``whole``, does not.
 

@@ -38,8 +38,8 @@ class Filtered:
     index: int
 
     def parts(self, case: Case) -> list[Array] | None:
-        """Return these arrays, or None if the condition has no meaning: for another scheme or plant, or without projection onto
-        a box."""
+        """Return these arrays, or None if the condition has no meaning: for a different scheme or plant, or without projection
+        onto a box."""
         problem = case.problem
         if not isinstance(problem, Problem):
             return None

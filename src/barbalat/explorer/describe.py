@@ -200,7 +200,7 @@ def _module(members: Members) -> str:
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:
-    """Whether switching the i-th controller's projection gives a valid case with another kernel."""
+    """Whether switching the i-th controller's projection gives a valid case with a different kernel."""
     try:
         switched = source.at({}, [i])
     except InputError:
@@ -237,7 +237,7 @@ SYMBOLS = {
 
 
 def label(path: FieldPath) -> str:
-    """Return the label of a number: its symbol, indices counted from 1, and unit."""
+    """Return the label of a number: its symbol, indices numbered from 1, and unit."""
     keys = [key for key in path.keys if isinstance(key, str)]
     symbol, unit = SYMBOLS.get(keys[-1], (keys[-1].replace("_", " "), ""))
     if keys[0] == "shell" and len(keys) > 2:  # a number of one channel

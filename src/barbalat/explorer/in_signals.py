@@ -52,7 +52,7 @@ class SignalSearch:
         return self._gridded(number, room) if found is None else (number, found)
 
     def _moved(self, number: Number) -> InSignals | None:
-        """Return the effect without grids, or None if signals depend on the number in another way."""
+        """Return the effect without grids, or None if signals depend on the number in a different way."""
         tried_values = [number.value, number.values[0], number.values[-1]]
         tried = [self.case, *(self.at(number.path, float(v)) for v in tried_values[1:])]
         signals = [case.problem.signals for case in tried]

@@ -11,10 +11,10 @@ from barbalat.papers.claim import Claim
 
 @dataclass(frozen=True, kw_only=True)
 class FigureGoal:
-    """A goal for the largest entry of a controller's figure over every step: it is compared with a bound, or with a share of
-    another figure.
+    """A goal for the largest entry of a controller's metric over every step: it is compared with a bound, or with a fraction of a
+    different metric.
 
-    share_of  None for a bound; "start" for the same figure of the lesson's first run; or another controller's name
+    share_of  None for a bound; "start" for the same metric of the lesson's first run; or another controller's name
     """
 
     controller: str

@@ -24,7 +24,7 @@ PAPER_CASE = "paper"
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
 """Variation of an estimate [1/s]: that of one sweep of the box per second, there and back, and that caused by the command."""
 QUIET_GAIN = 300.0
-"""Gain of L1-AC. It is far below the gain at which the loop oscillates with the paper's step, so that the solver has no visible
+"""Gain of L1-AC. It is far below the gain at which the loop oscillates with the paper's step, so the solver has no visible
 effect."""
 
 ON_THE_PAPER_S_EXAMPLE = (

@@ -188,7 +188,7 @@ class Sliders:
         return SignalSearch(self.case, partial(self.at, False))
 
     def at(self, switched: bool, path: FieldPath, value: float) -> Case:
-        """Return the case with another value of a number and, if ``switched``, with every switchable projection switched."""
+        """Return the case with a different value of a number and, if ``switched``, with every switchable projection switched."""
         key = switched, path, value
         if key not in self._cases:
             self._cases[key] = self._case({path: value}, self.toggles if switched else ())
@@ -242,9 +242,9 @@ def _precedence(given: tuple[FieldPath, float]) -> tuple[int, bool]:
 Place = tuple[float, int]
 """A value of a slider, and its index among the tabulated values, if any."""
 NEAR_SHARES = (0.04, 0.12)
-"""Smallest and largest distance, as a share of the slider's length, by which a slider is moved up or down together with others.
-Each slider uses a different value in between, so that two numbers that enter as a difference do not move equally. This close to
-the case all pairs should be valid."""
+"""Smallest and largest distance, as a fraction of the slider's length, by which a slider is moved up or down together with
+others. Each slider uses a different value in between, so two numbers that enter as a difference do not move equally. This close
+to the case all pairs should be valid."""
 FAR_SHARES = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
 """Limits of further distances to one side. They differ because some pairs change a last bit only at some values."""
 GOLDEN_RATIO = 0.6180339887498949
@@ -275,11 +275,11 @@ def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: boo
     return [(float(value), int(np.searchsorted(number.values, value))) for value in values]
 
 
-# A setting tries all pairs among its numbers at once, so that some dozens of settings suffice for hundreds of pairs; nothing is
+# A setting tries all pairs among its numbers at once, so some dozens of settings suffice for hundreds of pairs; nothing is
 # random. If a setting fails, the smallest set of numbers that fails is searched for.
 
 Move = tuple[int, int]
-"""The index of a number, counted from 0, and the index of its trial value."""
+"""The index of a number, numbered from 0, and the index of its trial value."""
 
 
 class Outcome(Enum):

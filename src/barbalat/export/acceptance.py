@@ -1,7 +1,7 @@
 """The admissible values of a case's parameters, as conditions that C can check.
 
 They are found by trying values: the ends of the interval that the case accepts for each number, at several points. All numbers
-differ between these points, which distinguishes a constant bound from another number that has the same value in this case.
+differ between these points, which distinguishes a constant bound from a different number that has the same value in this case.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Apart:
 
     @property
     def always(self) -> bool:
-        """Whether one of its constants differs, so that it holds for all values of the others."""
+        """Whether one of its constants differs, so it holds for all values of the others."""
         return any(not isinstance(one, int) and one != self.value for one in self.numbers)
 
     def placed(self, at: Callable[[Entry], Entry]) -> Apart:
@@ -221,7 +221,7 @@ FAR = 1e3
 FARTHEST = 1e6
 """Smallest size of the value farthest from the case's own."""
 MOVED = (0.3, -0.3, 0.05, -0.05, 1e-3, -1e-3)
-"""Relative changes of a number that are tried for another point, the largest ones first."""
+"""Relative changes of a number that are tried for a different point, the largest ones first."""
 POINTS = 2
 """Number of points at which bounds are compared, apart from the case itself."""
 ROUNDS = 2
@@ -310,7 +310,7 @@ class Acceptance:
         return [0.0, *others, 1.0, -1.0]
 
     def _ends_at(self, point: Array, i: int, side: int, end: float) -> bool:
-        """Whether values just beyond this one are refused, and those just before it are accepted."""
+        """Whether values just beyond this one are rejected, and those just before it are accepted."""
         own = float(point[i])
         if side * (end - own) < 0:
             return False
@@ -336,7 +336,7 @@ class Acceptance:
         return all(self._ends_at(point, i, side, norm.around(i, point)[side > 0]) for point in self.points)
 
     def _searched(self, point: Array, i: int, side: int) -> float:
-        """The last accepted value, or the first refused one if that is the shorter number."""
+        """The last accepted value, or the first rejected one if that is the shorter number."""
         inside, beyond = float(point[i]), self._far(i, side)
         while (middle := inside / 2 + beyond / 2) not in (inside, beyond):
             inside, beyond = (middle, beyond) if self._takes(point, i, middle) else (inside, middle)
@@ -384,7 +384,7 @@ class Acceptance:
                         yield Order(a.low, b.high, strict=True)
 
     def _is_apart(self, i: int, orders: Sequence[Order]) -> bool:
-        """Whether 0 is refused within the accepted interval."""
+        """Whether 0 is rejected within the accepted interval."""
         if any(0.0 in one.entries and i in numbers(one) and len(numbers(one)) == 1 for one in orders):
             return False
         near = CLOSE * (abs(float(self.values[i])) or 1.0)

@@ -1,4 +1,4 @@
-"""The self-test of bounds: numbers and counts of the state, times between two calls, and the control after refused results."""
+"""The self-test of bounds: numbers and counts of the state, times between two calls, and the control after rejected results."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _last_good(printed: Printed) -> Iterator[str]:
 
 
 def _counts(printed: Printed) -> Iterator[str]:
-    """Each count is accepted at both ends of its range and refused beyond them, and it stays at the upper end."""
+    """Each count is accepted at both ends of its range and rejected beyond them, and it stays at the upper end."""
     around = printed.contents.around
     most = members(around)
     most |= {} if around is None else dict(zip(counters(around), (one for _, one in around.repeats), strict=True))

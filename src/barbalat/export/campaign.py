@@ -38,8 +38,8 @@ class Degradation:
 
     faults   in words
     draws    number of runs, each with different draws
-    missed   the mean share of samples that the C missed or refused
-    beyond   the largest share of the time in which some |e| exceeded its largest value without faults
+    missed   the mean fraction of samples that the C missed or rejected
+    beyond   the largest fraction of the time in which some |e| exceeded its largest value without faults
     worst    the largest |e| of each component over all runs; None if one diverged
     lost     runs that diverged
     classes  number of runs in each class of the judge: lost, limit cycle, off, follows; empty classes are omitted
@@ -67,7 +67,7 @@ class Campaign:
 
     nominal  the largest |e| of each component without faults
     verdict  the judge's class of that run, and its ``sentence``
-    missed   the share of its samples that the shell refused
+    missed   the fraction of its samples that the shell rejected
     longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, since it is found by bisection
              and a longer outage may be tolerated as well
     most     the longest outage that was tried, in samples
@@ -249,7 +249,7 @@ class _Flights:
         return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost, classes=classes)
 
     def _beyond(self, batch: Batch) -> float:
-        """The share of the recorded intervals in which some |e| was larger than without faults, or missing."""
+        """The fraction of the recorded intervals in which some |e| was larger than without faults, or missing."""
         blocks = batch.blocks(self.simulation)
         low, high = (blocks.figure("e", side)[:, :, 0] for side in ("min", "max"))
         within = (np.maximum(-low, high) <= self.nominal).all(axis=1)

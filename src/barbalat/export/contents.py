@@ -40,7 +40,7 @@ from barbalat.validate import Array, InputError
 VECTORS = 1000
 """Samples that an export's self-test replays: some 100 kB of C for a small controller."""
 FEWEST_VECTORS = 10
-"""Least number of samples: the self-test refuses the ninth one and continues with the next."""
+"""Least number of samples: the self-test rejects the ninth one and continues with the next."""
 LEAST_RANGE = 1e6
 """Range of a state or an input, unless the simulation requires a larger one."""
 PARAMETER_FACTOR = 1e3
@@ -159,8 +159,8 @@ class Contents:
 
     @property
     def checked_limits(self) -> tuple[Array, Array] | None:
-        """``limits`` without those that are parameters. The law returns a state beyond such limits to the set, so that it is not
-        refused."""
+        """``limits`` without those that are parameters. The law returns a state beyond such limits to the set, so it is not
+        rejected."""
         if self.limits is None or self.opened is None:
             return self.limits
         (low, high), (low_is_open, high_is_open) = self.limits, self.opened.open_limits

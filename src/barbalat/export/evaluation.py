@@ -18,7 +18,7 @@ Inputs = Mapping[tuple[int, int], Any]
 
 
 def _lookup(x: Array, table: tuple[float, ...]) -> Array:
-    with np.errstate(invalid="ignore"):  # for a NaN argument the caller uses another value
+    with np.errstate(invalid="ignore"):  # for a NaN argument the caller uses a different value
         places = np.clip(np.nan_to_num(x).astype(int), 0, len(table) - 1)
     return np.array(table)[places]
 

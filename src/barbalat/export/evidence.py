@@ -16,8 +16,8 @@ from barbalat.lowering.operations import Program
 from barbalat.validate import Array
 
 PRIME = 0x100000001B3
-"""An odd number: multiplication by it modulo 2^64 maps different numbers to different products, so that any single difference
-changes a digest."""
+"""An odd number: multiplication by it modulo 2^64 maps different numbers to different products, so any single difference changes
+a digest."""
 MOST_SHOWN = 12
 """Largest number of mutants of one kind that a README lists individually."""
 

@@ -34,7 +34,7 @@ class InTheLoop:
     """A run whose control was computed by the compiled export.
 
     result   as from ``simulate``; the states at recorded instants are computed by the list
-    refused  number of samples whose measurement, command or result the export refused
+    refused  number of samples whose measurement, command or result the export rejected
     """
 
     result: Result
@@ -63,7 +63,7 @@ def simulate_export(
 ) -> InTheLoop:
     """Simulate with the exported C in the loop, compiled by this machine's compiler; with ``float32`` its numbers have 32 bits.
 
-    In float64 all figures equal those of ``simulate``, bit for bit. InputError as in ``export_controller``, and if there is no
+    In float64 all metrics equal those of ``simulate``, bit for bit. InputError as in ``export_controller``, and if there is no
     compiler.
     """
     simulation.require_steps("software in the loop")

@@ -58,7 +58,7 @@ def outage_tests(printed: Printed) -> str:
 
 
 def _script(around: Around) -> Iterator[tuple[int, int, int]]:
-    """For each sample whether it is good, and the outage and the remaining fade that are set before it, so that long ones are
+    """For each sample whether it is good, and the outage and the remaining fade that are set before it, so long ones are
     shortened."""
     assert around.longest is not None
     longest, fade = int(around.longest), int(around.fade)

@@ -80,7 +80,7 @@ class Parameter:
 class Opened:
     """The loop's lists with parameters.
 
-    cases   this case, then for each parameter the case with another value of it, ``tried``: an ensemble with these lists
+    cases   this case, then for each parameter the case with a different value of it, ``tried``: an ensemble with these lists
     feeds   by entry of the lists' third argument, the index of its parameter; None for a fixed number
     starts  by entry of the loop's flat state, the index of the parameter that is its initial value
     conditions  the case's conditions on its parameters, by their indices
@@ -142,7 +142,7 @@ class Opened:
 
 
 def _followed(row: Array) -> int | None:
-    """Member k + 1 is the case with another value of parameter k."""
+    """Member k + 1 is the case with a different value of parameter k."""
     moved = np.flatnonzero(row != row[0])
     return int(moved[0]) - 1 if len(moved) else None
 
@@ -157,7 +157,7 @@ Offered = tuple[tuple[FieldPath, float], float, "Case"]
 
 
 def _copied(case: Case) -> Iterator[Offered]:
-    """The numbers that occur unchanged in the loop, each with another value of it and the case with that value.
+    """The numbers that occur unchanged in the loop, each with a different value of it and the case with that value.
 
     The baseline's gains stay compiled in, because a part of the code (its fallback, the model) follows from them. So do the
     bounds of a known set with a baseline, which the loop contains shifted by these gains.
@@ -198,7 +198,7 @@ def _settable(case: Case) -> tuple[list[Offered], tuple[Condition, ...]]:
             return found, _acceptance(case, found).conditions()
         except NotFoundError as error:
             depths = {i: len(found[i][0][0].keys) for i in error.numbers}
-            deepest = max(depths.values())  # a matrix's entries come first, so that a bound of the whole matrix is a constant
+            deepest = max(depths.values())  # a matrix's entries come first, so a bound of the whole matrix is a constant
             found = [one for i, one in enumerate(found) if depths.get(i) != deepest]
 
 
@@ -214,7 +214,7 @@ def _acceptance(case: Case, found: Sequence[Offered]) -> Acceptance:
 
 
 def _balls(members: Sequence[Member], tried: Sequence[float]) -> Iterator[Norm]:
-    """The ball in which the estimates start; the (k + 1)-th member is the case with another value of the k-th number."""
+    """The ball in which the estimates start; the (k + 1)-th member is the case with a different value of the k-th number."""
     loops = [ClosedLoop.of(*member) for member in members]
     spheres = [None if (known := estimate_set(loop)) is None else known.sphere for loop in loops]
     size = 0 if spheres[0] is None else spheres[0].size

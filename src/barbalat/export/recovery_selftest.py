@@ -33,7 +33,7 @@ def _ends(around: Around | None) -> bool:
 
 
 def checked_values(contents: Contents) -> list[StatePart | None]:
-    """The stored last good values from which rates are checked. If one of them is out of range, the state is refused, and
+    """The stored last good values from which rates are checked. If one of them is out of range, the state is rejected, and
     otherwise every new value would exceed the rate."""
     around, layout = contents.around, contents.layout
     if around is None:

@@ -26,7 +26,7 @@ MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
 LOSSES = (1, 3, 2, 0, 0, 1, 0, 2, 0, 1, 1, 1, 0, 1, 0, 1, 0, 3, 0, 4, 4, 1, 5, 0)
 """Losses before the first good sample, single losses, several in a row and every second sample, for each signal and for both."""
 FADE = 4
-"""Number of samples over which a start fades out in the self-test: a power of two, so that the fractions of a bump are exact."""
+"""Number of samples over which a start fades out in the self-test: a power of two, so the fractions of a bump are exact."""
 
 
 def selftest(printed: Printed) -> str:
@@ -175,7 +175,7 @@ def _refused_tests(printed: Printed) -> list[str]:
 
 
 REFUSED_IN_A_ROW = 2
-"""Number of consecutive refusals in ``test_refused``."""
+"""Number of consecutive rejections in ``test_refused``."""
 
 
 def with_losses(contents: Contents) -> Array:
@@ -312,7 +312,7 @@ def _fresh(printed: Printed) -> list[str]:
 
 
 def _limits(printed: Printed) -> list[str]:
-    """An estimate outside the known set causes the state to be refused, unless the bound is a parameter."""
+    """An estimate outside the known set causes the state to be rejected, unless the bound is a parameter."""
     contents = printed.contents
     if contents.limits is None or not contents.sizes[3]:
         return []

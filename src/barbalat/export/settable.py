@@ -83,7 +83,7 @@ def _about(printed: Printed, i: int) -> str:
 
 
 def _only_starts(printed: Printed, one: Parameter) -> bool:
-    """Whether the parameter is only an initial value of states, so that no operation reads it."""
+    """Whether the parameter is only an initial value of states, so no operation reads it."""
     contents = printed.contents
     return one in contents.starts.values() and one not in contents.read_parameters
 

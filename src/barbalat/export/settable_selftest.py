@@ -1,4 +1,4 @@
-"""The self-test of settable parameters: refused values, the effect of a change, and the absence of a bump, also during another
+"""The self-test of settable parameters: rejected values, the effect of a change, and the absence of a bump, also during another
 fade."""
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _limits(printed: Printed, at: int) -> list[str]:
 
 
 def _refused_beyond(contents: Contents, k: int, side: int) -> float | None:
-    """A value of a lower (side 0) or upper limit far beyond the other one, which the case refuses; None if it refuses none."""
+    """A value of a lower (side 0) or upper limit far beyond the other one, which the case rejects; None if it rejects none."""
     values = np.array([one.value for one in contents.parameters])
     for far in (10.0, 1e3, 1e5):
         values[k] = far if side == 0 else -far

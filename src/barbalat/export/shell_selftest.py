@@ -11,7 +11,7 @@ from barbalat.lowering import c99
 from barbalat.validate import Array
 
 BEYOND_RATE = 1.5
-"""A multiple of a channel's allowed change per sample that is refused at once and accepted after one miss."""
+"""A multiple of a channel's allowed change per sample that is rejected at once and accepted after one miss."""
 
 MOST_MADE_UP = 10_000
 """Largest number of missed calls for which the test checks the longest time between two calls, because it runs them and float32
@@ -122,8 +122,8 @@ def _ranges(printed: Printed) -> list[str]:
 
 
 def _rates(printed: Printed) -> list[str]:
-    """The tests of rates: a change beyond the rate is refused and accepted a sample later, when enough time has passed; the same
-    change back is refused, because the gap has ended."""
+    """The tests of rates: a change beyond the rate is rejected and accepted a sample later, when enough time has passed; the same
+    change back is rejected, because the gap has ended."""
     lines, step = list[str](), "{n}_step(&c, &in, &out)"
     for member, lost, samples, (_, rated), (lows, highs, rates) in _checked(printed):
         for i in rated:

@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 VISIBLE_SHARE = 0.01
-"""Share of the largest |x| that is visible in a plot; rounding to 24 bits changes each number by far less, 6e-8."""
+"""Fraction of the largest |x| that is visible in a plot; rounding to 24 bits changes each number by far less, 6e-8."""
 DECADES = 8
 """Largest number of decades above the case's gain, or below it if the two already differ there: more than 24 bits can
 resolve."""

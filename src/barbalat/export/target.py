@@ -1,4 +1,4 @@
-"""Targets to which a controller can be exported. A target is a folder in this package or in another distribution.
+"""Targets to which a controller can be exported. A target is a folder in this package or in a different distribution.
 
 The folder has a module ``target`` with ``TARGETS``, a tuple of ``Target``s. Another distribution declares its package as an
 entry point, ``[project.entry-points."barbalat.export_targets"]`` with ``any_name = "its_package"``.
@@ -23,7 +23,7 @@ GROUP = "barbalat.export_targets"
 class Request:
     """The request for an export; the fields are the arguments of ``export_controller``.
 
-    warning  a sentence if the case's own run is lost or refused, else empty; called once the export is known to be possible
+    warning  a sentence if the case's own run is lost or rejected, else empty; called once the export is known to be possible
     """
 
     problem: TrackingProblem

@@ -164,7 +164,7 @@ _LETTERS = {
     "°": "deg", "µ": "u", "Ω": "Ohm", "·": "*", "⋅": "*", "×": "*", "−": "-", "–": "-", "√": "sqrt", "’": "'", "\u0307": "_dot",
     "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "ł": "l", "Ł": "L",
 }  # fmt: skip
-"""Replacements of signs of units, a derivative's dot, and letters that do not consist of another letter and an accent."""
+"""Replacements of signs of units, a derivative's dot, and letters that do not consist of a different letter and an accent."""
 
 
 def indented(lines: Iterable[str], by: int = 4) -> str:

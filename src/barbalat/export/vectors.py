@@ -30,7 +30,7 @@ ROUNDS = 40
 WORK = 12000
 """Operations of the list times rounds after which the search of a long list ends, after at least ten rounds."""
 MORE_ROUNDS = 40
-"""Further rounds, with ``MORE_PAIRS`` times as many pairs, if more than the share ``WEAK`` of the mutants are undecided."""
+"""Further rounds, with ``MORE_PAIRS`` times as many pairs, if more than the fraction ``WEAK`` of the mutants are undecided."""
 WEAK, MORE_PAIRS = 0.03, 4
 FEW = 20
 """Largest number of remaining mutants for which proofs are tried again with a larger budget."""
@@ -155,7 +155,8 @@ class _Search:
         return Vectors(states, measured, commands, given, freeze, after, every, missed, at_first, outcomes)
 
     def _is_weak(self, every: Sequence[Mutant], left: Sequence[Mutant], proofs: dict[Mutant, str]) -> bool:
-        """Whether the score is too small: the share of mutants that are detected, among those that are not proven equivalent."""
+        """Whether the score is too small: the fraction of mutants that are detected, among those that are not proven
+        equivalent."""
         return _faults(left) > WEAK * (_faults(every) - _faults(list(proofs)))
 
     def _proofs(self, left: Sequence[Mutant], most_cases: int = CASES) -> dict[Mutant, str]:
@@ -266,7 +267,7 @@ class _Search:
         return self._of_sets(columns, base)
 
     def _frozen(self, count: int, share: float) -> Array:
-        """The freeze switch, which is on in this share; with an observer it has two values for "on"."""
+        """The freeze switch, which is on in this fraction; with an observer it has two values for "on"."""
         found, lost = (self.random.random(count) < share).astype(float), self.contents.lost
         return found if lost == 1 else found * self.random.choice([1.0, lost], size=count)
 

@@ -1,4 +1,4 @@
-"""``export_controller`` writes a sampled controller as source code for another target into a folder."""
+"""``export_controller`` writes a sampled controller as source code for a different target into a folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def export_controller(
     """Write a sampled controller as source code that computes the same as the simulation, bit for bit; returns the folder.
 
     problem, simulation  the case whose first samples become the export's test vectors
-    controller           a sampled one; a continuous one is refused
+    controller           a sampled one; a continuous one is rejected
     out                  the folder; an existing export there is replaced completely
     target               "c99": ``controller.h``, ``controller.c``, ``selftest.c``, ``README.md``; "fmu2", "fmu3": a unit for
                          Co-Simulation by FMI 2.0 or 3.0, whose gains, limits and initial estimates are parameters;
@@ -54,7 +54,7 @@ def export_controller(
                          FMUs always have them as parameters
     sources_only         FMUs without a binary for this machine, for which a C compiler is needed
     judge                the judge of the case's own run, as in ``simulate``
-    note                 called with one sentence if the controller is lost in that run, or the shell refuses samples of it; the
+    note                 called with one sentence if the controller is lost in that run, or the shell rejects samples of it; the
                          README has it as well
 
     Raises InputError, and leaves no files behind, if the export is impossible.

@@ -1,4 +1,4 @@
-"""Checks a derivative by central differences of the same runs, and says why it is refused where they disagree."""
+"""Checks a derivative by central differences of the same runs, and says why it is rejected where they disagree."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 AGREES_WITHIN = 1e-3
 """Relative difference within which a derivative and a difference agree: independent computations confirm each other."""
 AGREES_BETWEEN_STEPS = 0.02
-"""The same if an extremum's instant moves from one solver step to a neighbouring one: the figure is that of the steps, and its
+"""The same if an extremum's instant moves from one solver step to a neighbouring one: the metric is that of the steps, and its
 slope is that at the nearest one, while differences average over several."""
 NEARLY_WITHIN = 0.05
 """Relative difference up to which changes of branch inside steps explain it: their effect on a discrete run is of the order of
@@ -24,7 +24,7 @@ HOLDS_WITHIN = 0.1
 MINOR = 0.01
 """Change of an elasticity that does not matter."""
 ROUNDING = 1e-12
-"""Error of a figure by rounding, relative to the figure."""
+"""Error of a metric by rounding, relative to the metric."""
 NEGLIGIBLE = 1e-6
 """An elasticity below this is not distinguished from zero."""
 NEIGHBOURING = 8
@@ -33,7 +33,7 @@ NEIGHBOURING = 8
 
 @dataclass(frozen=True)
 class Pair:
-    """A figure with the number above and below by ``step``, and the instants [s] of an extremum, NaN for other figures."""
+    """A metric with the number above and below by ``step``, and the instants [s] of an extremum, NaN for other metrics."""
 
     step: float
     above: float
@@ -45,13 +45,13 @@ class Pair:
         return (self.above - self.below) / (2 * self.step)
 
     def sides(self, value: float) -> tuple[float, float]:
-        """The slopes below and above the number, at which the figure is ``value``."""
+        """The slopes below and above the number, at which the metric is ``value``."""
         return (value - self.below) / self.step, (self.above - value) / self.step
 
 
 @dataclass(frozen=True)
 class Checked:
-    """The difference to which a derivative was compared, and the reason for its refusal, empty if it is accepted.
+    """The difference to which a derivative was compared, and the reason for its rejection, empty if it is accepted.
 
     ``local`` is true of a derivative that is right, but does not describe changes as large as the largest step.
     """
@@ -62,9 +62,9 @@ class Checked:
 
 
 def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair], *, dt: float, scale: float) -> Checked:
-    """Check the derivative of a figure.
+    """Check the derivative of a metric.
 
-    tangent, value, instant  the derivative, the figure and the instant of an extremum [s]
+    tangent, value, instant  the derivative, the metric and the instant of an extremum [s]
     pairs  with smaller and smaller steps
     dt     the solver's step [s]
     scale  of the number

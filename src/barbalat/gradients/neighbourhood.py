@@ -26,8 +26,8 @@ from barbalat.run.kernel import delay
 from barbalat.validate import Array, InputError
 
 SHARES = (1e-3, 1e-4, 1e-5)
-"""The differences' steps to either side, as shares of a number's scale. The first two also differentiate derived numbers, whose
-error of the order of the step's square cancels between them."""
+"""The differences' steps to either side, as fractions of a number's scale. The first two also differentiate derived numbers,
+whose error of the order of the step's square cancels between them."""
 SMOOTH_WITHIN = 1e-2
 """Largest relative difference between the slopes of derived numbers by the first two steps; beyond it they have no slope."""
 NOT_OF_A_RUN = ("simulation", "judge", "specification", "shell", "faults", "labels")
@@ -55,7 +55,7 @@ class NoSlope(InputError):
 
 @dataclass(frozen=True)
 class Unmovable:
-    """A number without derivatives, and the reason; ``invalid`` if constructors refuse the values beside it."""
+    """A number without derivatives, and the reason; ``invalid`` if constructors reject the values beside it."""
 
     path: FieldPath
     why: str
@@ -172,7 +172,7 @@ class Neighbourhood:
         return [i for i, one in enumerate(self.moved) if one.kind.is_number]
 
     def stepped(self, rows: Array, column: int, share: float) -> tuple[Array, Array]:
-        """Rows (M, d) with one number above, and below, by this share of its scale."""
+        """Rows (M, d) with one number above, and below, by this fraction of its scale."""
         above, below, step = rows.copy(), rows.copy(), self._step(rows, column, share)
         above[:, column] += step
         below[:, column] -= step

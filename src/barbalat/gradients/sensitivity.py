@@ -1,4 +1,4 @@
-"""How the figures of a run depend on the numbers of its case: derivatives by tangents, checked by differences."""
+"""How the metrics of a run depend on the numbers of its case: derivatives by tangents, checked by differences."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 FIGURES = ("max_abs_e", "rms_e", "max_abs_u")
-"""The default figures, with all their components."""
+"""The default metrics, with all their components."""
 TANGENT_MEMBERS = 2.5
 """Members of an ensemble that take as long as a member with a tangent: 2 to 3, as measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Derivative:
-    """The derivative of one figure of one controller in one number.
+    """The derivative of one metric of one controller in one number.
 
     value       the number
-    figure      the figure's name, with its value ``at``; ``instant`` [s] is that of an extremum, else None
-    derivative  None if it is refused, for the reason ``refused``
-    elasticity  percent of the figure per percent of the number; None if it is refused, or if either of them is zero
+    figure      the metric's name, with its value ``at``; ``instant`` [s] is that of an extremum, else None
+    derivative  None if it is rejected, for the reason ``refused``
+    elasticity  percent of the metric per percent of the number; None if it is rejected, or if either of them is zero
     difference  the central difference with which it was compared; None if a run beside the number diverges
     differences  by each of the steps, the largest first: shares SHARES of the number's size
     local       whether the difference by the largest step departs by more than a tenth: it holds for smaller changes only
@@ -65,7 +65,7 @@ class Derivative:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Sensitivities:
-    """The derivatives of the figures of a case's runs: by controller and figure, the largest elasticities first.
+    """The derivatives of the metrics of a case's runs: by controller and metric, the largest elasticities first.
 
     redesign  whether model and controllers follow the plant's numbers; if not, these move the simulated plant alone
     without  the numbers that have no derivatives, with the reason
@@ -87,7 +87,7 @@ class Sensitivities:
         return f"<Sensitivities {self.case!r}: {validate.counted(len(self.derivatives), 'derivative')}{said}>"
 
     def of(self, controller: str, figure: str) -> dict[str, Derivative]:
-        """The derivatives of one figure by the numbers' paths, in order; InputError for unknown names."""
+        """The derivatives of one metric by the numbers' paths, in order; InputError for unknown names."""
         if controller not in self.controllers:
             raise validate.unknown_name("controller", controller, self.controllers)
         found = {str(one.path): one for one in self.derivatives if (one.controller, one.figure) == (controller, figure)}
@@ -119,14 +119,14 @@ def sensitivity(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Sensitivities:
-    """The derivatives of the figures of a case's runs in its numbers, and what matters most.
+    """The derivatives of the metrics of a case's runs in its numbers, and what matters most.
 
     Each run is made with the tangents of its states, integrated by the same steps: the result is the derivative of the discrete
     run. An extremum has the slope at its instant. Each derivative is compared with central differences by three steps, and where
-    they disagree it is refused with the reason: a corner, a jump, a motion that is too sensitive.
+    they disagree it is rejected with the reason: a corner, a jump, a motion that is too sensitive.
 
     case         a case file, a bundled case's name, the text of one that has been read, or a ``Case``
-    of           figures as in ``run --json``, ``rms_e[0]`` or ``rms_e`` for all components; by default those of FIGURES
+    of           metrics as in ``run --json``, ``rms_e[0]`` or ``rms_e`` for all components; by default those of FIGURES
     to           paths of numbers, as in ``sweep``; by default all of the loop that are not zero
     controllers  names; by default all
     redesign     as in ``sweep``: whether design and controllers follow the plant's numbers
@@ -292,13 +292,13 @@ class _Runs:
 
 
 def require_figures(figures: Sequence[str], case: Case) -> None:
-    """InputError, before anything is computed, for names of which no component is a figure with a derivative."""
+    """InputError, before anything is computed, for names of which no component is a metric with a derivative."""
     without = {"diverged_at"} if isinstance(case.problem, OutputProblem) else {"diverged_at", "max_abs_y"}
     chosen([one.split("[")[0] for one in figures], [name for name in Metrics.__dataclass_fields__ if name not in without])
 
 
 def chosen(figures: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The figures with these names, or with all their components; InputError for an unknown one."""
+    """The metrics with these names, or with all their components; InputError for an unknown one."""
     found: list[str] = []
     for figure in figures:
         named = [name for name in known if figure in (name, name.split("[")[0])]
@@ -315,7 +315,7 @@ def _finite(value: float) -> float | None:
 
 
 def _first(one: Derivative) -> tuple[float, float]:
-    """The order: by elasticity, then those without one, by their derivative, then those that are refused."""
+    """The order: by elasticity, then those without one, by their derivative, then those that are rejected."""
     if one.derivative is None:
         return 2.0, 0.0
     return (1.0, -abs(one.derivative)) if one.elasticity is None else (0.0, -abs(one.elasticity))

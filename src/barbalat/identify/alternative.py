@@ -15,7 +15,7 @@ from barbalat.identify.windows import first_guess
 from barbalat.validate import Array
 
 MOST_DELAY = 0.2
-"""Share of the samples for the fit up to which dead times are tried."""
+"""Fraction of the samples for the fit up to which dead times are tried."""
 SCAN_STEPS = 8
 WORTH = 0.9
 """Largest residual on the validation samples, relative to that of the given model."""
@@ -23,7 +23,7 @@ LAGS = 8
 WHITE = 0.15
 """Correlation of residuals at lags up to ``LAGS`` below which the residuals are noise that no other model can explain."""
 ROUNDING = 1e-7
-"""Share of a state's range below which its residuals are rounding errors."""
+"""Fraction of a state's range below which its residuals are rounding errors."""
 SPREAD = 4.0
 """Number of standard deviations of that correlation for noise."""
 BETTER = 0.22

@@ -15,13 +15,13 @@ from barbalat.linear.pole_placement import place
 from barbalat.validate import Array, InputError
 
 SPREAD = 0.25
-"""Relative distance between neighbouring poles of the file's model, as a share of the plant's fastest pole."""
+"""Relative distance between neighbouring poles of the file's model, as a fraction of the plant's fastest pole."""
 SHARE_OF_DELAY = 0.5
 """Largest product of a pole of the file's model and the dead time."""
 PERIODS, STEPS = 4.0, 100.0
 """Periods of the file's command; solver steps per fastest time constant."""
 AT_REST = 1e-6
-"""Share of the model's largest steady-state gain below which a state counts as unaffected."""
+"""Fraction of the model's largest steady-state gain below which a state counts as unaffected."""
 
 
 def case_text(found: Identification, source: str) -> str:

@@ -23,7 +23,7 @@ from barbalat.validate import Array, InputError
 
 DEFAULT_HELD_OUT = 0.25
 WINDOW = Estimate(memory=2e3, seconds=2e-4)
-"""The cost of a window and its share of a linear programme."""
+"""The cost of a window and its fraction of a linear programme."""
 VALUE = Estimate(memory=100.0, seconds=1e-5)
 """The cost of a sample's derivative with respect to a coefficient, over all steps and dead times of the search."""
 
@@ -53,7 +53,7 @@ def identify(
     offset       whether each unknown row has a constant term; the plant then describes deviations from the
                  ``operating_point``
     delay        dead time of all inputs [s], a multiple of the sample time
-    held_out     share of the samples, at the end, that are used only for validation
+    held_out     fraction of the samples, at the end, that are used only for validation
 
     The set's bounds are guaranteed for the given noise and slope, known and held inputs, and a linear plant without disturbance.
     Without them the ranges are confidence intervals of an output-error fit, for independent measurement errors.

@@ -33,7 +33,7 @@ MOST_ORTHANTS = 6
 """Number of coefficients of noisy regressors up to which the set is searched orthant by orthant: 2^6 of them."""
 EPS = float(np.finfo(float).eps)
 SLACK = 1e-9
-"""Share of a window's error bound by which programmes are widened, so that rounding leaves them feasible."""
+"""Fraction of a window's error bound by which programmes are widened, so rounding leaves them feasible."""
 CHORD_PASSES = 6
 BEYOND_ALL = 1e9
 """Emptiness is proven for rows up to this many times the ratio of the changes to the regressors; a larger one does not describe
@@ -76,7 +76,7 @@ class Windows:
 class Enclosure:
     """Bounds, (p,) each, of every row that explains the windows; infinite if unbounded.
 
-    exact    whether the orthants were searched, so that only the correlation of the coefficients is lost
+    exact    whether the orthants were searched, so only the correlation of the coefficients is lost
     empty    whether it is proven that no row explains the windows, up to ``BEYOND_ALL`` if their errors leave the set's
              directions unbounded
     """
@@ -153,7 +153,7 @@ def _everything(p: int) -> Array:
 
 
 def _by_columns(windows: Windows) -> tuple[Windows, Array]:
-    """The windows for coefficients multiplied by powers of two, without rounding, so that all regressors are of size 1."""
+    """The windows for coefficients multiplied by powers of two, without rounding, so all regressors are of size 1."""
     scale = 2.0 ** np.round(np.log2(np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)))
     return Windows(windows.left, windows.Q / scale, windows.left_error, windows.Q_error / scale), scale
 
@@ -260,7 +260,7 @@ def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) ->
     most_violated = np.column_stack([G, -np.ones(len(G))])
     least = linprog(np.append(np.zeros(p), 1.0), A_ub=most_violated, b_ub=g, bounds=[*free, (-1.0, None)], method="highs")
     needed = max(0.0, float(least.x[-1])) if least.x is not None else 0.0
-    # more than needed, so that the solver does not consider a set with a single point empty
+    # more than needed, so the solver does not consider a set with a single point empty
     programmes = _dual_bounds(G, g + (2 * needed + TOLERANCE if needed else 0.0), G_error)
     size = max(np.abs(windows.left).max(), windows.left_error.max(), np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0))
     box = np.full(p, BEYOND_ALL * size) if programmes is None else programmes[0]

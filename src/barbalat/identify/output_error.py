@@ -27,7 +27,7 @@ STEPS = 40
 CONVERGED = 1e-4
 """Square of the step, in standard errors, at which a search ends: a step of a hundredth of a standard error."""
 EXACT = 1e-10
-"""Share of a state's range below which its residual is rounding error."""
+"""Fraction of a state's range below which its residual is rounding error."""
 SAME_INTERVAL = 1e-9
 """Relative difference up to which two sampling intervals share a transition matrix."""
 CHUNK = 1024

@@ -17,7 +17,7 @@ LEAST_ROWS = 4
 STILL = 1e-10
 """Singular value of the regressors, relative to the largest, below which the regressors do not move in a direction."""
 BLIND = 1e-6
-"""A coefficient belongs to an unexcited direction if its share of the direction is above this; smaller shares are rounding
+"""A coefficient belongs to an unexcited direction if its fraction of the direction is above this; smaller shares are rounding
 errors."""
 
 
@@ -71,7 +71,7 @@ def first_guess(train: Recording, i: int, start: Array, free: Array) -> Array:
 
 
 def blind(Q: Array) -> tuple[tuple[Array, ...], Array]:
-    """Directions in which regressors do not move at all, up to rounding, and the coefficients with a share in one of them."""
+    """Directions in which regressors do not move at all, up to rounding, and the coefficients with a fraction in one of them."""
     size = np.maximum(np.abs(Q).max(axis=0, initial=0.0), 1e-300)
     _, values, rows = np.linalg.svd(Q / size, full_matrices=False)
     still = rows[values <= STILL * values.max(initial=0.0)]

@@ -21,7 +21,7 @@ STATE, MEMORY, PARAMETERS, SIGNALS, PAST, NOISE, ERROR, DEMAND = range(8)
 """Arguments of the judge's operations: those of a step, with the memory in place of the accumulators, and values that the step
 has already computed."""
 ARRIVED = 1e-3
-"""Share of a control's range. A rate limiter that is this close to the control's limit counts as having arrived, because it
+"""Fraction of a control's range. A rate limiter that is this close to the control's limit counts as having arrived, because it
 approaches the limit exponentially."""
 
 

@@ -16,18 +16,18 @@ TURNS_EXPLAIN = 2
 """Number of reversals that one turn of the commands and disturbances explains, and the largest ratio of the control's path to
 theirs that they explain, with each path as a multiple of its range."""
 LIMITED_SHARE = 0.25
-"""A control that is at a limit, or at its limited rate, for more than this share of the tail responds to the limit rather than
+"""A control that is at a limit, or at its limited rate, for more than this fraction of the tail responds to the limit rather than
 to the command."""
 SLOWEST_PERIODS = 3.0
 """A window of a continuation has this many periods of the model's slowest mode, unless the run is shorter."""
 FEWEST_CYCLES = 4.0
 """A window also has at least this many periods of the oscillation in the tail."""
 LONGEST_SHARE = 0.5
-"""Largest length of a window as a share of the run, so that a continuation takes less than MOST_WINDOWS halves of the run."""
+"""Largest length of a window as a fraction of the run, so a continuation takes less than MOST_WINDOWS halves of the run."""
 KEPT_SHARE = 0.8
-"""In a limit cycle, a window keeps at least this share of the previous window's swing."""
+"""In a limit cycle, a window keeps at least this fraction of the previous window's swing."""
 STEADY_SHARE = 0.02
-"""A swing that changes by less than this share between windows is decided. One that decays or grows faster is continued."""
+"""A swing that changes by less than this fraction between windows is decided. One that decays or grows faster is continued."""
 LEVELLING_SHARE = 0.5
 """Largest ratio of successive changes between windows for a swing that converges to a limit cycle's."""
 FEWEST_WINDOWS = 3
@@ -47,8 +47,9 @@ def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Ar
     """Return whether the driving signals explain the reversals of each member (M,) that follows.
 
     This requires that no control reverses more than twice per turn of the commands and disturbances, that its path between turns
-    is at most twice theirs, and that no control is at its limits for long. ``reversals``, ``swings`` and ``limited``, the share
-    of the tail, are (M, m). A cycle that is smaller or slower than the control's response to the command may remain hidden.
+    is at most twice theirs, and that no control is at its limits for long. ``reversals``, ``swings`` and ``limited``, the
+    fraction of the tail, are (M, m). A cycle that is smaller or slower than the control's response to the command may remain
+    hidden.
     """
     often = reversals > FEWEST_REVERSALS + TURNS_EXPLAIN * held.turns
     far = swings > FEWEST_REVERSALS + TURNS_EXPLAIN * held.swings

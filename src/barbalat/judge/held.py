@@ -15,7 +15,8 @@ from barbalat.validate import Array
 INSTANTS = 2**14
 """Number of instants of the tail at which the signals are evaluated."""
 RIPPLE = 0.025
-"""Share of a signal's range in the tail. Smaller movements do not count as a turn and do not explain a reversal of a control."""
+"""Fraction of a signal's range in the tail. Smaller movements do not count as a turn and do not explain a reversal of a
+control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Held:
 
     @classmethod
     def along(cls, signals: Iterable[Array | None]) -> Held:
-        """Evaluate signals from their values (K,) in the tail. None stands for the time itself."""
+        """Evaluate signals from their values (K,) in the tail. None means the time itself."""
         found, turns, swings = [], 0, 0.0
         for values in signals:
             if values is None:

@@ -17,7 +17,8 @@ CLASSES = tuple(Class)
 TIE = 1e-9
 """Components whose errors relative to their bands differ by less than this count as equal, because the difference is rounding."""
 LEAST_BESIDE = 1e-3
-"""If the worst error is below this share of its band, only this component is reported, whichever state is declared to follow."""
+"""If the worst error is below this fraction of its band, only this component is reported, whichever state is declared to
+follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ class Judged:
 
     kinds          (M,) numbers of CLASSES
     error          (M, n) the tail's largest |e|, which is compared with ``bands``
-    at_limit       (M, m) the share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
+    at_limit       (M, m) the fraction of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
     lost_at        (M,) the time by which each run was lost [s]; NaN if it was not
     lost_within    (M,) how much earlier that may have been [s]
     dt, steps      the step [s] and the number of steps of the runs

@@ -17,9 +17,9 @@ import numpy as np
 from barbalat.protocols import Value
 
 LEAST_RANGE = 1e-6
-"""A control without limits counts as moving if it covers at least this share of its largest magnitude. Less is rounding."""
+"""A control without limits counts as moving if it covers at least this fraction of its largest magnitude. Less is rounding."""
 RISES_FROM, RISES_TO = 0.1, 0.9
-"""The shares of a step between which the rise time is measured, as in python-control's ``step_info``."""
+"""The fractions of a step between which the rise time is measured, as in python-control's ``step_info``."""
 
 
 class Sample(NamedTuple):
@@ -74,11 +74,11 @@ class Memory:
 
     limited     (m,) whether each input has limits, which are then its range; otherwise its range is what it has covered in the
                 tail, or in the run so far, and at least its largest magnitude there
-    hysteresis  a reversal counts once the control has moved back by this share of its range
+    hysteresis  a reversal counts once the control has moved back by this fraction of its range
     weighed     also keep the sum of the points at which each control turned back, see ``Kept.swings``
     detailed    also keep what sweeps don't need: IAE, ITAE, the control's path, and the responses to steps of the command
     gains       (n, q) steady-state gains of the model's components if responses are wanted; else empty
-    bands       (n,) bands for settling, NaN for the share ``settles`` of the model's largest motion so far
+    bands       (n,) bands for settling, NaN for the fraction ``settles`` of the model's largest motion so far
     """
 
     components: int
@@ -170,8 +170,8 @@ class Memory:
         """Return the rows on reversals. The limited control reverses when its distance from its farthest point exceeds the
         hysteresis.
 
-        Everything is measured in the direction of motion, so that a farther point has a larger value. A decrease at the start
-        also counts as a reversal.
+        Everything is measured in the direction of motion, so a farther point has a larger value. A decrease at the start also
+        counts as a reversal.
         """
         free = tuple(not limited for limited in self.limited)
         moved, far = _chosen(new["high"] - new["low"], free), _chosen(np.abs(sample.limited), free)
@@ -189,7 +189,7 @@ class Memory:
         }
 
     def _responses(self, old: dict[str, Value], sample: Sample, scale: Value) -> dict[str, Value]:
-        """Return overshoot [share of the step], rise and settling time [steps], the worst over all steps of the command so
+        """Return overshoot [fraction of the step], rise and settling time [steps], the worst over all steps of the command so
         far."""
         now, begun = old["steps"], old["steps"] > 0
         given = np.array(self.bands)

@@ -1,4 +1,4 @@
-"""The scale of each component of the error. The default bands are shares of it and are the same for all controllers."""
+"""The scale of each component of the error. The default bands are fractions of it and are the same for all controllers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from barbalat.protocols import Signal
 from barbalat.validate import Array
 
 ROUNDING = 1e-9
-"""A component of the model that moves by less than this share of the largest one is at rest, and its motion is rounding."""
+"""A component of the model that moves by less than this fraction of the largest one is at rest, and its motion is rounding."""
 RESTING = 0.01
-"""A component is also at rest if it moves by less than this share of its response to initial state, noise and disturbances, so
-that a negligible command counts as none."""
+"""A component is also at rest if it moves by less than this fraction of its response to initial state, noise and disturbances, so
+a negligible command counts as none."""
 INSTANTS = 2**12
 """Number of instants of a run at which disturbances and the model's free motion are evaluated."""
 
@@ -25,7 +25,7 @@ class Uncommanded:
 
     answer  (n,) their largest response to the disturbances alone in the model, which is the loop with known parameters; an output
             disturbance of a fed-back output replaces the command
-    spread  (n, n) the largest value of each component in the model's free motion from an initial value of 1 of another
+    spread  (n, n) the largest value of each component in the model's free motion from an initial value of 1 of a different
             component
     """
 

@@ -16,7 +16,7 @@ from barbalat.validate import Array, InputError
 LOST_SHARE = 100.0
 """Default multiple of its scale beyond which a component is lost: 40 dB above everything that was requested."""
 CYCLE_SHARE = 0.025
-"""Default hysteresis as a share of the control's range. On the flexible joint with noise, every hysteresis from 1 to 5 %
+"""Default hysteresis as a fraction of the control's range. On the flexible joint with noise, every hysteresis from 1 to 5 %
 separates cycles from other runs."""
 
 
@@ -29,7 +29,7 @@ class Judge(Settings):
              scale by default. The scale is the model's largest motion; if the model is at rest, the largest of initial state,
              noise and the model's response to the disturbances
     lost     by component, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale by default
-    cycle    the hysteresis of a reversal of the limited control and the smallest swing of a limit cycle, as a share of the
+    cycle    the hysteresis of a reversal of the limited control and the smallest swing of a limit cycle, as a fraction of the
              control's range: that of its limits, or the range that it covers without limits
     closely  search every run for a limit cycle, even if the control reverses too rarely in the tail to be suspected, since the
              tail may be shorter than one and a half periods. It takes up to three and a half times as long as the run in addition

@@ -15,11 +15,12 @@ class Specification(Settings):
 
     settling   settling time into the judge's band around the model's steady state [s], for the worse of the command's first step,
                from rest, and its largest
-    overshoot  overshoot beyond the model's steady state, as a share of the step, for the worse of them
+    overshoot  overshoot beyond the model's steady state, as a fraction of the step, for the worse of them
     u_max      largest demanded |u|, before the limits
     delay      additional delay at the plant's input that the loop tolerates without oscillation [s]
     gain       the loop tolerates factors from 1/gain to gain on the input's effectiveness
-    noise      largest RMS, over these steps, of the effect of measurement noise on u, as a share of the largest |u| without noise
+    noise      largest RMS, over these steps, of the effect of measurement noise on u, as a fraction of the largest |u| without
+               noise
     """
 
     settling: float | None = None

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 LEAST_SAID = 0.001
-"""Share of the time at limits below which the sentence does not mention them."""
+"""Fraction of the time at limits below which the sentence does not mention them."""
 FOLLOWS_SHARE = 0.05
-"""The default band of the tail's error, as a share of a component's scale."""
+"""The default band of the tail's error, as a fraction of a component's scale."""
 
 
 class Class(StrEnum):
@@ -38,7 +38,7 @@ class Cycle:
 
     @property
     def number(self) -> int:
-        """The index of the input, counted from 0."""
+        """The index of the input, numbered from 0."""
         return int(self.signal.partition("[")[2].rstrip("]"))
 
     def as_json(self) -> dict[str, Any]:
@@ -91,8 +91,8 @@ class Figures:
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """The largest |error| of a component in the tail, and its band, both in the plant's unit. The default band is a share of the
-    scale."""
+    """The largest |error| of a component in the tail, and its band, both in the plant's unit. The default band is a fraction of
+    the scale."""
 
     component: str
     error: float
@@ -101,7 +101,8 @@ class Deviation:
     unit: str = ""
 
     def said(self, *, named: bool) -> str:
-        """Return the error as a share of the scale, or in the plant's unit if the band was given in it or there is no scale."""
+        """Return the error as a fraction of the scale, or in the plant's unit if the band was given in it or there is no
+        scale."""
         unit, where = f" {self.unit}" if self.unit else "", f" in {self.component}"
         if self.band != FOLLOWS_SHARE * self.scale:
             return f"{self.error:.3g}{unit}{where if named else ''} (band {self.band:.3g}{unit})"
@@ -123,10 +124,10 @@ class Verdict:
                    are declared to follow a command, unless the run is off and only others are outside their bands
     beside         the worst component if that is another one; if it is ``component``, the worst of the declared states
     error, band    the tail's largest |error| of ``component``, and its band, in the plant's unit
-    scale          the scale of which the component's band is a share by default
+    scale          the scale of which the component's band is a fraction by default
     settled        whether the verdict belongs to the plant and not to the solver; None if that was not examined
     cycle          the limit cycle; None if there is none
-    at_limit       share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
+    at_limit       fraction of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
     lost_at        the time by which the run was lost [s]; None if it was not
     lost_within    how much earlier that may have been [s]; 0 if it is known to the step
     lost_when_held whether a suspect that is not lost in its run is lost when it is continued with everything held

@@ -40,7 +40,7 @@ class Crossings:
         the poles.
 
         The zeros cover the frequencies between grid points; the grid covers rounding errors of zeros near lightly damped poles.
-        Both are bracketed and refined on the function itself, so that no spurious crossing is returned.
+        Both are bracketed and refined on the function itself, so no spurious crossing is returned.
         """
         from scipy.optimize import brentq
 
@@ -70,7 +70,7 @@ _ROUNDING = 1e-15
 _LARGE_RESPONSE = 1e3
 """The ratio by which a response keeps growing towards lower frequencies if L is c/s or c/s^2 there."""
 _LEAST_SHARE = 1e-15
-"""Share of the lowest frequency: below it, rounding errors of an integrator exceed the other poles' responses."""
+"""Fraction of the lowest frequency: below it, rounding errors of an integrator exceed the other poles' responses."""
 
 
 def frequency_grid(loop: StateSpace) -> Array:

@@ -23,7 +23,7 @@ def driven_response(
     t = np.linspace(0.0, t_end, min(steps, MOST_INSTANTS) + 1)
     driven = np.stack([signal_values(signal, t) for signal in signals], axis=1)
     Phi, at_start, at_end = _over_an_interval(np.asarray(A), np.asarray(B), float(t[1] - t[0]))
-    # Each row is multiplied separately, like the state, so that the result does not depend on the number of rows.
+    # Each row is multiplied separately, like the state, so the result does not depend on the number of rows.
     forced_at_start, forced_at_end = ((driven[:, None] @ effect)[:, 0] for effect in (at_start, at_end))
     x = [np.asarray(x0, dtype=float)]
     for start, end in zip(forced_at_start, forced_at_end[1:], strict=False):

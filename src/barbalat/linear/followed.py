@@ -162,7 +162,7 @@ def growth(A: arb_mat) -> tuple[list[arb], arb]:
     """v > 0 and mu >= 0 with M v <= mu v, where M is A with the magnitudes of its off-diagonal entries.
 
     |e^(As) z| <= e^(mu s) max_i(|z_i|/v_i) v then holds in every component: the right side grows faster than any |z_i|. Any v > 0
-    is valid. Its entries are powers of two, so that the last digits of LAPACK, which differ between processors, do not affect the
+    is valid. Its entries are powers of two, so the last digits of LAPACK, which differ between processors, do not affect the
     bound.
     """
     M = np.array([[float(one) for one in row] for row in A.tolist()])

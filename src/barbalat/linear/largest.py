@@ -25,7 +25,7 @@ SECANTS = 5
 
 def largest(tolerates: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
     """A value between ``low``, which is tolerated or 0, and ``high``, which is not: it is tolerated, and the value larger by the
-    share ``within`` is not.
+    fraction ``within`` is not.
 
     ``within`` is relative. 0 if no positive value was found to be tolerated.
     """
@@ -74,7 +74,7 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
         if high - low <= within * high:
             break
         middle = low * (high / low) ** (below / (below - above))
-        # passes the root by a third of the requested width, towards the farther end, so that both ends approach the root
+        # passes the root by a third of the requested width, towards the farther end, so both ends approach the root
         middle *= 1 - within / 3 if middle > geometric_mean(low, high) else 1 + within / 3
         if step % SECANTS == 0 or not low < middle < high:
             middle = geometric_mean(low, high)

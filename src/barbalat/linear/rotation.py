@@ -23,7 +23,8 @@ CLEAR_OF_A_LEVEL = 1e-9
 """Relative allowance, far above the rounding errors of a phase in whatever order it is summed."""
 
 START_SHARE = 1e-9
-"""The start of a search, as a share of the smallest zero, pole and 1/d: below it L is constant, or an integrator, within 1e-8."""
+"""The start of a search, as a fraction of the smallest zero, pole and 1/d: below it L is constant, or an integrator, within
+1e-8."""
 
 
 class Rotation:
@@ -127,7 +128,7 @@ def _levels(lowest: Array, highest: Array) -> tuple[Array, Array]:
 def phase_crossings(crossings: Crossings, delay: float, crossovers: Array) -> Array:
     """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest such value under 1.
 
-    Above the last crossover w_c the delay alone causes one: zeros and poles rotate the phase by at most pi each, so that it falls
+    Above the last crossover w_c the delay alone causes one: zeros and poles rotate the phase by at most pi each, so it falls
     through an odd multiple of pi before w_c + (R + 2) pi/d. With k the factor there, no smaller one is beyond the last w with k
     |L| = 1.
     """

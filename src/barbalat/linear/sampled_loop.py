@@ -36,7 +36,7 @@ from barbalat.validate import Array, InputError
 
 
 class Effects(NamedTuple):
-    """The effects of u[k-l] and u[k-l-1] on X at the next sample, for a delay of l samples and a share f of one; a column per
+    """The effects of u[k-l] and u[k-l-1] on X at the next sample, for a delay of l samples and a fraction f of one; a column per
     input."""
 
     whole: Array
@@ -144,21 +144,21 @@ class SampledLoop:
 
 
 def _split(delay: float, T: float) -> tuple[int, float]:
-    """Whole samples and the remaining share of one; a remainder within rounding of a whole sample is rounded to it."""
+    """Whole samples and the remaining fraction of one; a remainder within rounding of a whole sample is rounded to it."""
     whole = int(np.floor(delay / T + 1e-12))
     return whole, max(delay / T - whole, 0.0)
 
 
 LEAST_STEP = 1e-4
-"""Smallest step of the search, as a share of a sample (for a delay) or of the factor (for a gain); it is below the resolution of
-the grid of frequencies."""
+"""Smallest step of the search, as a fraction of a sample (for a delay) or of the factor (for a gain); it is below the resolution
+of the grid of frequencies."""
 FREQUENCIES = 600
 """Number of frequencies up to pi/T on each of two grids, logarithmic and linear; the modes without feedback are added."""
 CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
 """Number of refinements between the neighbours of a minimum on the grid, down to a hundredth of the grid's steps."""
 SHORT_STEP = 0.1
-"""If the search's step is shorter than this share of a sample (for a delay) or of the factor (for a gain), stability may be lost
-nearby, which is then examined."""
+"""If the search's step is shorter than this fraction of a sample (for a delay) or of the factor (for a gain), stability may be
+lost nearby, which is then examined."""
 MOST_SAMPLES_OF_DELAY = 500
 """Largest delay, in samples, up to which the delay margin is searched."""
 EDGE_PLACES = 100
@@ -169,7 +169,7 @@ points near it."""
 LARGEST_TURN = 0.05
 """Largest rotation of e^(A t) between the instants within a sample at which it is evaluated."""
 SHARE_OF_ROOM = 0.9
-"""Share of the distance to the loss of stability by which the factor advances in one step, so that the search does not end on the
+"""Fraction of the distance to the loss of stability by which the factor advances in one step, so the search does not end on the
 loss itself."""
 
 
@@ -315,7 +315,7 @@ class _DelaySearch:
         return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
-        """Whether |L| < 1 at all frequencies and for all positions of the edge, so that no delay matters.
+        """Whether |L| < 1 at all frequencies and for all positions of the edge, so no delay matters.
 
         Between the checked positions of the edge, L changes by at most what its slope allows.
         """

@@ -17,11 +17,11 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.validate import Array, InputError
 
 TAIL_SHARE = 1e-3
-"""Share of the sum below which the tail is negligible for a bound."""
+"""Fraction of the sum below which the tail is negligible for a bound."""
 MOST_SAMPLES = 4_000_000
 """Largest number of summed samples; a loop that decays more slowly has no bound."""
 PROVEN_SHARE, CERTAIN_SHARE = 1e-4, 0.999
-"""Approximate share of a sum that a proof omits, and share of the decay that it uses."""
+"""Approximate fraction of a sum that a proof omits, and fraction of the decay that it uses."""
 MOST_PROVEN = 12_000
 """Largest number of samples that ``barbalat-check`` follows, which takes some minutes."""
 BLOCK_SAMPLES = 64

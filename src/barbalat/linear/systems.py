@@ -26,7 +26,7 @@ def is_scipy(system: Any) -> bool:
 
 
 def foreign_state_space(system: Any) -> tuple[Array, Array, Array, Array] | None:
-    """A, B, C, D of a continuous state space of another package; ``None`` for anything else."""
+    """A, B, C, D of a continuous state space of a different package; ``None`` for anything else."""
     if not all(hasattr(system, name) for name in ("A", "B", "C", "D")) or getattr(system, "dt", None) not in (0, None):
         return None
     A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
@@ -168,7 +168,7 @@ class TransferFunction(Settings):
         if len(den) == 0:
             raise InputError(f"den must not be zero, got {validate.show(self.den)}")
         num = num if len(num) else np.zeros(1)
-        with np.errstate(over="ignore"):  # refused below, where the message quotes the coefficients
+        with np.errstate(over="ignore"):  # rejected below, where the message quotes the coefficients
             object.__setattr__(self, "num", num / den[0])
             object.__setattr__(self, "den", den / den[0])
         if not (np.isfinite(self.num).all() and np.isfinite(self.den).all()):
@@ -245,7 +245,7 @@ class TransferFunction(Settings):
         D = float(num[0])
         if order == 0:
             return StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
-        with np.errstate(over="ignore", invalid="ignore"):  # values beyond the range of floats are refused below
+        with np.errstate(over="ignore", invalid="ignore"):  # values beyond the range of floats are rejected below
             A, scale = balance(np.vstack([-self.den[1:], np.eye(order)[:-1]]))
             B, C = np.eye(order)[0] / scale, (num[1:] - D * self.den[1:]) * scale
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):

@@ -250,7 +250,7 @@ class Around:
 
     @property
     def checks_commands(self) -> bool:
-        """Whether a command may be refused."""
+        """Whether a command may be rejected."""
         return bool(self.command_ranged or self.command_rated)
 
     def initial(self, y: Array, inputs: int) -> Kept:

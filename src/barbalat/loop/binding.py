@@ -34,7 +34,7 @@ _checked: set[Hashable] = set()
 
 def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
     """The controller's equations for this problem; InputError for an object that is not a controller, or for a controller that
-    needs another measurement.
+    needs a different measurement.
 
     Equations that involve a class from outside are checked once for each structure, see ``check_controller``. The package's
     tests apply the same checks to its own equations.
@@ -83,8 +83,8 @@ class Bindings:
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:
     """Try a controller's equations on a problem as a run does; for tests of your own classes.
 
-    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so that the traced equations
-    agree with the code. Raises InputError with the class, the equation, the shape and the required one.
+    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so the traced equations agree
+    with the code. Raises InputError with the class, the equation, the shape and the required one.
     """
     validate.instance("problem", problem, TrackingProblem)
     equations = _equations(problem, controller, outside=comes_from_outside(controller))
@@ -153,7 +153,8 @@ def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller
 
 
 def _renamed(controller: Any, name: str) -> Any:
-    """A copy with another name; the controller itself if its class does not allow this, which is then refused as a duplicate."""
+    """A copy with a different name; the controller itself if its class does not allow this, which is then rejected as a
+    duplicate."""
     own = tuple(one.name for one in fields(controller) if one.init) if is_dataclass(controller) else ()
     if "name" in own:
         return replace(controller, name=name)

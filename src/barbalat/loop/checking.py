@@ -23,8 +23,8 @@ from barbalat.validate import Array, counted, show
 POINTS_TRIED = 4
 """States at which the equations are evaluated: the initial one, and others drawn around it."""
 AGREEMENT_WITHIN = 1e-8
-"""Tolerance relative to an equation's largest entry: the same sums in another order differ by far less, and different equations
-by far more."""
+"""Tolerance relative to an equation's largest entry: the same sums in a different order differ by far less, and different
+equations by far more."""
 CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial", "control", "advance")
 
 

@@ -112,7 +112,7 @@ def same_whole(part: Any, other: Any) -> bool:
 
 
 def identical(part: Any, other: Any, depth: int = 0) -> bool:
-    """Whether two parts agree in everything, to the last bit, so that everything computed from them is equal."""
+    """Whether two parts agree in everything, bit for bit, so everything computed from them is equal."""
     if part is other:
         return True
     if type(part) is not type(other):

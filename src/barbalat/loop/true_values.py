@@ -58,8 +58,8 @@ def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None
 
 
 def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
-    """The set onto which theta_hat is projected; None if the scheme does not declare one, or uses the declared name for another
-    set."""
+    """The set onto which theta_hat is projected; None if the scheme does not declare one, or uses the declared name for a
+    different set."""
     if loop.estimates is None:
         return None
     role, equations = loop.estimates.role, loop.continuous

@@ -17,7 +17,7 @@ from barbalat.validate import InputError
 
 PACKAGE = Path(__file__).parents[1]
 LONGEST_REASON = 160
-"""Largest number of characters quoted from another package's message; its beginning describes the problem."""
+"""Largest number of characters quoted from a different package's message; its beginning describes the problem."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Subject:
 
     @property
     def on_symbols(self) -> Subject:
-        """This subject for an equation that worked on numbers, so that a failure is due to the symbols."""
+        """This subject for an equation that worked on numbers, so a failure is due to the symbols."""
         return replace(self.part(" on symbols"), symbolic=True)
 
     def error(self, what: str) -> InputError:

@@ -105,7 +105,7 @@ def read(function: casadi.Function) -> Program:
 
 def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tuple[int, int], int]) -> Program:
     """``program`` appended to the operations ``first``; the values at the positions ``inputs`` replace its inputs. Other inputs
-    stay inputs. The program's own operations keep their order and operands, so that all results are unchanged, bit for bit.
+    stay inputs. The program's own operations keep their order and operands, so all results are unchanged, bit for bit.
     """
     operations = list(first)
     outputs = append(operations, program, inputs)

@@ -1,6 +1,6 @@
 """Derivatives of an operation list along several directions at once: the same list, followed by the operations of its tangents.
 
-The operations of the original list are unchanged, so that its values keep their bits. At a selection, a minimum or a maximum the
+The operations of the original list are unchanged, so its values keep their bits. At a selection, a minimum or a maximum the
 tangent is that of the selected branch; a comparison, and anything that is rounded to a whole number, has none.
 """
 

@@ -24,7 +24,7 @@ OTHER_STRUCTURE = (
     "narrow the range, or sweep its parts one by one; a delay must be 0 in all members, or at least one solver step in all"
 )
 ROUNDING = 1e-9
-"""Share of the largest number of an array. A number that did not change with any value tried and differs by at most this in
+"""Fraction of the largest number of an array. A number that did not change with any value tried and differs by at most this in
 some member is the same number computed by different operations, such as an A_m that follows from a varied A; every member uses
 the first's."""
 

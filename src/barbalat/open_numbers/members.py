@@ -31,9 +31,9 @@ class Setting:
     """All members with the same values of those numbers whose change requires another kernel.
 
     A number that occurs unchanged in every kernel, or is the plant's delay, is inserted directly, see ``probe.direct``: no case
-    is then built for a member. Values that constructors would refuse are still refused: a case is built for each corner of the
+    is then built for a member. Values that constructors would reject are still rejected: a case is built for each corner of the
     box that contains the members. This is valid for the whole box, because the admissible set of such numbers is convex: limits,
-    orders, known sets. Each corner's numbers must also equal the inserted ones, bit for bit. If a corner is refused, a case is
+    orders, known sets. Each corner's numbers must also equal the inserted ones, bit for bit. If a corner is rejected, a case is
     built for every member.
 
     base      (d,) numbers of an example
@@ -96,7 +96,7 @@ class Setting:
         return self.example.problem.signals
 
     def driven_by(self, base: Array, example: Case) -> Setting:
-        """The setting with the signals of another example, which is the case with these numbers."""
+        """The setting with the signals of a different example, which is the case with these numbers."""
         if (base == self.base).all():
             return self
         made = {base.tobytes(): self._made(self.base)} if self.numeric == () else {}

@@ -151,13 +151,13 @@ def wrapped_in(part: Any, key: Key | None = None) -> Any:
 
 
 def by_index(text: str, labels: Labels | None) -> str:
-    """A path, a figure or a requirement with each state's label in brackets replaced by its index: ``max_abs_e[phi]``."""
+    """A path, a metric or a requirement with each state's label in brackets replaced by its index: ``max_abs_e[phi]``."""
     names = () if labels is None else labels.names
     return _LABEL.sub(lambda found: f"[{names.index(found[1])}]" if found[1] in names else found[0], text)
 
 
 def by_label(text: str, labels: Labels | None) -> str:
-    """The reverse, for figures of errors: ``max_abs_e[0]`` becomes ``max_abs_e[phi]``."""
+    """The reverse, for metrics of errors: ``max_abs_e[0]`` becomes ``max_abs_e[phi]``."""
     names = () if labels is None else labels.names
     return _ERROR_OF.sub(lambda found: f"{found[1]}[{names[int(found[2])]}]" if int(found[2]) < len(names) else found[0], text)
 

@@ -1,7 +1,7 @@
 """The effect of a number of a case on a run, found by trying other values; all commands use this one routine.
 
-A number may occur unchanged, to the last bit. Other numbers may follow from it: P from A_m, a filter's matrices from kappa,
-the weights of a delay. It may affect only the signals; or another value may need another kernel or other steps.
+A number may occur unchanged, bit for bit. Other numbers may follow from it: P from A_m, a filter's matrices from kappa, the
+weights of a delay. It may affect only the signals; or another value may need a different kernel or other steps.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ class Kind(Enum):
     """The effect of other values of a number on a case."""
 
     STRUCTURE = "structure"
-    """The effect of a number that needs another kernel or other steps."""
+    """The effect of a number that needs a different kernel or other steps."""
     SIGNAL = "signal"
     """The effect of a number of the command or of a disturbance."""
     FOLLOWED = "followed"
     """Other numbers of the same kernel, which follow from it."""
     COPIED = "copied"
-    """Numbers of the same kernel that equal the number itself, to the last bit."""
+    """Numbers of the same kernel that equal the number itself, bit for bit."""
 
     @property
     def is_number(self) -> bool:
@@ -127,7 +127,7 @@ class DelayEffect:
         return cls(simulation, copied, rows, entries, first)
 
     def put(self, numbers: Numbers, values: Array) -> None:
-        """Insert the effects of delays ``values`` (M,); the arrays are modified. InputError for another structure."""
+        """Insert the effects of delays ``values`` (M,); the arrays are modified. InputError for a different structure."""
         assert numbers.lags is not None
         lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
         others = np.delete(np.arange(self.first.size), self.entries)
@@ -236,7 +236,7 @@ class Readable(Protocol):
     """Anything that reads numbers from a case."""
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """The numbers for each of these cases; InputError if one has another structure."""
+        """The numbers for each of these cases; InputError if one has a different structure."""
         ...
 
 
@@ -255,7 +255,7 @@ class Target:
         return cls(index, family, family.read([member]))
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """The arguments for each of these cases; InputError if one has another structure."""
+        """The arguments for each of these cases; InputError if one has a different structure."""
         return self.family.read([case.member(self.index) for case in cases])
 
 

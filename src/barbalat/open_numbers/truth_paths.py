@@ -41,7 +41,7 @@ def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None,
 
     redesign  False: plant.A and plant.b mean the truth's; True: these and parameters are the design's as well, and everything is
               designed again; None: plant.A and plant.b are the design's, parameters the truth's
-    own       the ``own_keys`` of the file. Their numbers in [plant] belong to the design alone, and are refused for False
+    own       the ``own_keys`` of the file. Their numbers in [plant] belong to the design alone, and are rejected for False
     """
     if is_parameter(path) and path.keys[0] == PARAMETERS and redesign:
         _redesign_with(tables, path, value)

@@ -151,7 +151,7 @@ class Claim:
         for every finding
     measured      all measurements, in a sentence
     how           the plant, the solver, the step, and what was compared
-    would_change  what would have to be measured, shown or assumed for another finding
+    would_change  what would have to be measured, shown or assumed for a different finding
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty if that is nothing
     code          the file and the function that measure it, which the measurement fills in
     """

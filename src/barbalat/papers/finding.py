@@ -22,7 +22,7 @@ VERDICTS: dict[Finding, Verdict] = {
     "erratum": "erratum",
 }
 PROPORTIONAL_SHARE = 0.1
-"""*Proportional* means in every row and caption that twice the cause gives twice the effect to within this share."""
+"""*Proportional* means in every row and caption that twice the cause gives twice the effect to within this fraction."""
 
 Role = Literal["literal", "weaker", "mended", "beside"]
 
@@ -123,7 +123,7 @@ class Sentence:
 
 @dataclass(frozen=True, kw_only=True)
 class Unmeasured:
-    """A sentence of a paper that has no row, or that shares the row of another sentence.
+    """A sentence of a paper that has no row, or that shares the row of a different sentence.
 
     row   the row that also measures it; None if there is no such row
     part  the literal reading of that row that corresponds to it; None for all of them

@@ -61,10 +61,9 @@ def under_way(
 ) -> Iterator[UnderWay]:
     """Start the measurement of a paper's independent rows in this number of processes. The result is for ``measure``.
 
-    Each process begins with a quick row, so that results appear soon. Then the longest tasks, including ``others``, start
-    first, so that all processes finish at about the same time. ``told`` is called from another thread with each row as soon as
-    it is measured. New processes import the program that calls this, so it must start its work below ``if __name__ ==
-    "__main__"``.
+    Each process begins with a quick row, so results appear soon. Then the longest tasks, including ``others``, start first, so
+    all processes finish at about the same time. ``told`` is called from a different thread with each row as soon as it is
+    measured. New processes import the program that calls this, so it must start its work below ``if __name__ == "__main__"``.
     """
     others, rows = others or {}, paper.ledger
     alone = [i for i in _chosen(paper, quick) if not rows[i].judges_runs]
@@ -113,7 +112,7 @@ def _certified(paper: str) -> Certified:
 
 
 def _several(paper: str, places: tuple[int, ...], full: bool) -> list[Measured]:
-    """Measure several rows in another process, which finds the paper by its name."""
+    """Measure several rows in a different process, which finds the paper by its name."""
     return [_rows(paper_of(paper).ledger[place], full) for place in places]
 
 

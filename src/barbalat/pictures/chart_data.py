@@ -22,7 +22,7 @@ MOST_WINDOWS, FEWEST_WINDOWS = 800, 100
 LARGEST_DATA_BYTES = 300_000
 """Largest size in bytes of the panels of a page, so that the page can be mailed. ``FEWEST_WINDOWS`` may need more."""
 UNSEEN_SHARE = 0.004
-"""Share of a panel's height, less than a pixel, by which a line through the ends of the windows may miss the values between
+"""Fraction of a panel's height, less than a pixel, by which a line through the ends of the windows may miss the values between
 them."""
 LARGEST, SMALLEST = 3e38, 1e-37
 """Largest number in single precision, and smallest number on a logarithmic axis."""

@@ -22,7 +22,7 @@ from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figur
 DASHES_OF_LOOPS = (DASHES[0], DASHES[2], DASHES[3])
 """Dashes of loops with the same colour. Broken lines are |T|."""
 MOST_DECADES = 9
-"""Largest number of labels of a logarithmic axis, so that they do not overlap on a phone."""
+"""Largest number of labels of a logarithmic axis, so they do not overlap on a phone."""
 
 
 def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, shown: bool = False) -> Figure:

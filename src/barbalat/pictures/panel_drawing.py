@@ -24,12 +24,12 @@ from barbalat.pictures.theme import DASHES, MARKS, NARROW, WIDE, Theme, dash_of,
 from barbalat.validate import Array
 
 OVERLAP_SHARE = 0.15
-"""Share of the time in which two envelopes may overlap before they get separate axes or edges."""
+"""Fraction of the time in which two envelopes may overlap before they get separate axes or edges."""
 MOST_APART = 4
 """Largest number of axes in place of one panel."""
 ENVELOPE = "shaded, between thin lines: from the smallest to the largest value of signals that oscillate too fast to be drawn"
 MARKED_SHARE, MARK_SIZE = 0.12, 3.5
-"""Distance between marks on a line, as a share of the axes' diagonal, and size of a mark [points]."""
+"""Distance between marks on a line, as a fraction of the axes' diagonal, and size of a mark [points]."""
 SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06
 """Opacity of a single envelope, and of overlapping ones, which are distinguished by their edges."""
 
@@ -59,7 +59,7 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
 
 
 def draw_into(axes: Sequence[Axes], panels: Sequence[Panel], t_end: float) -> None:
-    """Draw each panel into axes of another figure, whose sizes stay unchanged."""
+    """Draw each panel into axes of a different figure, whose sizes stay unchanged."""
     theme = Theme.current()
     for one, panel in zip(axes, panels, strict=True):
         figure = one.get_figure(root=True)
@@ -118,7 +118,7 @@ def _plain_ticks(axes: Axes) -> None:
 
 
 def _overlap(outlines: Sequence[Outline], start: float, end: float) -> float:
-    """Return the share of the time in which two envelopes overlap, the largest over all pairs."""
+    """Return the fraction of the time in which two envelopes overlap, the largest over all pairs."""
     bands = [_covered(found, start, end) for found in outlines]
     return max((float(((a[0] < b[1]) & (b[0] < a[1])).mean()) for a, b in combinations(bands, 2)), default=0.0)  # false for NaN
 
@@ -201,7 +201,7 @@ def _style(theme: Theme, colour: int | str, dash: int | None) -> dict[str, Any]:
 
 
 def _mark(colour: int | str, dash: int | None) -> str:
-    """Return the marker of a compared series whose dash has another meaning; empty for any other series."""
+    """Return the marker of a compared series whose dash has a different meaning; empty for any other series."""
     if not isinstance(colour, int):
         return ""
     return mark_of(colour) if dash is None else MARKS[colour // SHARING % len(MARKS)]
@@ -261,7 +261,7 @@ def _filled(text: str, width: int) -> str:
 
 
 class Mark(NamedTuple):
-    """An entry of a legend. It is drawn like its line, so that its width distinguishes it in a grey print."""
+    """An entry of a legend. It is drawn like its line, so its width distinguishes it in a grey print."""
 
     text: str
     colour: int | str

@@ -19,9 +19,9 @@ SHORTEST_ENVELOPE_PERIODS = 10
 """Smallest length of an envelope, in periods of the slowest oscillation that is too fast: some seventy pixels. A shorter one
 has no visible shape."""
 VISIBLE_SWING_SHARE = 0.02
-"""Share of the whole height below which a swing is ignored, because it is hardly larger than the line's width."""
+"""Fraction of the whole height below which a swing is ignored, because it is hardly larger than the line's width."""
 LEVEL_SHARE = 1e-3
-"""Share of the whole height below which two points of an envelope count as level."""
+"""Fraction of the whole height below which two points of an envelope count as level."""
 PIECES_PER_COLUMN = 8
 """Number of pieces of a column that are examined. A longer series is condensed."""
 

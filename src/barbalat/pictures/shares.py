@@ -1,4 +1,4 @@
-"""Distributions: the share of many runs whose value is at most, or at least, a given one."""
+"""Distributions: the fraction of many runs whose value is at most, or at least, a given one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.validate import Array
 class Shares:
     """A panel with the values of all runs for each name. A value that is not finite counts as larger than any other.
 
-    at_least  whether the share counts runs with at least a value; otherwise it counts those with at most that value
+    at_least  whether the fraction counts runs with at least a value; otherwise it counts those with at most that value
     """
 
     title: str
@@ -62,7 +62,7 @@ def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
 
 
 def _curve(values: Array, *, at_least: bool) -> tuple[Array, Array]:
-    """Return the sorted finite values and, for each, the share of runs with at most, or at least, this value."""
+    """Return the sorted finite values and, for each, the fraction of runs with at most, or at least, this value."""
     finite = np.sort(values[np.isfinite(values)])
     count = np.arange(1, len(finite) + 1) / max(len(values), 1)
     return finite, 1 - count + 1 / max(len(values), 1) if at_least else count

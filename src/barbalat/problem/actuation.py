@@ -93,7 +93,7 @@ class PlantInput(Settings):
 
     @cached_property
     def path_of_unknown_gain(self) -> InputPath:
-        """The path's equations including the gain even if it is 1, so that plants with any gain have the same structure."""
+        """The path's equations including the gain even if it is 1, so plants with any gain have the same structure."""
         return self._path_through(self.dynamics or TransferFunction([1.0], [1.0]))
 
     def _path_through(self, dynamics: TransferFunction | None) -> InputPath:

@@ -11,7 +11,7 @@ about the plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive
 
 If the input is limited, v = sat(u), anti-windup by back-calculation is available (Astrom and Murray, Feedback Systems, section
 11.4), with which xi' also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the control's part
--K_i xi changes at the rate (v - u)/T_t, so that the excess beyond the limits decays with the time constant T_t.
+-K_i xi changes at the rate (v - u)/T_t, so the excess beyond the limits decays with the time constant T_t.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, freeze
 
 RESTS_AT_ZERO = 1e-12
-"""Share of the largest state's gain at rest below which an output's gain is rounding, so that the output comes to rest at 0."""
+"""Fraction of the largest state's gain at rest below which an output's gain is rounding, so the output comes to rest at 0."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -286,7 +286,7 @@ class LqiBaseline(Baseline):
 
 
 def _optimal(A: Array, B: Array, Q: Any, R: Any) -> Array:
-    """Return K of the linear quadratic regulator. InputError for weights of another size, or if the plant cannot be
+    """Return K of the linear quadratic regulator. InputError for weights of a different size, or if the plant cannot be
     stabilised."""
     n, m = B.shape
     weights, costs = _weights("baseline.Q", Q, n), _weights("baseline.R", R, m)

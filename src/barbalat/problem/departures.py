@@ -19,14 +19,14 @@ from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
 
 SAME_TO = 1e-9
-"""Differences below this share of the largest number are attributed to another order of computation."""
+"""Differences below this fraction of the largest number are attributed to a different order of computation."""
 
 
 @dataclass(frozen=True)
 class Departure:
     """One difference, as a sentence about the simulated plant.
 
-    within  whether the declared sets contain the difference, so that guarantees over the sets hold for it
+    within  whether the declared sets contain the difference, so guarantees over the sets hold for it
     """
 
     sentence: str

@@ -1,9 +1,9 @@
 """Faults between the plant and a sampled controller: lost, late, wrong and repeated measurements, at random or at given times.
 
-A fault is a function of time, so that every controller of a case, and every finer step, has the same faults. Only the instants
-of a jittered timer are rounded to the solver's steps. Random faults are a hash of the seed, of the fault's position in its list
-and of the time on a grid of nanoseconds, by SplitMix64's output function (Steele, Lea and Flood, 2014). The result is the same,
-bit for bit, on every machine and in every order of evaluation.
+A fault is a function of time, so every controller of a case, and every finer step, has the same faults. Only the instants of a
+jittered timer are rounded to the solver's steps. Random faults are a hash of the seed, of the fault's position in its list and of
+the time on a grid of nanoseconds, by SplitMix64's output function (Steele, Lea and Flood, 2014). The result is the same, bit for
+bit, on every machine and in every order of evaluation.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ COMMAND = "command"
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Settings):
-    """When a fault is present: for a share of the time, or at given times.
+    """When a fault is present: for a fraction of the time, or at given times.
 
-    share   share of the samples, drawn independently; with ``burst``, share of the time, drawn in bursts
+    share   fraction of the samples, drawn independently; with ``burst``, fraction of the time, drawn in bursts
     burst   the length of a burst [s]
-    times   intervals [start, end) [s], instead of a share
+    times   intervals [start, end) [s], instead of a fraction
     seed    determines the random numbers, together with the fault's position in the case
     """
 

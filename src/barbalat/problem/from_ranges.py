@@ -43,10 +43,10 @@ centre is used."""
 DRAWN = 2000
 """Number of points of the ranges at which the quantities are evaluated before the first cut."""
 SMALLEST_PART = 2.0**-20
-"""Share of a parameter's range below which it is not cut further."""
+"""Fraction of a parameter's range below which it is not cut further."""
 SAME_TO = 1e-9
 """Relative difference up to which a bound of the user's own set counts as the derived one, which may have been copied by hand or
-computed in another way."""
+computed in a different way."""
 BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
 
 
@@ -71,7 +71,7 @@ class FromRanges:
     input_gain      pairs (lower, upper) that contain omega_i(p); None if b and the gains do not depend on uncertain parameters
     rest_A, rest_b  (n, n) and (n, m): bounds on the magnitudes of the entries that no theta and no omega match
     scale           (n,) scales of the states, whose inverse squares are their weights; ``scale_from`` states their origin
-    shares          the unmatched share of the change of A and of b over the range of each uncertain parameter, in the weighted
+    shares          the unmatched fraction of the change of A and of b over the range of each uncertain parameter, in the weighted
                     norm, |rest|/sqrt(|rest|^2 + |matched|^2); None if they do not change
     width_ratio     the largest ratio of an enclosure's width to the observed width
     cells           the number of cells into which the ranges were cut
@@ -544,7 +544,7 @@ def _require_finite(plant: PhysicalPlant, found: _Enclosure) -> None:
 
 
 def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict[str, dict[str, float | None]]:
-    """Return for each uncertain parameter the unmatched share of the change of A and of b from one end of its range to the
+    """Return for each uncertain parameter the unmatched fraction of the change of A and of b from one end of its range to the
     other."""
     n, m = quantities.b_bar.shape
     found: dict[str, dict[str, float | None]] = {}
@@ -565,7 +565,7 @@ def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict
 
 
 def _share(rest: Array, matched: Array) -> float | None:
-    """Return the share of the remainder; None without a change.
+    """Return the fraction of the remainder; None without a change.
 
     With one input the two parts are orthogonal, and the root is the size of the whole change. With several inputs those of b are
     not, and the remainder may be larger than the change.

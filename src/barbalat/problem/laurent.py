@@ -1,4 +1,4 @@
-"""Formulas as sums of products, so that common terms cancel before any range is substituted.
+"""Formulas as sums of products, so common terms cancel before any range is substituted.
 
 -k/J - k/L and k/J have the products k J^-1 and k L^-1. A factor is a variable or, if a formula is not a sum of products, the
 text of a part: a function, a denominator that is a sum, or a power that is not whole.

@@ -25,8 +25,7 @@ class Noise(Settings):
     """Gaussian measurement noise: a new value for each measured quantity every ``sample_time``, held in between.
 
     std          standard deviation, one for all measured quantities or one for each [their units]
-    sample_time  [s]; a whole number of solver steps if these are fixed. It is fixed, so that the noise stays the same when the
-                 step is
+    sample_time  [s]; a whole number of solver steps if these are fixed. It is fixed, so the noise stays the same when the step is
                  refined
     seed         determines every value, together with the member's number (``simulate_ensemble``), independently of threads and
                  lanes

@@ -103,6 +103,6 @@ class ScaledError:
         """Return the gain margin of the loop that Delta_m closes around shape T, relative to a size well below it."""
         T = complementary_sensitivity(loop)
         w = frequency_grid(T)
-        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # otherwise ``margins`` refuses an unstable loop
+        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # otherwise ``margins`` rejects an unstable loop
         around = series(T, self.shape.realise())
         return small * margins(replace(around, C=small * around.C, D=small * around.D)).gain_up

@@ -158,7 +158,7 @@ def _at_rest(system: TransferFunction, nonlinear: Nonlinearity | None = None) ->
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputKnown:
-    """The designer's knowledge, which is the reference model. The plant is included only to refuse assumptions that contradict
+    """The designer's knowledge, which is the reference model. The plant is included only to reject assumptions that contradict
     it."""
 
     W_m: TransferFunction

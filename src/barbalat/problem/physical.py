@@ -175,8 +175,8 @@ def projected(A: Array, A_m: Array, b: Array, scale: Array) -> Array:
 
 
 MATCHED_TO, LEAST_ROUNDING = 1e-9, 1e-13
-"""An entry of an unmatched remainder counts as rounding if it is below the first share of the numbers from which it is computed,
-or below the second share of the largest number."""
+"""An entry of an unmatched remainder counts as rounding if it is below the first fraction of the numbers from which it is
+computed, or below the second fraction of the largest number."""
 
 
 def rounding_of_rest(sizes: Array, b: Array, g: Array) -> Array:

@@ -408,7 +408,7 @@ class Model:
 
 
 AT_REST = 1e-9
-"""Share of the model's largest steady-state gain below which a state's response to a constant command is rounding."""
+"""Fraction of the model's largest steady-state gain below which a state's response to a constant command is rounding."""
 
 
 @dataclass(frozen=True, eq=False)

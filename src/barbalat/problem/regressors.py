@@ -62,7 +62,7 @@ class Polynomial(Settings):
 
     def size(self, n: int) -> int:
         """Return the number of components. They are counted without being listed, because a typing error in ``degree`` would
-        otherwise fill the memory before it is refused."""
+        otherwise fill the memory before it is rejected."""
         return math.comb(n + self.degree, n) - (0 if self.constant else 1)
 
     def __call__(self, x: Value) -> Value:
@@ -160,8 +160,8 @@ class MatchedTerm:
     """How theta enters the input channels: u_j + theta_j'phi(x), with theta = (theta_1, ..., theta_m) stored row by row of (p,
     m).
 
-    With one input Phi(x) is the vector phi(x) (p,), as in the paper. With m inputs it is (p m, m), so that Phi'theta is (m,). If
-    the input gain omega is unknown too, it is estimated together with theta, and u enters in the same way as Phi.
+    With one input Phi(x) is the vector phi(x) (p,), as in the paper. With m inputs it is (p m, m), so Phi'theta is (m,). If the
+    input gain omega is unknown too, it is estimated together with theta, and u enters in the same way as Phi.
     """
 
     regressor: Regressor

@@ -12,9 +12,9 @@ from barbalat.validate import InputError, freeze
 
 Fallback = Literal["hold", "zero", "baseline", "fade"]
 LEAST_BAND = 1e-3
-"""Smallest jitter as a share of the sample time: the error of a microsecond clock at 1 ms."""
+"""Smallest jitter as a fraction of the sample time: the error of a microsecond clock at 1 ms."""
 WIDEST_BAND = 0.5
-"""Jitter must be below this share of the sample time. At the midpoint between two multiples the intended one is ambiguous."""
+"""Jitter must be below this fraction of the sample time. At the midpoint between two multiples the intended one is ambiguous."""
 MOST_SAMPLES = 10**8
 """Longest outage or fade in samples. It is three years at a sample per second and far within the range of a long in C."""
 

@@ -201,7 +201,7 @@ class Problem(TrackingProblem, Settings):
             if self.truth.disturbance is not None and self.plant.inputs > 1:
                 raise InputError("truth.disturbance needs a plant with one input; give truth.unmatched with a direction instead")
         if self.simulated is not None:
-            around = self.surroundings  # refuses what does not fit
+            around = self.surroundings  # rejects what does not fit
             if around.sensor is not None:
                 around.sensor.require(self.measured)
             if self.simulated.C is not None:
@@ -323,8 +323,8 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
-        """The equations of the path before each input. They contain an unknown gain even if it is 1, so that all plants have the
-        same structure."""
+        """The equations of the path before each input. They contain an unknown gain even if it is 1, so all plants have the same
+        structure."""
         known = self.input_gain is None
         return tuple(path.path if known else path.path_of_unknown_gain for path in self.surroundings.paths)
 
@@ -337,7 +337,7 @@ class Problem(TrackingProblem, Settings):
         if self.uncertainty is None and self.input_gain is None:
             return found
         own, gains = self.uncertainty, self.input_gain
-        is_set = isinstance(own, (ParameterBox, ParameterBall))  # other types are refused later
+        is_set = isinstance(own, (ParameterBox, ParameterBall))  # other types are rejected later
         fits = own is None or (is_set and own.size == found.theta.size)
         pairs = None if gains is None else np.broadcast_to(gains, (self.plant.inputs, 2)).tolist()
         return replace(found, used=self._has(found), outside=found.beyond(own, pairs) if fits else "")

@@ -272,7 +272,7 @@ class TrackingProblem:
 
     @property
     def nominal(self) -> Self:
-        """The same problem without faults and without a shell that could refuse a sample."""
+        """The same problem without faults and without a shell that could reject a sample."""
         if self.shell is None and not self.faults:
             return self
         return replace(self, shell=None, faults=())  # type: ignore[type-var]

@@ -51,8 +51,8 @@ class Truth(Settings):
     A            (N, N); for more states than the plant has, or other dynamics. Its entries, and those of b and x0, may be
                  formulas of the parameters
     b            (N,), or (N, m)
-    C            (p, N) what is measured of its states, in place of the observer's C: an encoder's scale, or a sensor at another
-                 place; only with an observer
+    C            (p, N) what is measured of its states, in place of the observer's C: an encoder's scale, or a sensor at a
+                 different place; only with an observer
     x0           (N,) initial state
     input        the path before the input, as ``plant.input``, which it replaces as a whole; with several inputs one for all, or
                  a list; with formulas as keywords of PlantInput

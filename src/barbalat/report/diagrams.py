@@ -1,6 +1,6 @@
 """Block diagrams: the L1 output-feedback controller as in the paper's Figure 1, and its equivalent linear controllers.
 
-They are SVG in which text remains text, so that a page shows them in its own font and colours.
+They are SVG in which text remains text, so a page shows them in its own font and colours.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RADIUS, BLOCK_HEIGHT = 0.16, 1.1
 WIDTH, UNIT = 14.8, 60.0
 """Width of the drawing in units of length, and pixels per unit."""
 FONT, LABEL, CHARACTER = 17.0, 15.0, 0.6
-"""Largest size of a text and size of a line's label [px]; width of a character, as a share of the size, in the widest of the
+"""Largest size of a text and size of a line's label [px]; width of a character, as a fraction of the size, in the widest of the
 usual fonts."""
 Y_HAT = f"y{HAT}"
 STYLE = (

@@ -185,7 +185,7 @@ def as_document(found: DispersedComparison) -> dict[str, Any]:
 
 
 def _numbers(vehicle: Vehicle[Any, Any, Any]) -> Mapping[str, object]:
-    """The tuned numbers of the schemes, grouped by the loops on which they were found if there are several."""
+    """The tuned parameters of the schemes, grouped by the loops on which they were found if there are several."""
     return next(iter(vehicle.numbers.values())) if len(vehicle.numbers) == 1 else vehicle.numbers
 
 

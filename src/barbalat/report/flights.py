@@ -46,7 +46,7 @@ def _judged_flights(several: Sequence[Flight]) -> str:
 
 
 def headings(found: FlightComparison) -> tuple[str, ...]:
-    """The headings of the tables of figures."""
+    """The headings of the tables of metrics."""
     return ("controller", *(["judged"] if _is_judged(found) else []), *found.vehicle.headings)
 
 
@@ -55,14 +55,14 @@ def _is_judged(found: FlightComparison) -> bool:
 
 
 def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
-    """Return a row for each controller through one failure, the best first: name, verdict, and the figures or the reason why
+    """Return a row for each controller through one failure, the best first: name, verdict, and the metrics or the reason why
     control was lost."""
     judged = _is_judged(found)
     return [[one.controller, *([_verdict(one)] if judged else []), *_cells(found, one)] for one in found.through(failure)]
 
 
 def _verdict(flight: Flight) -> str:
-    """The verdict's class, and the error as a share of the scale."""
+    """The verdict's class, and the error as a fraction of the scale."""
     one = flight.verdict
     if one is None or one.error is None or one.kind is Class.LOST:
         return "-" if one is None else str(one.kind)

@@ -1,4 +1,4 @@
-"""Derivatives of figures in words and numbers."""
+"""Derivatives of metrics in words and numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REFUSED = "refused"
 
 
 def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
-    """Print a table for each controller, the numbers with the largest elasticities first, and the reasons for refusals."""
+    """Print a table for each controller, the numbers with the largest elasticities first, and the reasons for rejections."""
     screen.line(f"{found.case}: percent of a figure per percent of a number", "bold")
     if not found.redesign:
         screen.line(
@@ -70,7 +70,8 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
 
 
 def _ranked(own: Sequence[Derivative]) -> list[tuple[str, dict[str, Derivative]]]:
-    """The derivatives by path and figure, the paths with the largest elasticity first; for a refused one, that by differences."""
+    """The derivatives by path and metric, the paths with the largest elasticity first; for a rejected one, that by
+    differences."""
     by_path: dict[str, dict[str, Derivative]] = {}
     for one in own:
         by_path.setdefault(str(one.path), {})[one.figure] = one
@@ -114,7 +115,7 @@ def _reasons(screen: Screen, own: Sequence[Derivative], labels: Labels | None) -
 
 
 def _refusals(own: Sequence[Derivative], labels: Labels | None) -> list[str]:
-    """Sentences on refused derivatives: the number of those with the same reason, or the first few one by one."""
+    """Sentences on rejected derivatives: the number of those with the same reason, or the first few one by one."""
     refused = [one for one in own if one.refused]
     found = []
     for why in dict.fromkeys(one.refused for one in refused):
@@ -127,4 +128,4 @@ def _refusals(own: Sequence[Derivative], labels: Labels | None) -> list[str]:
 
 
 MOST_REASONS = 6
-"""Refusals that a screen explains for each controller."""
+"""Rejections that a screen explains for each controller."""

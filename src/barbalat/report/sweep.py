@@ -18,12 +18,12 @@ from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import counted
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
-"""Names of the displayed figures, without component numbers. The other figures are in the JSON and in a store."""
+"""Names of the displayed metrics, without component numbers. The other metrics are in the JSON and in a store."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorstMember:
-    """A controller's worst member by a figure, with the ``file`` of its explorer or the reason why there is none."""
+    """A controller's worst member by a metric, with the ``file`` of its explorer or the reason why there is none."""
 
     controller: str
     figure: str
@@ -61,7 +61,7 @@ def shares(found: SweepResult) -> list[list[str]]:
 
 
 def _unsettled(share: Share) -> str:
-    """A text with the number of members that are not settled and may belong to the share as well."""
+    """A text with the number of members that are not settled and may belong to the fraction as well."""
     unsettled = share.unsettled if isinstance(share, SplitShare) else 0
     return f", {unsettled} not settled" if unsettled else ""
 
@@ -73,7 +73,7 @@ def _judged(name: str) -> str:
 
 
 def meanings(found: SweepResult) -> list[str]:
-    """Return sentences, without full stops, on the meaning of the shares' names."""
+    """Return sentences, without full stops, on the meaning of the fractions' names."""
     unexamined = found.evidence.unexamined.items()
     lacking = [f"Whether the estimates of {one} ring is not examined: {why}" for one, why in unexamined]
     if not found.judged:
@@ -90,7 +90,7 @@ def meanings(found: SweepResult) -> list[str]:
 
 
 def extremes(found: SweepResult) -> list[list[str]]:
-    """Return rows with the figure, the controller, the smallest, median and largest value, and the worst member."""
+    """Return rows with the metric, the controller, the smallest, median and largest value, and the worst member."""
     return [
         [name, controller, *map(number_text, (one.min, one.median, one.max)), str(one.worst_member)]
         for name, by in found.evidence.metrics.items()
@@ -107,11 +107,11 @@ SYMBOLS = {
     "max_abs_y": "max |y|",
     "diverged_at": "diverged at [s]",
 }
-"""Names of figures in the JSON and their displayed form. A longer name precedes the names that it contains."""
+"""Names of metrics in the JSON and their displayed form. A longer name precedes the names that it contains."""
 
 
 def in_symbols(text: str) -> str:
-    """Return the text with names of figures in the notation of terminals, which pages set as mathematics."""
+    """Return the text with names of metrics in the notation of terminals, which pages set as mathematics."""
 
     def symbol(found: re.Match[str]) -> str:
         return SYMBOLS[found["name"]].format("" if found["index"] is None else f"_{int(found['index']) + 1}")
@@ -120,7 +120,7 @@ def in_symbols(text: str) -> str:
 
 
 def percent(share: float) -> str:
-    """Format a share in per cent with three digits."""
+    """Format a fraction in per cent with three digits."""
     return f"{100 * share:.3g} %"
 
 

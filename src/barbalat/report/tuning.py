@@ -58,7 +58,7 @@ def held_out(found: Tuning) -> list[list[str]]:
     """Return rows with the controller, the median and the worst value on validation plants, the worst plant, and the number of
     plants that violate each constraint.
 
-    Each number has Clopper and Pearson's interval of the share in the known set, or in the parameters' ranges, beside it.
+    Each number has Clopper and Pearson's interval of the fraction in the known set, or in the parameters' ranges, beside it.
     """
     rows = []
     for name, one in found.controllers.items():

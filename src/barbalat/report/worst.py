@@ -40,7 +40,7 @@ def _numbers(member: Member, paths: list[str]) -> list[str]:
 
 
 def _sentences(one: Extremes, labels: Labels | None) -> list[str]:
-    """The comparison with the guaranteed bound, and a warning where half the step gives another value."""
+    """The comparison with the guaranteed bound, and a warning where half the step gives a different value."""
     name, found = f"{one.controller}, {by_label(one.figure, labels)}", []
     if one.bound is not None and one.largest.value is not None:
         share = 100 * one.largest.value / one.bound

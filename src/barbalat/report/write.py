@@ -49,7 +49,8 @@ class Drawn(Protocol):
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, ReportFigure]:
-    """Draw every figure, except those for phones, into the folder. ``drawn`` is called after each with its share of the work."""
+    """Draw every figure, except those for phones, into the folder. ``drawn`` is called after each with its fraction of the
+    work."""
     pictures = {}
     for figure in figures:
         pictures[figure.key] = _draw(folder, f"figure-{figure.key}", figure_of(figure.shown))
@@ -119,7 +120,7 @@ def write_sweep(
 
 
 def _worst_run(found: SweepResult, controller: str, member: int, result: Result) -> of_sweep.WorstRun:
-    """Return the run with the first panel of its page. A diverging run is cut off, so that the model remains visible."""
+    """Return the run with the first panel of its page. A diverging run is cut off, so the model remains visible."""
     panel, *_ = panels([result])
     title = f"{controller}, the worst: member {member}, {found.kind_of(controller, member)}"
     motion, *others = panel.series

@@ -242,7 +242,7 @@ PIECE_BYTES = 2**20
 def _unpacked(packed: bytes) -> int:
     """The number of bytes of a file's variables after decompression, determined without storing them.
 
-    A variable counts with its declared size if that is larger. A file of another format is left to the reader.
+    A variable counts with its declared size if that is larger. A file of a different format is left to the reader.
     """
     order = {b"IM": "<", b"MI": ">"}.get(packed[HEADER_BYTES - 2 : HEADER_BYTES])
     if order is None:

@@ -49,7 +49,7 @@ class Simulation(Settings):
     dt             step [s]; it divides t_end
     solver         the method, by its name; in Python also a Tableau. rk4 with dt; with a tolerance only auto
     tolerance      instead of dt: the error that a step may make in each state, relative to the state's largest magnitude so far
-    record_points  approximate number of recorded instants of a trajectory; figures are computed over every step
+    record_points  approximate number of recorded instants of a trajectory; metrics are computed over every step
     fused          use fused multiply-adds; without them a step takes longer, and exported C and pages agree bit for bit
 
     Raises InputError if dt does not divide t_end, or unless exactly one of dt and tolerance is given. With a tolerance ``dt`` is

@@ -40,7 +40,7 @@ class Tableau:
         signals: dict[float, Value],
         h: float,
     ) -> Value:
-        """One step. ``limit`` acts on every stage value and on the result, so that a limited integrator is part of the method."""
+        """One step. ``limit`` acts on every stage value and on the result, so a limited integrator is part of the method."""
         slopes = [derivative(state, signals[self.c[0]])]
         for row, node in zip(self.a[1:], self.c[1:], strict=True):
             slopes.append(derivative(limit(_combine(state, h, row, slopes)), signals[node]))
@@ -62,7 +62,7 @@ class Tableau:
         return np.asarray(np.polynomial.polynomial.polyval(np.asarray(z, dtype=complex), self.stability_polynomial))
 
     def growth(self, z: np.ndarray) -> np.ndarray:
-        """|R(z)|^2 - 1 without cancellation, so that its sign distinguishes slow decay from slow growth."""
+        """|R(z)|^2 - 1 without cancellation, so its sign distinguishes slow decay from slow growth."""
         z = np.asarray(z, dtype=complex)
         rest = z * np.polynomial.polynomial.polyval(z, self.stability_polynomial[1:])  # R - 1
         return np.asarray(2 * rest.real + np.abs(rest) ** 2)

@@ -113,7 +113,7 @@ class DelaySearch:
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """The delay [s], or the size of another modelling error, at which each of M loops is lost, (M,) each.
+    """The delay [s], or the size of a different modelling error, at which each of M loops is lost, (M,) each.
 
     tolerates  the largest size tried below the first at which the loop is lost; 0 if it is lost at the first size tried
     loses      the smallest size tried at which the loop is lost; infinite if there is none, 0 if it is lost without any error
@@ -133,7 +133,7 @@ class DelayMargins(Plotted):
     oscillates   (M,) whether it already oscillates without a delay, judged without noise; its onset is then 0 and 0
     fills        (M,) whether its estimates already fill their known range without a delay, with the noise
     noisy        whether the members have measurement noise
-    undelayed    figures without an added delay, with the noise
+    undelayed    metrics without an added delay, with the noise
     runs         number of simulations
     ends         for each loop, the reason why its margin ends at the onset, in words; empty if no size that was tried ends it
     """
@@ -169,7 +169,7 @@ class DelayMargins(Plotted):
         return f"<DelayMargins of {len(self.tracks)} loops: {least}; {self.runs} runs>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The share of the loops that tolerate at least a given delay, by both criteria, as a Matplotlib figure.
+        """The fraction of the loops that tolerate at least a given delay, by both criteria, as a Matplotlib figure.
 
         shown  whether it is displayed at once, if pyplot is in use
         """

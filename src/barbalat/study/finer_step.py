@@ -2,7 +2,7 @@
 
 The reported loops are also simulated without any delay.
 
-A study judges thousands of runs only by their figures. The few reported runs are examined here.
+A study judges thousands of runs only by their metrics. The few reported runs are examined here.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def _confirmed(
 
 
 def different(coarse: float, fine: float) -> bool:
-    """Whether a figure differs at the finer step; an infinite one, of a run that was lost, differs from all others."""
+    """Whether a metric differs at the finer step; an infinite one, of a run that was lost, differs from all others."""
     if coarse == fine:
         return False
     return not np.isfinite(fine - coarse) or abs(fine - coarse) > EQUAL_FIGURES_SHARE * max(abs(fine), abs(coarse))

@@ -24,12 +24,12 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u")
-"""The figures that must agree. Trajectories are not compared, because an oscillating loop repeats its amplitude but not its
+"""The metrics that must agree. Trajectories are not compared, because an oscillating loop repeats its amplitude but not its
 phase."""
 AGREES = 0.01
-"""Relative difference up to which two figures, or two times of a divergence, agree."""
+"""Relative difference up to which two metrics, or two times of a divergence, agree."""
 SMALL = 0.05
-"""Errors in the tail are compared relative to at least this share of the largest error, since a tolerance may not resolve
+"""Errors in the tail are compared relative to at least this fraction of the largest error, since a tolerance may not resolve
 smaller ones."""
 FEWEST_STEPS, MOST_STEPS = 20_000, 10_000_000
 """Smallest and largest number of steps of a run that are tried. The smallest allows delays, filters and gains well beyond the

@@ -44,8 +44,8 @@ NOISE_SENTENCE = (
     "judge's band beyond what it adds without the modelling error and with theta known"
 )
 NOISE_BAND_SHARE = 1 / 3
-"""Share of the judge's band: the band limits the largest error, and an error as random as the noise has an RMS of a third of its
-largest value. Largest errors are not suitable: at steps of a command, for example, two realisations of the noise differ by
+"""Fraction of the judge's band: the band limits the largest error, and an error as random as the noise has an RMS of a third of
+its largest value. Largest errors are not suitable: at steps of a command, for example, two realisations of the noise differ by
 more."""
 
 

@@ -11,7 +11,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 
 REST_SHARE = 0.1
-"""Share of the largest magnitude at which the regressor's square, which drives the law, is a hundredth of its maximum."""
+"""Fraction of the largest magnitude at which the regressor's square, which drives the law, is a hundredth of its maximum."""
 REST_SENTENCE = (
     "in the last quarter, which the judge evaluates, the command requires less than a tenth of the run's motion: an "
     "oscillation that occurs only while the plant moves is not detected"
@@ -38,8 +38,7 @@ class ReferenceMotion:
 
     @property
     def comes_to_rest(self) -> bool:
-        """Whether the command requires hardly any motion in the last quarter of the run, so that the regressor is negligible
-        there."""
+        """Whether the command requires hardly any motion in the last quarter of the run, so the regressor is negligible there."""
         return self.in_tail < REST_SHARE * self.largest
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Oscillating estimates: a figure of sweeps in addition to the judge's verdict, which does not consider estimates."""
+"""Oscillating estimates: a metric of sweeps in addition to the judge's verdict, which does not consider estimates."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from barbalat.run.kernel.metrics import Metrics
 from barbalat.validate import Array
 
 SPAN_SHARE = 0.1
-"""Smallest share of its known range over which an oscillating estimate moves in the tail."""
+"""Smallest fraction of its known range over which an oscillating estimate moves in the tail."""
 CROSSINGS_MULTIPLE = 2.0
 """Multiple of the speed at which the estimate would cross that range whenever the model crosses its own: a faster estimate
 counts as oscillating."""
 POINT_SHARE, ROUNDING_SHARE = 1e-3, 1e-9
-"""A range that is narrower than this share of its own largest value, or than this share of the largest value of all ranges,
+"""A range that is narrower than this fraction of its own largest value, or than this fraction of the largest value of all ranges,
 counts as a point: its estimate is known and does not oscillate."""
 
 
@@ -34,7 +34,7 @@ def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
 
 
 FILLED_SHARE = 0.9
-"""Smallest share of its known range over which an estimate moves in the tail if it counts as filling the range."""
+"""Smallest fraction of its known range over which an estimate moves in the tail if it counts as filling the range."""
 
 
 def fills(metrics: Metrics, width: Array) -> Array:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROUNDING_SHARE = 1e-9
-"""Share of the model's motion below which the growth of errors may be due to rounding."""
+"""Fraction of the model's motion below which the growth of errors may be due to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,5 @@
-"""The results of M runs of a study: their figures, and the judge's verdicts. A run with a modelling
-error is evaluated by two criteria: whether the loop begins to oscillate, and whether its motion is lost.
+"""The results of M runs of a study: their metrics, and the judge's verdicts. A run with a modelling error is evaluated by two
+criteria: whether the loop begins to oscillate, and whether its motion is lost.
 
 The ranking of adaptive schemes depends on the criterion: see docs/robustness.md.
 """
@@ -75,7 +75,7 @@ def _only(judged: Judged | None) -> Verdict:
 class Verdicts:
     """M runs of n components.
 
-    metrics     figures over every solver step
+    metrics     metrics over every solver step
     lost        (M,) whether the judge's class is *lost*
     oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation is still growing at the end of the judge's search
     error       (M, n) the tail's largest |e|; infinite if the run is lost

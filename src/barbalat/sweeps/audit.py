@@ -21,8 +21,8 @@ from barbalat.sweeps.study import OSCILLATED, RINGS, SETTLED, VERDICT
 from barbalat.validate import Array, InputError
 
 AUDITED_SHARE, FEWEST_AUDITED = 0.02, 30
-"""Share of the members, and smallest number of members, that are repeated: if 10 % of all verdicts are due to the solver, 96 of
-100 audits find one."""
+"""Fraction of the members, and smallest number of members, that are repeated: if 10 % of all verdicts are due to the solver, 96
+of 100 audits find one."""
 FINER_BY = 2
 AGAIN = "run again"
 """A column of each controller during the audit: whether a drawn member could be run with half the step."""
@@ -42,8 +42,8 @@ class Audit:
     """The effect of half the step on a sweep's verdicts.
 
     members    numbers of the members that were repeated with at least one controller; ``of`` is the sweep's number of members
-    drawn      number of selected members: those that are unsettled, or for which half the step is refused, cannot be repeated
-    changed    number of ``members`` with another verdict on any controller; None if none could be repeated, see ``why``
+    drawn      number of selected members: those that are unsettled, or for which half the step is rejected, cannot be repeated
+    changed    number of ``members`` with a different verdict on any controller; None if none could be repeated, see ``why``
     verdicts   by verdict, and then by controller
     errors     by controller, members whose largest |e| differs by more than a tenth
     tolerance  whether the members run with a tolerance, a 32nd of which is then used instead of half the step
@@ -65,7 +65,7 @@ class Audit:
 
     @property
     def share(self) -> Share | None:
-        """The share of members with a changed verdict; None if none could be repeated."""
+        """The fraction of members with a changed verdict; None if none could be repeated."""
         return None if self.changed is None else Share(count=self.changed, judged=len(self.members))
 
     @property
@@ -99,7 +99,7 @@ class Audit:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """``share`` is the share of members with a changed verdict."""
+        """``share`` is the fraction of members with a changed verdict."""
         return {
             "members": list(self.members),
             "drawn": self.drawn,
@@ -123,7 +123,7 @@ def audit(
 ) -> Audit:
     """Repeat some members, each controller's with half of the step that settled it; unsettled ones are left out.
 
-    They are selected from all members by the plan's seed, so that the changed ones estimate a share of the sweep. ``members`` is
+    They are selected from all members by the plan's seed, so the changed ones estimate a fraction of the sweep. ``members`` is
     their number, by default AUDITED_SHARE of all and at least FEWEST_AUDITED; ``run`` does the work.
     """
     study, by_tolerance = settling.study, settling.study.example.simulation.tolerance is not None

@@ -78,7 +78,7 @@ class Pace:
     """The number of members that run at once, based on the duration of earlier units. No bit depends on it.
 
     ahead   number of units that wait for each running unit: a started unit takes longer than its own work by this factor
-    fewest  smallest number of members that run together, so that kernels have work for all their lanes
+    fewest  smallest number of members that run together, so kernels have work for all their lanes
     """
 
     ahead: int = 1

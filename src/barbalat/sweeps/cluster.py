@@ -108,7 +108,7 @@ def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable
 
 @dataclass(frozen=True, eq=False)
 class Canary:
-    """A few members of the study that every worker's process runs first. The results must equal the client's in every bit. Hashes
+    """A few members of the study that every worker's process runs first. The results must equal the client's bit for bit. Hashes
     of the sources do not reveal a patched package, another compiler's library or a defective processor."""
 
     task: WorkerTask
@@ -122,7 +122,7 @@ class Canary:
         return cls(replace(task, members=few), Tabulated.of(part), uuid4().hex)
 
     def digest(self) -> str:
-        """The SHA-256 of all figures of these members, computed in this process once."""
+        """The SHA-256 of all metrics of these members, computed in this process once."""
         if self.name not in _DIGESTS:
             found = hashlib.sha256()
             for one in figures(self.task, self.tables):
@@ -151,7 +151,7 @@ def checked_figures(sent: WorkerTask, tables: Tabulated, canary: Canary) -> tupl
 
 
 def figures(sent: WorkerTask, tables: Tabulated) -> list[Figured]:
-    """The figures of each controller, computed by one thread; InputError on a worker whose bits would differ."""
+    """The metrics of each controller, computed by one thread; InputError on a worker whose bits would differ."""
     own = versions()
     clients = sent.made_by
     names = [*clients, *(own.keys() - clients.keys())]
@@ -169,7 +169,7 @@ ANSWER_SECONDS = 10.0
 CLOSING_SECONDS = 0.5
 """Seconds for the final messages to a cluster: Ctrl-C must finish within two."""
 CHUNKS_AHEAD = 2
-"""Chunks per thread of the workers that run or wait there, so that no thread is idle while its next chunk is sent."""
+"""Chunks per thread of the workers that run or wait there, so no thread is idle while its next chunk is sent."""
 MOST_TABLES = 8
 """Number of signal tables that a cluster holds for later chunks: some 10 MB each."""
 MOST_DEATHS = 5
@@ -274,7 +274,7 @@ def _require_answer(address: str) -> None:
     def wait() -> None:
         with contextlib.suppress(
             Exception
-        ):  # the answer of another server may be arbitrary: a web server's text would be read as a request for 3 EB of memory
+        ):  # the answer of a different server may be arbitrary: a web server's text would be read as a request for 3 EB of memory
             asyncio.run(within())
             answered.set()
 
@@ -290,7 +290,7 @@ def _require_answer(address: str) -> None:
 
 @dataclass(eq=False)
 class _Given:
-    """A chunk in progress: its work, the requested parts, and the figures of the parts that have run."""
+    """A chunk in progress: its work, the requested parts, and the metrics of the parts that have run."""
 
     chunk: Chunk
     work: Work
@@ -299,7 +299,7 @@ class _Given:
     deaths: int = 0
 
     def further(self) -> Columns | None:
-        """Pass the figures to the work that waits for them: returns the columns when it is finished, None if it requests more."""
+        """Pass the metrics to the work that waits for them: returns the columns when it is finished, None if it requests more."""
         figures = [self.found[i] for i in range(len(self.parts))]
         try:
             self.parts, self.found = (self.work.send(figures) if figures else next(self.work)), {}
@@ -398,7 +398,7 @@ class Workers:
             raise SchedulerLostError from error
 
     def _result(self, future: Future, given: _Given) -> list[Figured] | None:
-        """A part's figures; None if its workers died; InputError from a worker that computes other bits than this computer."""
+        """A part's metrics; None if its workers died; InputError from a worker that computes other bits than this computer."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker

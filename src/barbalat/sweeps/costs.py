@@ -97,16 +97,17 @@ def _apart(study: Study, *kinds: Kind) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Costs:
-    """The cost of one member of a sweep, measured here: processor time rather than elapsed time, so that other programs have
-    little effect.
+    """The cost of one member of a sweep, measured here: processor time rather than elapsed time, so other programs have little
+    effect.
 
     steps     solver steps, summed over all controllers
-    worker    processor time of the worker that simulates it, including its share of compiling for a chunk of a second or two [s]
-    client    processor time for sending it, receiving and storing its figures [s]; one process does that for all workers
+    worker    processor time of the worker that simulates it, including its fraction of compiling for a chunk of a second or two
+              [s]
+    client    processor time for sending it, receiving and storing its metrics [s]; one process does that for all workers
     sent, returned, stored  bytes to a worker, from it, and on the disk
     tables    bytes of the signals' samples, which are sent to each worker once
     reruns    evaluations with finer steps, as a multiple of the plain ones, each of which costs RERUN_COST times as much
-    settled   share of the plan's first members that are settled by their own step or by an affordable finer one
+    settled   fraction of the plan's first members that are settled by their own step or by an affordable finer one
     """
 
     steps: int
@@ -136,7 +137,7 @@ class Costs:
         for _ in range(2):  # the first one imports the modules that draw members and write files
             client, size = _handled(study, count, found)
         if client * whole < MEASURING_SECONDS and whole > count:  # fixed costs of a chunk are spread over all its members
-            client, _ = _handled(study, whole, found)  # repeated figures compress better than others
+            client, _ = _handled(study, whole, found)  # repeated metrics compress better than others
         return cls(
             steps=study.steps,
             worker=simulated / count,
@@ -160,7 +161,7 @@ class Costs:
 
 
 def _handled(study: Study, count: int, found: Sequence[Sequence[Figured]]) -> tuple[float, float]:
-    """Seconds of the client and bytes on the disk per member, with figures repeated from those ``found``."""
+    """Seconds of the client and bytes on the disk per member, with metrics repeated from those ``found``."""
     begun = time.process_time()
     parts = list(study.parts(0, count))
     for part in parts:

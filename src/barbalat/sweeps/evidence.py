@@ -24,23 +24,23 @@ DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 RING, NOT_SETTLED = "estimates ring", "not settled"
 """Shares from finer steps: the parts of ``oscillated``, and the members whose verdict no affordable step settles."""
 VERDICTS = (*(str(kind) for kind in Class if kind is not Class.FOLLOWS), RING, NOT_SETTLED)
-"""The judge's classes whose shares are reported."""
+"""The judge's classes whose fractions are reported."""
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
-"""Names of shares; every other share has the name of a requirement and counts the members that violate it."""
+"""Names of fractions; every other share has the name of a requirement and counts the members that violate it."""
 EXAMINED = "only the estimates: a limit cycle of the control or of the state with constant estimates is not counted"
 """The signals of ``oscillated``."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is still growing, or lost at a smaller size, is not counted"
 """The meaning of ``diverged``; see ``run.kernel.metrics.DIVERGENCE_LIMIT``."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
-"""Columns of a controller that are not figures of a run."""
+"""Columns of a controller that are not metrics of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Extremes:
-    """The extremes and the median of a figure over the members that have it.
+    """The extremes and the median of a metric over the members that have it.
 
     worst_member  the one with the largest value; for ``diverged_at`` the one with the smallest
-    finite        number of members that have the figure: those that did not diverge
+    finite        number of members that have the metric: those that did not diverge
     """
 
     min: float
@@ -71,7 +71,7 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """Shares, extremes and sensitivities, by verdict or figure, and then by controller.
+    """Shares, extremes and sensitivities, by verdict or metric, and then by controller.
 
     unexamined  by controller, why ``oscillated`` is unknown for every member
     filled  median and largest max |e| relative to the guaranteed bound: the part of the guarantee that runs use
@@ -139,7 +139,7 @@ class Verdict(NamedTuple):
     counted  (M,) for which members it is true
     judged   (M,) for which members it is known
     settled  (M,) for which members it is not due to the solver
-    split    whether the share distinguishes settled members; ``diverged`` and ``oscillated`` refer to the runs themselves
+    split    whether the fraction distinguishes settled members; ``diverged`` and ``oscillated`` refer to the runs themselves
     """
 
     name: str
@@ -150,7 +150,7 @@ class Verdict(NamedTuple):
 
     @property
     def share(self) -> Share:
-        """The share of members for which the verdict is true; it is split if settled members are distinguished."""
+        """The fraction of members for which the verdict is true; it is split if settled members are distinguished."""
         if not self.split:
             return Share.of(self.counted, self.judged)
         count, unsettled = int((self.counted & self.judged & self.settled).sum()), int((self.judged & ~self.settled).sum())

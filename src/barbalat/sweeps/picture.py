@@ -1,4 +1,4 @@
-"""Pictures of a sweep: the distribution of the members' errors, a map over two axes, and each varied number's share of the
+"""Pictures of a sweep: the distribution of the members' errors, a map over two axes, and each varied number's fraction of the
 variance."""
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def _largest_bound(found: SweepResult, controller: str) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Heat:
-    """A figure over two axes of the grid: the median of the draws at each point, NaN if a member diverged there."""
+    """A metric over two axes of the grid: the median of the draws at each point, NaN if a member diverged there."""
 
     x: tuple[FieldPath, Array]
     y: tuple[FieldPath, Array]
@@ -235,7 +235,8 @@ def _edges(values: Array, *, logarithmic: bool) -> Array:
 
 
 def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], name: str, *, narrow: bool = False) -> Figure:
-    """A bar for each varied number and controller: its share of the figure's variance, with its interval; the largest on top."""
+    """A bar for each varied number and controller: its fraction of the metric's variance, with its interval; the largest on
+    top."""
     shares: dict[str, float] = {}
     for one in sensitivities:
         shares[str(one.path)] = max(shares.get(str(one.path), 0.0), one.first)

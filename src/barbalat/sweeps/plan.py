@@ -32,7 +32,7 @@ class Design(Enum):
 
 
 DEFAULT_MEMBERS = dict.fromkeys(Design, 1000) | {Design.SALTELLI: 1024}
-"""Number of draws: a share of a few percent then has an interval of about one percent. Saltelli's are powers of two."""
+"""Number of draws: a fraction of a few percent then has an interval of about one percent. Saltelli's are powers of two."""
 MOST_MEMBERS = 10**10
 """Largest number of members of a sweep: each of 4096 chunks then has some 2.5 million, half a gigabyte of columns."""
 
@@ -143,8 +143,8 @@ class Plan:
         return np.column_stack(columns)
 
     def streams(self, first: int, count: int) -> Array:
-        """(count,) noise numbers of the members: those of their draws, so that one draw has the same noise at every point of
-        the grid."""
+        """(count,) noise numbers of the members: those of their draws, so one draw has the same noise at every point of the
+        grid."""
         return self.streams_for(np.arange(first, first + count))
 
     def streams_for(self, numbers: Array) -> Array:

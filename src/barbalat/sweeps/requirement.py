@@ -1,4 +1,4 @@
-"""A requirement on every member, such as ``max_abs_e[0] < 2``: a figure, a comparison and a number."""
+"""A requirement on every member, such as ``max_abs_e[0] < 2``: a metric, a comparison and a number."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class Requirement:
         ]
 
     def require_known(self, names: list[str], controllers: tuple[str, ...]) -> None:
-        """InputError if no controller has the figure."""
+        """InputError if no controller has the metric."""
         if not any(self.columns(names, controller) for controller in controllers):
             figures = sorted({name.split("/", 1)[1] for name in names if "/" in name})
             raise InputError(f"the requirement {validate.show(str(self))} does not name a figure; known are {', '.join(figures)}")
 
     def broken(self, values: Array) -> Array:
-        """(M,) whether a column violates the requirement; a figure that is missing because of divergence violates it."""
+        """(M,) whether a column violates the requirement; a metric that is missing because of divergence violates it."""
         with np.errstate(invalid="ignore"):
             return np.asarray(~COMPARISONS[self.sign](values, self.limit))
 

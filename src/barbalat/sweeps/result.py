@@ -137,7 +137,7 @@ class SweepResult:
         return self.rows.column(name)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row for each member; NaN for a missing figure."""
+        """A row for each member; NaN for a missing metric."""
         validate.require_extra("pandas", "tables", "to_pandas")
         import pandas as pd
 

@@ -1,4 +1,4 @@
-"""The share of a figure's variance over the members that each varied number explains by itself: first-order Sobol indices."""
+"""The fraction of a metric's variance over the members that each varied number explains by itself: first-order Sobol indices."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ RESAMPLES = 50
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
 """A share below this is rounding error: the square of that of a sum of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
-"""The evaluated figures, without indices of components."""
+"""The evaluated metrics, without indices of components."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """The sensitivity of one figure of one controller to one number.
+    """The sensitivity of one metric of one controller to one number.
 
-    first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
+    first      fraction of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
                Estimates below 0 or above 1 are clipped
-    total      the share including interactions of the number with others; only for Saltelli's design, else None
+    total      the fraction including interactions of the number with others; only for Saltelli's design, else None
     estimator  how it was obtained
     """
 
@@ -59,7 +59,7 @@ SALTELLI, RBD_FAST, FACTORIAL = (
 
 
 def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[list[Sensitivity], list[str]]:
-    """Sensitivities of the figures that all members have, and sentences on figures and numbers without one."""
+    """Sensitivities of the metrics that all members have, and sentences on metrics and numbers without one."""
     found: list[Sensitivity] = []
     notes: list[str] = []
     if plan.draws and plan.design is not Design.SALTELLI:
@@ -91,7 +91,7 @@ def _cut(share: float) -> float:
 
 
 Made = Callable[..., Sensitivity]
-"""A function of one figure of one controller and the remaining arguments."""
+"""A function of one metric of one controller and the remaining arguments."""
 
 
 def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
@@ -111,7 +111,7 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
 
 
 def _near_one(values: Array) -> Array:
-    """The values times a power of two, which changes no bit of any share of a variance.
+    """The values times a power of two, which changes no bit of any fraction of a variance.
 
     Squares of very small or very large values would underflow or overflow, and the variance would be zero or infinite.
     """

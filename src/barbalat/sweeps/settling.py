@@ -1,7 +1,7 @@
 """Separates plant and solver: members whose step may damp or excite unresolved oscillations are repeated
 with a step that resolves them.
 
-The member's figures and verdict are then those with that step.
+The member's metrics and verdict are then those with that step.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ GOLDEN = (5**0.5 - 1) / 2
 evenly."""
 
 Work = Generator[list[StudyPart], list[list[Figured]], Columns]
-"""Yields parts to be run anywhere, receives their figures, and returns columns."""
+"""Yields parts to be run anywhere, receives their metrics, and returns columns."""
 
 
 class Step(NamedTuple):
@@ -54,7 +54,7 @@ class Step(NamedTuple):
 
 
 class Afforded(NamedTuple):
-    """The members that are repeated: all that need a factor of at most ``finest``, and a share of those that need up to
+    """The members that are repeated: all that need a factor of at most ``finest``, and a fraction of those that need up to
     ``beyond``."""
 
     finest: float
@@ -74,7 +74,7 @@ class Afforded(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Finer(Varied):
-    """The cases of a study with another step. A sampled controller keeps its sample time, and a sampled law its own steps.
+    """The cases of a study with a different step. A sampled controller keeps its sample time, and a sampled law its own steps.
 
     With a tolerance, the finer tolerance with which runs are measured is used, whatever the step.
     """
@@ -125,7 +125,7 @@ class Settling:
     kernels: int = field(init=False, default=1)
 
     def finer(self, step: Step) -> Study:
-        """The same study with another step."""
+        """The same study with a different step."""
         if step not in self._finer:
             self._finer[step] = Study(Finer(self.study.varied, step), self.study.plan, motions=self.study.motions)
         return self._finer[step]
@@ -159,7 +159,7 @@ class Settling:
                     yield from self.again(found["member"], places, i, Step(int(factor), refined=True))
 
     def again(self, numbers: Array, places: Array, controller: int, step: Step) -> Iterator[Rerun]:
-        """These members with another step, without those that this step refuses or whose cost is too high.
+        """These members with a different step, without those that this step rejects or whose cost is too high.
 
         A varied delay may be a whole number of the finer steps at every tried value: its weights then look constant. Such members
         stay unsettled, whichever other members run with them.
@@ -190,7 +190,7 @@ class Settling:
 
     @cached_property
     def afforded(self) -> Afforded:
-        """The limits for repeated members, so that all repetitions together cost less than MOST_RERUN plain sweeps.
+        """The limits for repeated members, so all repetitions together cost less than MOST_RERUN plain sweeps.
 
         They are determined from the plan's first members, so they do not depend on the members that run together.
         """
@@ -231,7 +231,7 @@ class Settling:
 
     @property
     def settled(self) -> float:
-        """The share of the plan's first members, over all controllers, that are settled by their own step, or by one that is
+        """The fraction of the plan's first members, over all controllers, that are settled by their own step, or by one that is
         afforded."""
         finest, beyond, share = self.afforded
         each = len(self.study.controllers) * self._pilots

@@ -39,7 +39,7 @@ class Axis:
 
     @classmethod
     def parse(cls, text: str) -> Axis:
-        """An axis as START:STOP:COUNT[:log]; InputError for another text."""
+        """An axis as START:STOP:COUNT[:log]; InputError for a different text."""
         parts = text.split(":")
         if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] != "log"):
             raise InputError(f"a range must be START:STOP:COUNT or START:STOP:COUNT:log, got {validate.show(text)}")
@@ -63,7 +63,7 @@ class Distribution(Protocol):
     """The distribution of a number."""
 
     def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
-        """The quantiles at these shares, given the numbers drawn ``before``."""
+        """The quantiles at these fractions, given the numbers drawn ``before``."""
         ...
 
 
@@ -169,7 +169,7 @@ class InBall:
 
 
 SHARE_OF_RADIUS = 1 - 2.0**-40
-"""Share of a ball's radius to which draws are limited, so that every draw is inside despite rounding."""
+"""Fraction of a ball's radius to which draws are limited, so every draw is inside despite rounding."""
 
 DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {
     "uniform": Uniform,

@@ -1,6 +1,6 @@
 """Statistics of many runs, with intervals that assume no distribution: shares, medians, and significant differences.
 
-A failed run has an infinite figure: it counts as one run on the worse side and is never excluded.
+A failed run has an infinite metric: it counts as one run on the worse side and is never excluded.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CONFIDENCE_LEVEL = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """The share of the members that could be judged; the interval is Clopper and Pearson's.
+    """The fraction of the members that could be judged; the interval is Clopper and Pearson's.
 
     judged  number of members judged; unknown verdicts are not counted as met
     """
@@ -30,7 +30,7 @@ class Share:
 
     @classmethod
     def of(cls, counted: Array, judged: Array | None = None) -> Share:
-        """The share of the true values among all, or among the ``judged`` ones."""
+        """The fraction of the true values among all, or among the ``judged`` ones."""
         return cls(count=int(counted.sum()), judged=len(counted) if judged is None else int(judged.sum()))
 
     @property
@@ -46,7 +46,8 @@ class Share:
 
     @property
     def chance(self) -> float:
-        """The probability of a share at least this far from one half if both outcomes are equally likely: the exact sign test."""
+        """The probability of a fraction at least this far from one half if both outcomes are equally likely: the exact sign
+        test."""
         from scipy.stats import binomtest
 
         return float(binomtest(self.count, self.judged).pvalue)
@@ -73,7 +74,7 @@ class SplitShare(Share):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The interval from no unsettled member belonging to the share to all of them belonging to it."""
+        """The interval from no unsettled member belonging to the fraction to all of them belonging to it."""
         least = Share(count=self.count, judged=self.judged, confidence=self.confidence).interval
         most = Share(count=self.count + self.unsettled, judged=self.judged, confidence=self.confidence).interval
         return least[0], most[1]
@@ -87,10 +88,10 @@ Compared = TypeVar("Compared", bound=Hashable)
 
 
 def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
-    """For each share, 1 if it is significantly above one half, -1 if it is below, 0 otherwise.
+    """For each fraction, 1 if it is significantly above one half, -1 if it is below, 0 otherwise.
 
     Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not: if
-    all shares are one half, the probability that any of them is reported as different is at most 1 - CONFIDENCE_LEVEL.
+    all fractions are one half, the probability that any of them is reported as different is at most 1 - CONFIDENCE_LEVEL.
     """
     found = dict.fromkeys(shares, 0)
     for left, name in zip(range(len(shares), 0, -1), sorted(shares, key=lambda one: shares[one].chance), strict=True):
@@ -102,7 +103,7 @@ def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Median:
-    """The median of a figure, whose values may be infinite, with its interval.
+    """The median of a metric, whose values may be infinite, with its interval.
 
     value     the mean of the two middle values if the number of values is even; the lower one if these are infinities of opposite
               sign
@@ -116,7 +117,7 @@ class Median:
 
     @classmethod
     def of(cls, values: Array) -> Median:
-        """The median of these values; NaN, for a run without the figure, counts as infinite."""
+        """The median of these values; NaN, for a run without the metric, counts as infinite."""
         from scipy.stats import binom
 
         ordered = np.sort(np.where(np.isnan(values), np.inf, values))

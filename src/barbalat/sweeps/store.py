@@ -1,6 +1,6 @@
 """A sweep on disk: a folder of Parquet files, each with a chunk or a part of one, and an index. Stored rows are never changed.
 
-When no sweep is running, every file in the folder is Parquet, so that pandas, Polars and DuckDB read the folder as one table: the
+When no sweep is running, every file in the folder is Parquet, so pandas, Polars and DuckDB read the folder as one table: the
 index is a file without rows, and its JSON is in the file's metadata. While a sweep is written, the folder also contains a lock
 and a folder for incomplete data, both hidden.
 """
@@ -133,7 +133,7 @@ class Store:
         self._write(INDEX_FILE, buffer.getvalue())
 
     def _write(self, name: str, content: bytes) -> None:
-        """Write under another name and rename the file when it is on the disk, so that no reader sees an incomplete file."""
+        """Write under a different name and rename the file when it is on the disk, so no reader sees an incomplete file."""
         temporary = self.folder / WRITING_DIR / name
         temporary.parent.mkdir(exist_ok=True)
         try:
@@ -159,7 +159,7 @@ STORED_EVERY = 3.0
 """Interval at which completed chunks are stored [s]: if the process is killed, this much work is lost in addition to the
 running chunks."""
 MANY_FILES, FILES_FOR_DOUBLE = 1024, 512
-"""Number of files above which a store is written less often; the interval grows in proportion to this number, so that 4096 files
+"""Number of files above which a store is written less often; the interval grows in proportion to this number, so 4096 files
 correspond to a day."""
 MOST_WAITING = 4
 """Largest number of chunks that wait in memory, in parts: workers complete them in any order."""
@@ -271,7 +271,7 @@ def opened(
 
 
 def require_place(folder: Path) -> None:
-    """InputError for a folder that ``opened`` would refuse in any case, and if a store's dependencies are missing.
+    """InputError for a folder that ``opened`` would reject in any case, and if a store's dependencies are missing.
 
     A command calls this before it computes anything. The test leaves no files behind and does not write to a complete store.
     """
@@ -336,7 +336,7 @@ def _sync(folder: Path) -> None:
 
 
 def _table(columns: Columns) -> pa.Table:
-    """The columns as a table, in which a missing figure is null."""
+    """The columns as a table, in which a missing metric is null."""
     import pyarrow as pa
 
     found = {}

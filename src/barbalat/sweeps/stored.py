@@ -118,7 +118,8 @@ def checksum(text: bytes, schema: pa.Schema) -> bytes:
 
 
 def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
-    """A member's row, also from a store that is being written; InputError if it belongs to another sweep or lacks the member."""
+    """A member's row, also from a store that is being written; InputError if it belongs to a different sweep or lacks the
+    member."""
     index = read_index(folder)
     if index is None:
         raise InputError(f"the store {str(folder)!r} does not contain a sweep")
@@ -129,7 +130,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
 def require_same(
     folder: Path, index: StoreIndex, identity: dict[str, Any], differences: Mapping[str, str] = NAMES_OF_DIFFERENCES
 ) -> None:
-    """InputError, with the difference, if the store belongs to another sweep."""
+    """InputError, with the difference, if the store belongs to a different sweep."""
     for key, what in differences.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key in ("equations", "judge") else ""
@@ -139,7 +140,7 @@ def require_same(
 
 
 def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:
-    """The index extended to further members of a plan that keeps its first ones; unchanged for another sweep or the same
+    """The index extended to further members of a plan that keeps its first ones; unchanged for a different sweep or the same
     number."""
     plan = index.identity.get("plan", {}) | {"members": members}
     known = {key: value for key, value in identity.items() if key in index.identity}  # an old store has fewer columns

@@ -44,7 +44,7 @@ OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "s
 OF_NO_DESIGN = (("plant", "x0"),)
 """Parts that are not design choices: the state is measured, so a predictor begins at its initial value."""
 DESIGN_ROUNDING = 1e-9
-"""Share of the largest number of an array: far above the rounding of a matrix that does not depend on the varied numbers."""
+"""Fraction of the largest number of an array: far above the rounding of a matrix that does not depend on the varied numbers."""
 
 
 def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
@@ -117,8 +117,8 @@ MOST_SETTINGS = 64
 
 
 class Figured(NamedTuple):
-    """The results of M runs of one controller: figures, (M,) numbers of the judge's classes, and how much finer a step they
-    need; infinite for one that no step tried resolves, or that stalls with a tolerance."""
+    """The results of M runs of one controller: metrics, (M,) numbers of the judge's classes, and how much finer a step they need;
+    infinite for one that no step tried resolves, or that stalls with a tolerance."""
 
     metrics: Metrics
     kinds: Array
@@ -214,7 +214,7 @@ class Study:
                 raise InputError(f"member {int(numbers[which[error.place]])}: {error}") from None
 
     def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of members whose parts have run, from each part's figures of each controller."""
+        """All columns of members whose parts have run, from each part's metrics of each controller."""
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:

@@ -307,7 +307,7 @@ def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Replayed:
-    """A member's case and the runs of its controllers, with the varied numbers and all figures under the names of a store's
+    """A member's case and the runs of its controllers, with the varied numbers and all metrics under the names of a store's
     columns."""
 
     number: int
@@ -324,7 +324,7 @@ class Replayed:
 def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
     """Run the member with this number on its sweep's kernel, because a kernel made for it alone would round differently.
 
-    A recorded run accumulates its sums in other blocks. Its figures are therefore those of the unrecorded run.
+    A recorded run accumulates its sums in other blocks. Its metrics are therefore those of the unrecorded run.
     """
     validate.whole("member", member, least=0, most=len(study) - 1)
     settling, row = Settling(study), study.values(member, 1)
@@ -367,7 +367,7 @@ def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) 
 def _recorded(
     study: Study, member: int, number: int, controller: Controller, threads: int | None, progress: Progress | None
 ) -> Result:
-    """A member's run with one controller; its figures are those of the unrecorded run."""
+    """A member's run with one controller; its metrics are those of the unrecorded run."""
     row = study.values(member, 1)
     case, setting = study.varied.at(row[0]), study.setting(row[0], windows=MOST_WINDOWS)
     members = setting.members(row, study.plan.streams(member, 1))[number]

@@ -1,4 +1,4 @@
-"""The least and the largest value of a figure over a set of numbers, searched by gradients from many starts.
+"""The least and the largest value of a metric over a set of numbers, searched by gradients from many starts.
 
 Every value is that of a run, so the set contains it. That no other member is worse is not proven.
 """
@@ -41,14 +41,14 @@ MOST_VERTICES = 64
 FOLLOWED = 4
 """Starts from which each search follows gradients: the best points so far."""
 APART = 0.15
-"""Distance of the starts from each other in some coordinate, as a share of its range, so that they lie in different valleys."""
+"""Distance of the starts from each other in some coordinate, as a fraction of its range, so they lie in different valleys."""
 ROUNDS = 12
 """Largest number of gradients from each start."""
 REFINED, PATIENCE, ELITES, DRAWN = 16, 2, 12, 5
 """Rounds in which each search then draws points, DRAWN for each number, from the normal distribution of the ELITES best points so
 far, and rounds without a gain after which it ends. They need no slopes, and follow narrow valleys that gradients cross."""
 MOVES = (2.0, 0.3, 0.05, 0.005)
-"""Steps along a gradient, as shares of the set's width in the direction in which it is steepest; all are tried at once."""
+"""Steps along a gradient, as fractions of the set's width in the direction in which it is steepest; all are tried at once."""
 GAIN = 1e-4
 """Relative gain below which the steps are shortened."""
 WIDE = 4.0
@@ -134,12 +134,12 @@ class SearchedSet:
 
 
 IN_A_BALL = 1 - 2.0**-40
-"""Share of a ball's radius within which points stay despite rounding."""
+"""Fraction of a ball's radius within which points stay despite rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Member:
-    """A member of the set with the value of a figure.
+    """A member of the set with the value of a metric.
 
     value      None if its run diverges
     numbers    by path
@@ -156,9 +156,9 @@ class Member:
 
 @dataclass(frozen=True, kw_only=True)
 class Extremes:
-    """The least and the largest value of a figure of a controller that a search has found over the set.
+    """The least and the largest value of a metric of a controller that a search has found over the set.
 
-    bound  the guaranteed bound of |e| at the member with the largest value; None if there is none, or for another figure
+    bound  the guaranteed bound of |e| at the member with the largest value; None if there is none, or for a different metric
     """
 
     controller: str
@@ -217,7 +217,7 @@ def find_worst(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> WorstFound:
-    """Search the least and the largest value of figures over a set, by gradients from many starts and from vertices.
+    """Search the least and the largest value of metrics over a set, by gradients from many starts and from vertices.
 
     case     as in ``sweep``, whose ``vary`` and ``sample`` give the ranges; their counts and densities have no effect. By default
              the case's known set: the ranges of its parameters, or else those of theta and of the input's gain
@@ -344,7 +344,7 @@ class _Search:
         return found
 
     def _slopes(self, place: int, z: Array, figures: Sequence[str], rng: np.random.Generator) -> Array:
-        """(M, d) the derivative of each member's figure in the coordinates; a random direction where there is none."""
+        """(M, d) the derivative of each member's metric in the coordinates; a random direction where there is none."""
         members, rows = self._members(place, z)
         try:
             directions = self.near.directions(rows, np.array([self.region.low, self.region.high]))[place]
@@ -362,7 +362,7 @@ class _Search:
         return np.asarray(found)
 
     def extremes(self, place: int, bounds: Bounds, first: Array, progress: Progress | None) -> Iterator[Extremes]:
-        """The least and the largest value of each figure."""
+        """The least and the largest value of each metric."""
         rng = np.random.default_rng(place)
         self.seen = []
         begun = self._run(place, first)

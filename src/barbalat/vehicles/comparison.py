@@ -1,4 +1,4 @@
-"""Flights of several controllers through several failures: figures, rankings, pictures and films."""
+"""Flights of several controllers through several failures: metrics, rankings, pictures and films."""
 
 from __future__ import annotations
 

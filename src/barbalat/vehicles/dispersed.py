@@ -36,19 +36,19 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
-"""The figures that are kept of each flight."""
+"""The metrics that are kept of each flight."""
 MEMBERS, PROCESSES = 200, 2
 """Default numbers of draws and of processes."""
 MOST_DRAWS = 25
-"""Largest share of the draws that one process takes, so that all processes have work."""
+"""Largest fraction of the draws that one process takes, so all processes have work."""
 CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
-"""Duration of the flights of a drawing's ``chunk`` in seconds, and size of the figures of one flight in bytes."""
+"""Duration of the flights of a drawing's ``chunk`` in seconds, and size of the metrics of one flight in bytes."""
 DIFFERENCES = {
     "case": "another flight, or of other --schemes or --failures",
     "plan": "more --dispersions, or another --seed",
     "equations": "other equations",
 }
-"""Words for the differences of another store, by the keys of ``Campaign.identity``."""
+"""Words for the differences of a different store, by the keys of ``Campaign.identity``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,7 +120,7 @@ class Campaign:
 class DispersedComparison:
     """The results of a campaign.
 
-    rows     a row for each draw, with the drawn numbers, and the figures ``KEPT`` for each controller and failure
+    rows     a row for each draw, with the drawn numbers, and the metrics ``KEPT`` for each controller and failure
     resumed  number of draws that were already stored
     """
 
@@ -133,7 +133,7 @@ class DispersedComparison:
         return len(self.campaign.plan)
 
     def column(self, controller: str, failure: str, figure: str) -> Array:
-        """Return one figure of a controller's flights through a failure for each draw (members,). KeyError if there is none."""
+        """Return one metric of a controller's flights through a failure for each draw (members,). KeyError if there is none."""
         name = column_name(controller, failure, figure)
         if name not in self.rows.names:
             raise validate.unknown_name("column", name, self.rows.names)
@@ -147,7 +147,7 @@ class DispersedComparison:
 
 
 def column_name(controller: str, failure: str, figure: str) -> str:
-    """Return the store's column name for a controller, a failure and a figure."""
+    """Return the store's column name for a controller, a failure and a metric."""
     return f"{controller}, {failure}/{figure}"
 
 
@@ -219,7 +219,7 @@ def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterat
 def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str, Mapping[str, float | None]]]]:
     """Return the function that flies a numbered draw with every controller through every failure.
 
-    It is made once in a process, and it yields controller, failure and at least the figures ``KEPT`` of each flight.
+    It is made once in a process, and it yields controller, failure and at least the metrics ``KEPT`` of each flight.
     """
     vehicle = campaign.vehicle
     pilots = [
@@ -257,13 +257,13 @@ def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """The comparison of a controller with another through the same failure on the same draws.
+    """The comparison of a controller with a different through the same failure on the same draws.
 
     A lost flight is worse than any other, and draws on which both are lost are not counted.
 
-    better   share of draws on which the controller has the smaller error, among those on which the two differ; None if there
+    better   fraction of draws on which the controller has the smaller error, among those on which the two differ; None if there
              are none
-    spared   share of draws on which only the other was lost, among those on which one of them was lost; None if there are none
+    spared   fraction of draws on which only the other was lost, among those on which one of them was lost; None if there are none
     follows  1 if its error is significantly smaller, -1 if it is significantly larger, else 0, over all comparisons together
     keeps    the same for its losses, with 1 if they are fewer
     """

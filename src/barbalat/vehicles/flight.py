@@ -1,4 +1,4 @@
-"""One flight: its record at each sample, the reason for a loss of control, and its figures."""
+"""One flight: its record at each sample, the reason for a loss of control, and its metrics."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Flight(ABC):
     @property
     @abstractmethod
     def units(self) -> dict[str, str]:
-        """The names of its figures with their units. They include "rms_e" and "max_abs_e"."""
+        """The names of its metrics with their units. They include "rms_e" and "max_abs_e"."""
 
     @property
     @abstractmethod
@@ -69,7 +69,7 @@ class Flight(ABC):
 
     @abstractmethod
     def measured(self, after: Array) -> tuple[float, ...]:
-        """Return the figures in the order of ``units``, from those of the samples (K,) for which ``after`` is true."""
+        """Return the metrics in the order of ``units``, from those of the samples (K,) for which ``after`` is true."""
 
     @property
     @abstractmethod
@@ -103,7 +103,7 @@ class Flight(ABC):
         return self.timing.fails_at
 
     def column(self, name: str) -> Array:
-        """Return one of ``columns`` over the samples. KeyError for another name."""
+        """Return one of ``columns`` over the samples. KeyError for a different name."""
         places = {one: place for place, one in enumerate(self.columns)}
         return np.asarray(self.record[:, Named.of("column", places)[name]])
 
@@ -124,7 +124,7 @@ class Flight(ABC):
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """The figures after the failure, by their names in the JSON. They are null if control was lost."""
+        """The metrics after the failure, by their names in the JSON. They are null if control was lost."""
         after, names = self._after, self.units
         if self.lost or not after.any():
             return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(names)})

@@ -143,7 +143,7 @@ def flown(
 
 
 def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Failing]) -> list[Flight]:
-    """Fly all flights in one process. If it fails, fly each in its own process, so that only the failing one is lost."""
+    """Fly all flights in one process. If it fails, fly each in its own process, so only the failing one is lost."""
     try:
         return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, vehicle, model, one, failures)
     except SimulatorFailed as error:

@@ -1,4 +1,4 @@
-"""Calls a function in a separate process with a time limit, so that a simulator's crash there becomes one sentence here.
+"""Calls a function in a separate process with a time limit, so a simulator's crash there becomes one sentence here.
 
 On some errors in its files JSBSim ends the whole process, and it prints freely. Both effects are confined to the separate
 process. The function, its arguments and its result are pickled between a process and its own child.
@@ -35,7 +35,7 @@ class SimulatorFailed(RuntimeError):
 
 
 def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
-    """Call ``function(*given, **named)`` in another process. The function must be at the top level of a module.
+    """Call ``function(*given, **named)`` in a different process. The function must be at the top level of a module.
 
     Raises InputError if the function does, and SimulatorFailed if the process crashes or takes longer than ``seconds``.
     """

@@ -65,7 +65,7 @@ ELEVATION, AZIMUTH = 24.0, -58.0
 PAD = 0.1
 """Space around a picture, and between its legend and its box [in]."""
 WIRE_SHARE = 0.05
-"""Size of a vehicle's frame, as a share of the box's longest side. It is drawn larger than to scale."""
+"""Size of a vehicle's frame, as a fraction of the box's longest side. It is drawn larger than to scale."""
 
 
 def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Figure:
@@ -93,7 +93,7 @@ def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> 
 
 
 def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
-    """Make the box as large as fits below the legend, and the figure only as high as both need. The flight determines the box's
+    """Make the box as large as fits below the legend, and the metric only as high as both need. The flight determines the box's
     shape."""
     width, height = figure.get_size_inches()
     (legend,) = figure.legends
@@ -113,7 +113,7 @@ def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
 
 
 def _drawn(figure: Figure, axes: Axes3D, scene: Scene) -> tuple[Array, Array]:
-    """Return the smallest and largest coordinates of the box with its numbers and labels, from the figure's lower left corner
+    """Return the smallest and largest coordinates of the box with its numbers and labels, from the metric's lower left corner
     [in]."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 

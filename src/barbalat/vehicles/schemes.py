@@ -80,7 +80,7 @@ class Scheme:
     """A scheme that a vehicle offers.
 
     make         a function from a loop and the scheme's numbers to the flown controller
-    knobs        the tuned numbers, each with the range of the search
+    knobs        the tuned parameters, each with the range of the search
     counterpart  the name of the corresponding scheme on other vehicles, if it differs
     """
 

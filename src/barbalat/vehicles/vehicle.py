@@ -42,7 +42,7 @@ class Drawing:
     drawn       the distribution of each number, by its name
     units       the units of numbers; a number without a unit is a factor of its nominal value
     conditions  the flight conditions, which the draws use in turn: in words, and in the form for ``Vehicle.nominal``
-    travel      the figure for the distance that something moves per second, and a word for it
+    travel      the metric for the distance that something moves per second, and a word for it
     beside      the scheme with which all others are compared if it flies, and a short name for it
     set_by      the rule by which the schemes' numbers were found
     chunk       number of flights of a process before their rows are stored, about half a minute's
@@ -58,7 +58,7 @@ class Drawing:
     chunk: int
 
     def plan(self, members: int, seed: int = SEED) -> Plan:
-        """Return a plan of independent draws, so that the intervals of shares are exact."""
+        """Return a plan of independent draws, so the intervals of fractions are exact."""
         draws = {FieldPath(("dispersion", name)): one for name, one in self.drawn.items()}
         return Plan(draws=draws, members=members, design=Design.RANDOM, seed=seed)
 
@@ -128,7 +128,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     None means all loops."""
     own_rest: ClassVar[str] = ""
     headings: ClassVar[tuple[str, ...]]
-    """The headings of a table of figures, after the controller's name."""
+    """The headings of a table of metrics, after the controller's name."""
     length: ClassVar[str]
     """The unit of ``Flight.path``."""
     equal_lengths: ClassVar[bool] = True
@@ -138,7 +138,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     shown: ClassVar[str]
     """The contents of its picture, in words."""
     notes: ClassVar[tuple[str, ...]]
-    """Notes for readers of the tables of figures."""
+    """Notes for readers of the tables of metrics."""
 
     def condition(self, given: Mapping[str, float]) -> Any:
         """Return the argument of ``require`` and ``nominal`` for the options ``--altitude`` and ``--mach``."""
@@ -146,7 +146,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def require(self, condition: Any, equipment: Any) -> None:
-        """Raise InputError if the vehicle cannot fly at this condition or with this equipment. None stands for its own."""
+        """Raise InputError if the vehicle cannot fly at this condition or with this equipment. None means its own."""
 
     @abstractmethod
     def nominal(self, condition: Any = None, equipment: Any = None) -> Model:
@@ -185,7 +185,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     @property
     @abstractmethod
     def units(self) -> dict[str, str]:
-        """The figures of a flight with their units, as in ``Flight.units``."""
+        """The metrics of a flight with their units, as in ``Flight.units``."""
 
     @property
     @abstractmethod
@@ -198,7 +198,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def cells(self, figures: Mapping[str, float | None]) -> list[str]:
-        """Return a row of the table of figures for a flight that kept control."""
+        """Return a row of the table of metrics for a flight that kept control."""
 
     @abstractmethod
     def facts(self, model: Model, version: str) -> list[tuple[str, str]]:

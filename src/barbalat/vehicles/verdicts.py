@@ -22,9 +22,9 @@ from barbalat.judge.verdict import Class, Verdict, percent
 from barbalat.validate import Array, counted
 
 TAIL_SHARE = 0.75
-"""Share of a flight's duration that precedes its tail."""
+"""Fraction of a flight's duration that precedes its tail."""
 WHOLE_SWING = 0.8
-"""Share of a control's range. A control whose average motion between reversals is larger swings from limit to limit."""
+"""Fraction of a control's range. A control whose average motion between reversals is larger swings from limit to limit."""
 SWINGS = "swings from limit to limit"
 
 

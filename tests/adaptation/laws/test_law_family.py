@@ -40,7 +40,7 @@ def test_the_registry_has_examples_of_every_law():
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_a_law_takes_the_modifications_that_its_source_allows(kind):
-    """The combinations in the table in docs/laws.md are accepted, and all others are refused."""
+    """The combinations in the table in docs/laws.md are accepted, and all others are rejected."""
     for name, modification in examples.MODIFICATIONS.items():
         if name not in examples.LAW_EXAMPLES[kind].takes:
             with pytest.raises((InputError, TypeError)):
@@ -117,7 +117,7 @@ def test_the_kernel_does_what_plain_stepping_does(modified, problems):
     ball = ParameterBall(center=[0.2, -0.1, 0.3], radius=0.9)
     outward = (
         given.plant.theta - ball.center
-    )  # theta lies outside, so that every law reaches the sphere, except a law that always leaks
+    )  # theta lies outside, so every law reaches the sphere, except a law that always leaks
     command = Sines(amplitudes=(100.0, 100.0), frequencies=(0.7, 2.3))
     problem = Problem(plant=given.plant, reference_model=given.reference_model, reference=command, uncertainty=ball)
     start = ball.center + 0.98 * ball.radius * outward / np.linalg.norm(outward)

@@ -36,7 +36,7 @@ COMMANDS = (
 MEMBERS = 40
 """Members of each random system (A_m, b, k_0, x0, C). Each has its own theta, known set, initial estimate and gain."""
 SYSTEMS_9 = (13, 12, 13, 12)
-"""Systems for each command, so that there are 2000 problems for each n."""
+"""Systems for each command, so there are 2000 problems for each n."""
 SYSTEMS_10 = {1: (7, 6, 6, 6), 2: (3, 3, 3, 4), 3: (3, 3, 3, 3)}
 """The same for each order of C(s). Half of the problems have the first-order filter."""
 FEW_9, FEW_10 = (1, 1, 1, 1), {1: (1, 1, 1, 1), 2: (1, 0, 0, 0), 3: (0, 1, 0, 0)}

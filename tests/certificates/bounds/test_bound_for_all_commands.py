@@ -73,7 +73,7 @@ def test_no_command_exceeds_it(n, sample):
 @pytest.mark.short(kept=lambda scheme: scheme == "L1")
 @pytest.mark.dear
 def test_the_checker_accepts_it_and_nothing_false(scheme):
-    """With x(0) away from zero, a lower number, a broken cell and a missing premise are each refused."""
+    """With x(0) away from zero, a lower number, a broken cell and a missing premise are each rejected."""
     given, simulation = section_v.problem(), Simulation(t_end=1.0, dt=1e-3)
     small = replace(given, uncertainty=ParameterBox(lower=[0.0, -5.0], upper=[5.0, 5.0]))
     controller = section_v.l1("L1", 1e4) if scheme == "L1" else Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")

@@ -188,7 +188,8 @@ def test_limits_of_a_law_with_a_pull_of_its_own(problems):
 
 
 def test_the_midpoint_law_takes_matrix_gains_and_refuses_what_is_not_proven(problems):
-    """V also decreases at every sample with a matrix gain, at gains far beyond the explicit limit. Everything else is refused."""
+    """V also decreases at every sample with a matrix gain, at gains far beyond the explicit limit. Everything else is
+    rejected."""
     problem = problems[2]
     sampled = Sampled(controller=Mrac(gamma=1e6 * MATRIX), sample_time=2.0**-6)
     result = simulate(problem, [sampled], Simulation(t_end=16.0, dt=2.0**-8))["MRAC"]

@@ -28,7 +28,7 @@ SCHEMES = {"plain": Mrac(gamma=10.0), "filtered": L1Adaptive(gamma=10.0, filter=
 @pytest.mark.parametrize("omega", [0.5, 2.0])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_beside_an_unknown_gain_the_loop_is_that_of_the_parameters(scheme, omega, delay):
-    """With u = (k_0 r - theta'x)/omega the loop does not depend on omega, so that the gain margin is relative to the case's gain.
+    """With u = (k_0 r - theta'x)/omega the loop does not depend on omega, so the gain margin is relative to the case's gain.
 
     With C(s), u = C/(1 - C) [k_0 r - theta'x - omega u] = (k_0 r - theta'x)/(kappa s + omega), where omega remains in the filter.
     """

@@ -121,7 +121,7 @@ def test_over_the_known_set(section_v):
 
 @pytest.mark.parametrize("theta_hat", [[4.0, -3.0], [4.5, -2.0]])
 def test_simulation_with_frozen_estimates_is_lost_where_the_loop_says(section_v, theta_hat):
-    """A gain of 1e-60 freezes the estimates. There is no command, so that only the loop's own modes are excited."""
+    """A gain of 1e-60 freezes the estimates. There is no command, so only the loop's own modes are excited."""
     controller = RobustMrac(c_0=[1.0, 1.0], tau=0.06, law=Gradient(gamma=1e-60), theta_hat0=theta_hat)
     limit = DelayError().limit(FrozenLoops(section_v, controller).at(np.array(theta_hat)))
     members = []

@@ -142,7 +142,7 @@ scheme = "l1"
 gamma = 1.0
 filter = { kappa = 0.01 }
 """
-"""k and m act on states that the input does not reach directly, so that no theta matches them."""
+"""k and m act on states that the input does not reach directly, so no theta matches them."""
 WITHOUT_BASELINE = """
 [[controller]]
 name = "piecewise"

@@ -91,7 +91,7 @@ def test_no_command_and_no_disturbance_exceeds_them(name, path, sample):
 
 @pytest.mark.parametrize("name", ["adrc", "piecewise"])
 def test_the_worst_command_comes_close(name):
-    """Its signs are those of the impulse response of a run, reversed in time, so that the bound's arithmetic is not used."""
+    """Its signs are those of the impulse response of a run, reversed in time, so the bound's arithmetic is not used."""
     controller, count = CONTROLLERS[name], 160
     still = replace(problem_of("delay"), plant=replace(problem_of("delay").plant, x0=[0.0, 0.0]))
     pulse = replace(still, reference=Steps(times=(0.0, T), values=(1.0, 0.0)))

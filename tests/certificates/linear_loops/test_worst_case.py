@@ -74,7 +74,7 @@ def test_the_vectorised_response_and_spectrum_are_the_loops_own(family, box):
     spectra = [np.linalg.eigvals(sensitivity(family.loop(theta)).A).real.max() for theta in thetas]
     np.testing.assert_allclose(
         family.largest_real_parts(thetas), spectra, atol=1e-6
-    )  # a double pole, so that the error is the square root of rounding
+    )  # a double pole, so the error is the square root of rounding
 
 
 class Bump(LoopsOverTheta):

@@ -1,4 +1,4 @@
-"""Lyapunov functions supplied by authors of laws: accepted ones hold numerically, and false ones are refused."""
+"""Lyapunov functions supplied by authors of laws: accepted ones hold numerically, and false ones are rejected."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def certificate(problem, law):
 
 
 def refused(problem, law):
-    """Check that the certificate refuses the bound, and return its entry."""
+    """Check that the certificate rejects the bound, and return its entry."""
     found = certificate(problem, law)
     entry = found.entry("error_bound")
     assert entry.value is None or not entry.applies

@@ -350,8 +350,8 @@ def test_a_longer_sample_lets_less_noise_through(T):
     """White noise through s(1 - 1/z)/T and C by the trapezoidal rule has a closed form if the plant hardly moves within a sample.
 
     C = g (1 + 1/z)/(1 + g - (1 - g)/z) with g = omega_c T/2. Its response to (1 - 1/z)/T has the energy omega_c^2/(2 (1 + g)^2).
-    The plant's time constant is 100 s, so that the formula's relative error is about T/100 s plus 0.1 s/100 s, where 0.1 s is the
-    time constant of C.
+    The plant's time constant is 100 s, so the formula's relative error is about T/100 s plus 0.1 s/100 s, where 0.1 s is the time
+    constant of C.
     """
     bandwidth = 10.0
     problem = Problem(

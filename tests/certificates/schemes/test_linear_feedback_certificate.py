@@ -73,7 +73,7 @@ def test_theta_destabilising_is_on_the_border():
 
 
 def test_mu_of_the_l1_limit_stands_beside_its_condition():
-    """The condition is sufficient in the L1 norm, and mu is exact for constant parameters, so that mu always allows more."""
+    """The condition is sufficient in the L1 norm, and mu is exact for constant parameters, so mu always allows more."""
     found = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(0.02)),), SIMULATION)["L1"].values
     assert found["parameter_scale"] > 1 / found["condition"]["value_upper"]
 

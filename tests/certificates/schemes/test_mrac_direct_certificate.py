@@ -19,10 +19,10 @@ SIMULATION = Simulation(t_end=10.0, dt=1e-3)
 
 
 def test_the_textbook_s_plant_by_hand():
-    """P = 1/4 and V(0) = omega (k_x^2 + k_r^2)/Gamma = 0.5 (4 + 16)/4 = 2.5, so that |e| <= sqrt(2.5/0.25). The tolerance 1e-9 is
-    for outward rounding.
+    """P = 1/4 and V(0) = omega (k_x^2 + k_r^2)/Gamma = 0.5 (4 + 16)/4 = 2.5, so |e| <= sqrt(2.5/0.25). The tolerance 1e-9 is for
+    outward rounding.
 
-    The loop gain is omega k_x/(s + 1) = 1/(s + 1), so that no delay destabilises the loop.
+    The loop gain is omega k_x/(s + 1) = 1/(s + 1), so no delay destabilises the loop.
     """
     case = load_case("astrom-wittenmark")
     found = certify(case.problem, case.controllers, case.simulation)["Direct MRAC"]
@@ -80,8 +80,8 @@ def test_the_bound_holds_for_another_regressor_too(problems, sample):
 
 
 def test_the_worst_of_the_known_set_is_at_a_vertex(problems):
-    """V(0) is convex in (theta, omega), so that the worst bound is the largest one at the vertices of box and interval. The
-    tolerance 1e-9 is for outward rounding."""
+    """V(0) is convex in (theta, omega), so the worst bound is the largest one at the vertices of box and interval. The tolerance
+    1e-9 is for outward rounding."""
     box, given = ParameterBox(lower=[-1.0, -2.0], upper=[4.0, 0.5]), problems[2]
     controller = DirectMrac(gamma=3.0, gamma_r=0.7, theta_hat0=[0.3, -0.1], k_r0=3.0)
 

@@ -72,7 +72,7 @@ def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
         law = NetworkLaw(gamma=gamma, gamma_v=gamma_v, rows=4, start=0.0, sigma=sigma, nu=nu)
         if nu is None:
             left = (2 * (share * p) @ F * s - lowest * s**2) / (2 * value)
-        else:  # divided by |mu|_1 = s times the sum of the shares
+        else:  # divided by |mu|_1 = s times the sum of the fractions
             left = ((share * p) @ F - lowest * s / 2) / (share @ p) / value
         near = (highest * s**2 + np.maximum(0, left) / min(gamma, gamma_v))[left >= -1e-9].max()
         found = law.highest_level(F, lowest, highest, p)

@@ -156,7 +156,7 @@ def test_an_estimate_on_a_face_has_no_linearisation():
 
 
 def test_the_known_set_is_searched_with_the_estimates_of_each_theta():
-    """The frozen loop at another theta is that of the certificate of the case with that theta."""
+    """The frozen loop at a different theta is that of the certificate of the case with that theta."""
     found = certified(sampled("mrac", "euler"), keys=["margins_over_known_set"]).values["margins_over_known_set"]
     (loop,) = found
     where = loop["delay_margin"]

@@ -17,7 +17,7 @@ from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
 
-T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has reached its maximum
+T_END = 15.0  # s; a period of the command is 12.6 s, so |x_m| has reached its maximum
 SCHEMES = {
     "mrac": Mrac(gamma=10.0),
     "closed-loop model": MracClosedLoop(gamma=10.0, model_feedback=[[-1.0, 0.0], [0.0, -1.0]]),

@@ -57,9 +57,7 @@ def test_against_the_matrix_of_a_step(known, solver, h, digits):
     g = Oscillator(known, solver, NONE).largest_g(h)
     direction = np.random.default_rng(1).standard_normal(known.n)
     x = 3 * direction / np.linalg.norm(direction)
-    beyond = (
-        1.01 if solver.imaginary_limit == 0 else 1.2
-    )  # the formula ignores the damping there, so that the true limit is larger
+    beyond = 1.01 if solver.imaginary_limit == 0 else 1.2  # the formula ignores the damping there, so the true limit is larger
     assert growth_of_a_step(known, solver, h, x, beyond * g / 9) > 1e-30
     for fraction in (0.99, 0.5, 0.1, 1e-3, 1e-6):
         assert growth_of_a_step(known, solver, h, x, fraction * g / 9) <= 1e-30  # n - 1 modes stay at 1

@@ -142,8 +142,8 @@ def test_the_exact_identity(name, law, level):
     """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a] with the estimate c_0 and any u_a, up to the integration's
     1e-10.
 
-    With u limited to ``level`` and sat(u) in the model, the part removed by the limit is added to u_a. It has corners, so that
-    the tolerance is 1e-8.
+    With u limited to ``level`` and sat(u) in the model, the part removed by the limit is added to u_a. It has corners, so the
+    tolerance is 1e-8.
     """
     plant, model = EXAMPLES[name]
     laws = {"gradient": Gradient(gamma=3.0), "least squares": LeastSquares(covariance0=5.0)}
@@ -377,7 +377,7 @@ def test_a_diagonal_gain_makes_the_run_nearly_independent_of_the_time_unit():
 
 
 def test_condition_20_against_quadrature(sample):
-    """The certified norm of H(1 - C) encloses a fine quadrature of its impulse response. An unstable H is refused."""
+    """The certified norm of H(1 - C) encloses a fine quadrature of its impulse response. An unstable H is rejected."""
     for plant in (TF([1.0, 3.0], [1.0, 2.0, 1.0]), G, TF([1.0], [1.0, 4.0]))[: sample(1, 3)]:
         enclosure = condition_norm(l1(), plant)
         system = small_gain_system(l1(), plant)
@@ -497,7 +497,7 @@ def problem_bind(plant, controller, model):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_c_0_min_alone_keeps_c_0_on_its_side_of_zero(sign):
-    """c_0 = k_m/k_p, so that the mirrored plant has the mirrored interval. c_0's initial estimate is the end nearest to zero."""
+    """c_0 = k_m/k_p, so the mirrored plant has the mirrored interval. c_0's initial estimate is the end nearest to zero."""
     controller = MracOutput(order=1, relative_degree=1, sign=sign, law=Gradient(gamma=1.0), c_0_min=0.1)
     equations = problem_bind(TF([2.0 * sign], [1.0, 1.0]), controller, TF([3.0], [1.0, 3.0])).equations
     near, far = sorted((equations.estimate_set.lower[-1], equations.estimate_set.upper[-1]), key=abs)

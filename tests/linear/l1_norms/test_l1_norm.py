@@ -1,4 +1,4 @@
-"""Enclosures compared with closed forms and an independent float64 method; invariances, hard cases and refusals."""
+"""Enclosures compared with closed forms and an independent float64 method; invariances, hard cases and rejections."""
 
 from __future__ import annotations
 
@@ -431,7 +431,7 @@ small = st.integers(-4, 4).map(float)
 
 
 def dyadic_system(draw_matrix, n):
-    """A system of small integers, shifted to be stable, so that integer similarity transforms are exact in float64."""
+    """A system of small integers, shifted to be stable, so integer similarity transforms are exact in float64."""
     A = np.array(draw_matrix[: n * n]).reshape(n, n)
     A = A - (math.ceil(np.linalg.eigvals(A).real.max()) + 1.0) * np.eye(n)
     return A, np.array(draw_matrix[n * n : n * n + n]).reshape(n, 1), np.array(draw_matrix[-n:]).reshape(1, n)
@@ -494,7 +494,7 @@ def test_column_system_is_the_largest_of_its_rows():
     assert max(row.lower for row in rows) <= found.upper
 
 
-# ---------------------------------------------------------------- refusals
+# ---------------------------------------------------------------- rejections
 
 
 @pytest.mark.parametrize(

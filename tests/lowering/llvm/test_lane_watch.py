@@ -17,7 +17,7 @@ def test_each_lane_keeps_its_largest_value_of_every_window(lanes):
     step, watched = ca.Function("f", arguments, [x + p * s]), ca.Function("g", arguments, [x * x])
     kernel = Kernel(read(step), LoopShape(1, 0, 1, 1), (), lanes, watch=read(watched))
     random = np.random.default_rng(2)
-    signals = random.integers(-9, 10, (96, 1)).astype(float)  # integers, so that every sum is exact
+    signals = random.integers(-9, 10, (96, 1)).astype(float)  # integers, so every sum is exact
     factors = random.integers(-3, 4, (1, lanes)).astype(float)
     state, watch = np.zeros((1, lanes)), Watch(1, 0, 96, 16, lanes)
     for half in range(2):

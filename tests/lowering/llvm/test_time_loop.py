@@ -34,7 +34,7 @@ def test_blocks_resets_signals_and_parameters(lanes):
     function = ca.Function("f", [x, a, p, s], [x + p * s[0], ca.vertcat(a[0] + x, ca.fmax(a[1], s[1]))])
     kernel = Kernel(optimize(read(function)), LoopShape(1, 2, 1, 2), (10.0, -np.inf), lanes)
     random = np.random.default_rng(0)
-    signals = random.integers(-9, 9, (12, 2)).astype(float)  # integers, so that every sum is exact
+    signals = random.integers(-9, 9, (12, 2)).astype(float)  # integers, so every sum is exact
     start, parameters = np.arange(1.0, lanes + 1)[None], 2.0 * np.arange(1.0, lanes + 1)[None]
     state, out = start.copy(), np.full((3, 3, lanes), np.nan)
     kernel(3, 4, state, parameters, signals, out)
@@ -55,7 +55,7 @@ def test_a_watch_keeps_the_largest_of_every_window(blocks):
     arguments = [x, ca.SX(0, 1), ca.SX(0, 1), s]
     step, watched = ca.Function("f", arguments, [x + s]), ca.Function("g", arguments, [x * x])
     kernel = Kernel(read(step), LoopShape(1, 0, 0, 1), (), 1, watch=read(watched))
-    signals = np.random.default_rng(1).integers(-9, 10, (240, 1)).astype(float)  # integers, so that every sum is exact
+    signals = np.random.default_rng(1).integers(-9, 10, (240, 1)).astype(float)  # integers, so every sum is exact
     start, watch, state = 40, Watch(1, 32, 280, 16), np.zeros((1, 1))
     for half in range(2):
         rows = signals[120 * half : 120 * half + 120]
@@ -174,7 +174,7 @@ def figures_of(problem, controller, starts, simulation, lanes, threads, record=F
 @pytest.mark.parametrize("record", [False, True])
 def test_bit_identity_over_lanes_and_threads(problems, n, scheme, record):
     """There are 13 members, which is not a multiple of any width above 1, and thousands of blocks, whose merging must not depend
-    on the members' layout in memory either. Every number is equal to the last bit."""
+    on the members' layout in memory either. Every number is equal bit for bit."""
     problem, controller = problems[n], example_controllers(n)[scheme][0]
     starts = np.random.default_rng(1).normal(size=(n, 13))
     simulation = Simulation(t_end=5000 * 2.0**-7, dt=2.0**-7)

@@ -1,4 +1,4 @@
-"""Noise in WebAssembly equals NumPy's Philox and the native list in every bit."""
+"""Noise in WebAssembly equals NumPy's Philox and the native list bit for bit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""WebAssembly equals the kernel in every bit, in whole runs of every controller of every bundled case."""
+"""WebAssembly equals the kernel bit for bit, in whole runs of every controller of every bundled case."""
 
 from __future__ import annotations
 
@@ -239,7 +239,7 @@ def test_a_stack_has_a_size() -> None:
 
 
 def test_modules_take_version_1_and_conversions_that_do_not_trap() -> None:
-    """The instruction set is that of browsers of 2021. Later instructions are disabled here, so that a module with one of them is
+    """The instruction set is that of browsers of 2021. Later instructions are disabled here, so a module with one of them is
     invalid."""
     config = wasmtime.Config()
     config.wasm_bulk_memory = config.wasm_relaxed_simd = config.wasm_simd = config.wasm_multi_value = config.wasm_tail_call = (
@@ -264,7 +264,7 @@ def test_llvmlite_on_windows_makes_the_same_module(monkeypatch) -> None:
 
 
 def test_the_bytes_are_the_same_every_time_and_few() -> None:
-    """Section V's L1 loop with all figures has 5 kB."""
+    """Section V's L1 loop with all metrics has 5 kB."""
     case = load_case("paper")
     simulation = replace(case.simulation, fused=False)
     programs = [Batch.of([(case.problem, case.controllers[1])], simulation).program for _ in range(2)]

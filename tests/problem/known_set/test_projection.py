@@ -116,7 +116,7 @@ def test_ill_conditioned_gains_in_corners(n):
 def test_input_gains_beside_theta(ball, kind):
     """For any gain of the law, input gains at their bounds do not move outward, and neither does theta on its sphere.
 
-    A scalar or diagonal gain does not couple the two, so that each moves as it does alone.
+    A scalar or diagonal gain does not couple the two, so each moves as it does alone.
     """
     random = np.random.default_rng(7)
     gains = ParameterBox(lower=[0.5, -2.0], upper=[3.0, -1.0])
@@ -143,7 +143,7 @@ def test_input_gains_beside_theta(ball, kind):
 @REPRODUCIBLE
 @given(situations(), st.integers(0, 2**32 - 1))
 def test_a_march_never_leaves_the_box(situation, seed):
-    """With random rates and a long step, theta_hat after the limit is in the box to the last bit."""
+    """With random rates and a long step, theta_hat after the limit is exactly in the box."""
     box, theta_hat, _, _, gain = situation
     random = np.random.default_rng(seed)
     for _ in range(20):

@@ -44,7 +44,7 @@ def test_the_motion_is_scipys() -> None:
 
 
 def test_the_error_falls_as_the_tolerance() -> None:
-    """The error of a step is of order 9 in its length, so that a hundredth of the tolerance needs 100^(1/8) = 1.8 times as many
+    """The error of a step is of order 9 in its length, so a hundredth of the tolerance needs 100^(1/8) = 1.8 times as many
     steps."""
     exact = final_state(PAPER.problem, L1, 1e-11, 1.0)
     motions = [final_state(PAPER.problem, L1, tolerance, 1.0) for tolerance in (1e-5, 1e-7, 1e-9)]

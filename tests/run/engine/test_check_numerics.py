@@ -99,7 +99,7 @@ def test_a_divergence_that_the_plant_makes_is_the_loops(dt):
 
 @pytest.mark.parametrize(("gamma", "dt"), [(1e6, 1e-4), (1e8, 1e-4), (1e10, 1e-4)])
 def test_a_divergence_at_every_step_tried_is_never_called_the_loops(gamma, dt):
-    # theory: within the known set the scheme is stable at any gain, so that a divergence is due to the solver or not settled
+    # theory: within the known set the scheme is stable at any gain, so a divergence is due to the solver or not settled
     result = checked(PAPER, Mrac(gamma=gamma, projection=False), Simulation(t_end=5, dt=dt))
     assert result.diverged_at is not None
     assert result.check.origin in {"solver", "unsettled"}

@@ -36,8 +36,8 @@ def delayed(delay, problem=PAPER.problem, **others):
 def by_scipy(problem, controller, count, *breaks):
     """The state after ``count`` delays, from SciPy's DOP853 at 1e-12 and the loop's own Python equations.
 
-    The intervals between multiples of the delay are integrated together, so that each receives the exact control of the previous
-    one. Each begins where the previous one ends, which takes as many rounds. ``breaks`` are the jumps of the signals [s].
+    The intervals between multiples of the delay are integrated together, so each receives the exact control of the previous one.
+    Each begins where the previous one ends, which takes as many rounds. ``breaks`` are the jumps of the signals [s].
     """
     loop, tau, noise = ClosedLoop.of(problem, controller), problem.delay, problem.noise
     rates, T, size = Compiled(right_hand_side(loop)), loop.sample_time, loop.size
@@ -152,7 +152,7 @@ def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
 
 
 def test_each_member_has_its_own_delay() -> None:
-    """Each also has its own history and equals the single run to the last bit."""
+    """Each also has its own history and equals the single run bit for bit."""
     members = [(delayed(tau), MRAC) for tau in (0.01, 0.03, 0.1)]
     plant = replace(members[1][0].plant, input=PlantInput(delay=0.03))
     members.append((replace(members[1][0], plant=plant), MRAC))

@@ -240,7 +240,7 @@ def test_the_final_estimates_are_those_before_a_sample_at_the_end() -> None:
 
 @pytest.mark.parametrize("before", [1e-4, 2e-4, 3e-4])
 def test_a_trough_just_after_the_tail_begins(before) -> None:
-    """theta_hat_2 grows while it oscillates, so that its smallest value in the tail is the first trough, between the tail's first
+    """theta_hat_2 grows while it oscillates, so its smallest value in the tail is the first trough, between the tail's first
     nodes."""
     fine = simulate(PAPER.problem, [MRAC], Simulation(3.2, tolerance=1e-9, record_points=200_000))["MRAC"]
     estimate = fine.theta_hat[:, 1]

@@ -51,7 +51,7 @@ signal."""
 
 @dataclass(frozen=True)
 class Tanh:
-    """A command through a nonlinearity, so that jumps enter the loop with a different size."""
+    """A command through a nonlinearity, so jumps enter the loop with a different size."""
 
     of: Square
 
@@ -128,8 +128,7 @@ def test_a_disturbance_keeps_it_too():
 
 @pytest.mark.parametrize("way", ["tanh of the command", "tanh of the state", "saturation"])
 def test_also_where_the_command_enters_nonlinearly(way):
-    """The three cases of the issue. The limit of the saturation is reached and left at jumps, so that it has no corner in
-    between."""
+    """The three cases of the issue. The limit of the saturation is reached and left at jumps, so it has no corner in between."""
     square = BREAKING["square"][0]
     if way == "tanh of the command":
         given, command = problem(Tanh(square)), lambda t: np.tanh(square(t))
@@ -239,7 +238,7 @@ def test_a_signal_that_breaks_more_often_than_anything_resolves():
         assert "100 times or more in a step" in run.numerics
 
 
-# --- figures, ensembles, samples, noise, resumption ---
+# --- metrics, ensembles, samples, noise, resumption ---
 
 SQUARE = BREAKING["square"][0]
 

@@ -27,7 +27,7 @@ STEP = 2.0**-7
 
 
 def expected_figures(samples, steps, dt):
-    """The figures by the definitions in interfaces.md. The tail is the last quarter of [0, t_end], determined in integers."""
+    """The metrics by the definitions in interfaces.md. The tail is the last quarter of [0, t_end], determined in integers."""
     tail = [k for k in range(steps + 1) if 4 * k >= 3 * steps]
     moved = [np.abs(samples.theta_hat[k + 1] - samples.theta_hat[k]) for k in tail[:-1]]
     duration = (tail[-1] - tail[0]) * dt
@@ -85,7 +85,7 @@ def test_figures_of_each_order(problems, n):
 
 @pytest.mark.parametrize("chunk", [20, 64, 500])
 def test_figures_across_kernel_calls(problems, monkeypatch, chunk):
-    """If the run is divided into calls of other lengths, the samples are the same to the last bit, and the sums up to their order
+    """If the run is divided into calls of other lengths, the samples are the same bit for bit, and the sums up to their order
     (1e-13)."""
     problem, controller = problems[2], example_controllers(2)["l1"][0]
     simulation = Simulation(t_end=1003 * STEP, dt=STEP, record_points=60)
@@ -120,7 +120,7 @@ def test_a_short_peak_between_recorded_instants_is_seen(problems):
 
 
 def exploding(factor: float, h: float = 1.0) -> Problem:
-    """x' = a x, which grows by ``factor`` in each step of Euler's method. theta_hat cannot leave the set {0}, so that nothing
+    """x' = a x, which grows by ``factor`` in each step of Euler's method. theta_hat cannot leave the set {0}, so nothing
     adapts."""
     return Problem(
         plant=Plant(A_m=[[-0.5 / h]], b=[1.0], theta=[(factor - 0.5) / h], x0=[1.0]),
@@ -200,7 +200,7 @@ def test_figures_of_a_diverged_run_are_none_and_json_takes_them():
 @pytest.mark.parametrize("top", [1e154, 1e308])
 def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
     """Warnings are errors here. 2000 members have states that exceed 1e154 and 1e308 near the end at slightly different times:
-    squares and sums overflow in the kernel, in the merging of blocks and in the figures; one member stays bounded."""
+    squares and sums overflow in the kernel, in the merging of blocks and in the metrics; one member stays bounded."""
     problem, steps = exploding(1.5, h), 40
     loop = ClosedLoop.of(problem, NOTHING)
     states = loop.initial()[:, None].repeat(2001, axis=1)
@@ -227,7 +227,7 @@ def test_a_run_past_the_largest_number_gives_no_warning(x0):
 
 
 def test_members_that_diverge_do_not_disturb_the_others(problems):
-    """Each has its own time. A member that stays bounded keeps its figures to the last bit."""
+    """Each has its own time. A member that stays bounded keeps its metrics bit for bit."""
     problem = exploding(2.0)
     loop = ClosedLoop.of(problem, NOTHING)
     states = loop.initial()[:, None].repeat(5, axis=1)
@@ -244,7 +244,7 @@ def test_members_that_diverge_do_not_disturb_the_others(problems):
 @pytest.mark.parametrize("unit", [1.0, 1e6])
 def test_units_do_not_decide_over_divergence(unit):
     """For the same loop in N and in uN, or with a large initial covariance, a bounded run stays bounded. n_d contains u^2, and
-    covariance(0) is free, so that neither indicates divergence."""
+    covariance(0) is free, so neither indicates divergence."""
     given = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0 / unit], theta=np.array([1.0, -0.5]) * unit, x0=[0.5, -0.5])
     problem = Problem(plant=given, reference=Sine(2.0 * unit, 1.0))
     controller = RobustMrac(tau=0.5, law=LeastSquares(covariance0=50.0 * unit**2))

@@ -76,7 +76,7 @@ def test_several_inputs_excite_every_channel_alike():
 
 def test_a_coarse_record_is_noticed():
     t = np.linspace(0, 100, 201)
-    phi = np.stack([np.sin(5.9 * t), np.cos(6.2 * t)], axis=1)[:, :, None]  # two instants in each period, so that it is aliased
+    phi = np.stack([np.sin(5.9 * t), np.cos(6.2 * t)], axis=1)[:, :, None]  # two instants in each period, so it is aliased
     fine = np.linspace(0, 100, 20001)
     exact = excitation(fine, np.stack([np.sin(5.9 * fine), np.cos(6.2 * fine)], axis=1)[:, :, None])
     found = excitation(t, phi)
@@ -86,7 +86,7 @@ def test_a_coarse_record_is_noticed():
 
 @pytest.mark.parametrize("controller", [CHATTERING, Mrac(gamma=1.0), Sampled(controller=Mrac(gamma=100.0), sample_time=5e-3)])
 def test_path_and_bounds_against_every_step(section_v, controller):
-    """The decimated record's path is that of every step, and its shares enclose the true ones."""
+    """The decimated record's path is that of every step, and its fractions enclose the true ones."""
     every, decimated = (run(section_v, controller, record_points=n).adapting for n in (20_000, 300))
     record = run(section_v, controller, record_points=20_000)
     moves = np.abs(np.diff(record.theta_hat, axis=0))
@@ -112,7 +112,7 @@ def test_what_is_thrown_from_bound_to_bound_is_said(section_v):
 
 
 def test_what_sits_on_a_bound_is_said(section_v):
-    """The true value [4, -3] is outside the box, so that the estimates stay at its bounds."""
+    """The true value [4, -3] is outside the box, so the estimates stay at its bounds."""
     problem = replace(section_v, uncertainty=ParameterBox(lower=[-1, -1], upper=[1, 1]))
     found = run(problem, Mrac(gamma=0.1)).adapting
     assert (found.on_bounds.least > 0.5).any()

@@ -63,7 +63,7 @@ def test_trim_is_near_the_published_one(trim):
 
 
 def test_modes_have_the_published_shape():
-    """Stevens and Lewis have the short period -1.20 +- 1.49j, the Dutch roll -0.44 +- 3.22j and roll -3.60, for another data
+    """Stevens and Lewis have the short period -1.20 +- 1.49j, the Dutch roll -0.44 +- 3.22j and roll -3.60, for a different data
     set."""
     modes = trimmed(SEA_LEVEL).modes()
     for name, published in (("short period", -1.20 + 1.49j), ("Dutch roll", -0.44 + 3.22j), ("roll", -3.60)):
@@ -101,7 +101,7 @@ def test_the_linear_model_is_what_the_aircraft_does(trim):
 
 
 def test_half_the_step_moves_it_alike(trim):
-    """The surfaces act one step late, so that the difference is of first order and small."""
+    """The surfaces act one step late, so the difference is of first order and small."""
     ends = []
     for step in (STEP, STEP / 2):
         airframe = Airframe(CONDITION, step)

@@ -49,8 +49,8 @@ def test_a_heavier_one_sinks_and_a_weaker_one_too():
 
 
 def test_a_centre_of_gravity_to_the_left_rolls_it_that_way_as_a_lever_does():
-    """The thrust lifts the part to the right of the centre, so that the left side goes down, which is a negative rotation about
-    the forward axis."""
+    """The thrust lifts the part to the right of the centre, so the left side goes down, which is a negative rotation about the
+    forward axis."""
     _, _, _, roll, pitch, yaw = accelerations(Dispersion(centre_left=0.005))
     assert roll == pytest.approx(-WEIGHT * 0.005 / NOMINAL_VEHICLE.inertia[0])
     assert (pitch, yaw) == pytest.approx((0, 0), abs=1e-9)

@@ -114,7 +114,7 @@ def test_what_is_conserved_is_by_the_integrator_that_is_set_and_not_by_the_defau
 
 
 def test_a_slung_mass_hangs_still_below_a_vehicle_that_hovers():
-    """The mass is attached at the centre, so that the thrust carries five quarters of the weight and nothing swings."""
+    """The mass is attached at the centre, so the thrust carries five quarters of the weight and nothing swings."""
     slung, simulator = SlungMass(offset=0.0), Simulator(VEHICLE)
     lifting = np.full(4, (VEHICLE.mass + slung.mass) * 9.81 / 4)
     leaning = Rotation.from_euler("xy", [8, -5], degrees=True).as_matrix()

@@ -42,7 +42,7 @@ class IntegralCost(Settings):
     Under persistent excitation the rate of convergence grows with Gamma without bound, unlike that of the instantaneous cost.
 
     The law uses an integral of past errors. A dead zone therefore has no single error to act on, and V' is not proportional to
-    the present error, which the epsilon-modification requires: both are refused.
+    the present error, which the epsilon-modification requires: both are rejected.
 
     Source: Ioannou and Sun, section 4.3.5; Ioannou and Fidan, section 3.6.2; Kreisselmeier (1977).
     """

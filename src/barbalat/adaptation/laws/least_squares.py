@@ -198,7 +198,7 @@ class LeastSquares(CovarianceLaw, Settings):
     dead_zone    on epsilon m_s, for the estimate and the covariance; none by default
 
     P only decreases: (P^-1)' = phi phi'/m_s^2. Under persistent excitation theta_tilde goes to zero like 1/t. A fixed sigma and
-    the epsilon-modification are refused: their proof of boundedness needs V <= c |theta_tilde|^2 for some c, and P^-1 has no
+    the epsilon-modification are rejected: their proof of boundedness needs V <= c |theta_tilde|^2 for some c, and P^-1 has no
     upper bound here.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.2.
@@ -238,7 +238,7 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
     leakage      SwitchingSigma; none by default
 
     V' = -epsilon^2 m_s^2/2 - beta V: exponential under persistent excitation. Without it P grows like e^(beta t) (covariance
-    windup): use a bounded variant. A dead zone is refused, because P would grow without bound inside it.
+    windup): use a bounded variant. A dead zone is rejected, because P would grow without bound inside it.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.1.
     """
@@ -288,10 +288,10 @@ class LeastSquaresResetting(CovarianceLaw, Settings):
     dead_zone     on epsilon m_s, for the estimate and the covariance; none by default
 
     rho_1 I <= P <= rho_0 I. A reset lowers V, since P(t) <= rho_0 I before it. The test is exactly the textbook's, without
-    eigenvalues: all pivots of P - rho_1 I are positive if and only if lambda_min(P) > rho_1. It is part of ``limit``, so that no
-    stage of a solver uses a smaller covariance; the time of a reset is resolved to a stage.
+    eigenvalues: all pivots of P - rho_1 I are positive if and only if lambda_min(P) > rho_1. It is part of ``limit``, so no stage
+    of a solver uses a smaller covariance; the time of a reset is resolved to a stage.
 
-    The epsilon-modification is refused: V' = -((epsilon m_s)^2 - (eta/m_s)^2)/2 - w theta_tilde'theta_hat is positive if epsilon
+    The epsilon-modification is rejected: V' = -((epsilon m_s)^2 - (eta/m_s)^2)/2 - w theta_tilde'theta_hat is positive if epsilon
     = 0 and eta is not, and that leakage is then zero.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3; Goodwin and Mayne (1987).
@@ -338,11 +338,11 @@ class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     leakage           FixedSigma or SwitchingSigma; none by default
     dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
 
-    The norm is Frobenius', so that P <= R_0 I and the test needs only arithmetic. P^-1 stays bounded as well, since (P^-1)' is
-    zero or -beta P^-1 + phi phi'/m_s^2. In the source P stays constant forever once it is at the bound; here it changes again as
-    soon as it would shrink. V' <= 0 in both cases. In a fixed-step solver P is scaled back at every stage that overshoots.
+    The norm is Frobenius', so P <= R_0 I and the test needs only arithmetic. P^-1 stays bounded as well, since (P^-1)' is zero or
+    -beta P^-1 + phi phi'/m_s^2. In the source P stays constant forever once it is at the bound; here it changes again as soon as
+    it would shrink. V' <= 0 in both cases. In a fixed-step solver P is scaled back at every stage that overshoots.
 
-    The epsilon-modification is refused for the reason given at LeastSquaresResetting.
+    The epsilon-modification is rejected for the reason given at LeastSquaresResetting.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3.
     """
@@ -375,12 +375,12 @@ class LeastSquaresBoundedGain(BoundedCovarianceLaw, Settings):
     leakage           SwitchingSigma; none by default
     dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
 
-    The norm is Frobenius', so that P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Convergence is
+    The norm is Frobenius', so P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Convergence is
     exponential under persistent excitation, and there is no windup without it, because the forgetting fades. V' = -epsilon^2
     m_s^2/2 - beta(t) V.
 
-    A fixed sigma and the epsilon-modification are refused: while one direction stays at k_0 nothing is forgotten, and P decreases
-    in the others as in pure least squares, without a lower bound.
+    A fixed sigma and the epsilon-modification are rejected: while one direction stays at k_0 nothing is forgotten, and P
+    decreases in the others as in pure least squares, without a lower bound.
 
     Source: Slotine and Li, Applied Nonlinear Control, section 8.7.5.
     """

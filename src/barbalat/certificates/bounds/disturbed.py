@@ -67,7 +67,7 @@ def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed
 def push(problem: Problem, known: Known) -> float | None:
     """p, a bound of |P w|_2, with P of ``known``.
 
-    None if there is no disturbance, if one is unbounded, or if there is a baseline, which has another V.
+    None if there is no disturbance, if one is unbounded, or if there is a baseline, which has a different V.
     """
     if problem.plant.baseline is not None:
         return None

@@ -39,7 +39,7 @@ KEY, OF_EVERY_COMMAND = "error_bound_command", "error_bound_worst"
 MOST_CELLS, MOST_WORK = 16, 250_000
 """Largest number of cells, and of cells times steps times the square of the loop's states: a second or two on one core."""
 NEGLIGIBLE_REST = 0.05
-"""A cell whose size contributes less than this share of its bound is not halved again."""
+"""A cell whose size contributes less than this fraction of its bound is not halved again."""
 MOST_STATES = 40
 """Largest number of states of the loop with its variations."""
 
@@ -232,8 +232,7 @@ def told(certificate: Certificate) -> str:
 
 
 def of_adapting(problem: Problem, closed: Known, gamma: float | Array, theta_hat0: Array) -> float:
-    """sup |x_tilde_i| over the known set for any command: V decreases, so that x_tilde_i^2 <= (P^-1)_ii V(0), with P of
-    ``closed``."""
+    """sup |x_tilde_i| over the known set for any command: V decreases, so x_tilde_i^2 <= (P^-1)_ii V(0), with P of ``closed``."""
     known_set = problem.uncertainty
     assert known_set is not None
     single = np.ndim(gamma) < 2

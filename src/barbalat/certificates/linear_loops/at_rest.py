@@ -25,11 +25,11 @@ from barbalat.validate import Array, InputError, counted
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
-"""A Newton step below this share of the state is rounding error."""
+"""A Newton step below this fraction of the state is rounding error."""
 SHIFT = 0.1
-"""Distance, as a share of the state's size, at which another equilibrium on a line of equilibria is checked."""
+"""Distance, as a fraction of the state's size, at which another equilibrium on a line of equilibria is checked."""
 RANK_TOLERANCE = 1e-12
-"""Singular values below this share of the largest one, for a matrix with scaled rows and columns, are rounding errors."""
+"""Singular values below this fraction of the largest one, for a matrix with scaled rows and columns, are rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class Rest:
 
     @cached_property
     def is_one_of_many(self) -> bool:
-        """Whether a neighbouring state is also an equilibrium but has another Jacobian; estimates at their true values are not
-        moved."""
+        """Whether a neighbouring state is also an equilibrium but has a different Jacobian; estimates at their true values are
+        not moved."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
         others = np.setdiff1d(np.arange(self.loop.size), rows_of(self.loop, self.ideal))
@@ -266,7 +266,7 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
         start[places.x] = start[places.x_m]
     if len(places.observer) == len(places.x):  # settled, like a sensor
         start[places.observer] = start[places.x]
-    if loop.lag is not None:  # settled, so that it forces no other state to change
+    if loop.lag is not None:  # settled, so it forces no other state to change
         start[places.sensor] = loop.reading(start[places.x])
     for part, value in true.items():
         start[part.rows] = value

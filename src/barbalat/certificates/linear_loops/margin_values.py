@@ -131,7 +131,7 @@ def _peaks(loop: StateSpace, delay: float, which: str, notes: list[str]) -> dict
 def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Adaptive) -> None:
     """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
     command = problem.commands[0]
-    assert isinstance(command, BoundedSignal)  # ``model_bounds`` refuses others
+    assert isinstance(command, BoundedSignal)  # ``model_bounds`` rejects others
     level = command.bound
     if level == 0 or not is_needed("delay_margin_adapting"):
         return
@@ -165,11 +165,11 @@ def add_delay_margin_adapting(
 
 
 NEUTRAL = 1e-9
-"""Real part of an eigenvalue, as a share of the largest one, below which a mode neither grows nor decays."""
+"""Real part of an eigenvalue, as a fraction of the largest one, below which a mode neither grows nor decays."""
 
 
 def is_unstable(loop: StateSpace, delay: float, neutral: float = 0.0) -> bool:
-    """Whether a loop is unstable with its delay; a mode with a real part up to the share ``neutral`` does not count."""
+    """Whether a loop is unstable with its delay; a mode with a real part up to the fraction ``neutral`` does not count."""
     values = np.linalg.eigvals(sensitivity(loop).A)
     if values.real.max() >= 0:
         return bool(values.real.max() >= neutral * np.abs(values).max())

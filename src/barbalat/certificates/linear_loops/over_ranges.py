@@ -156,7 +156,7 @@ class Frozen(ABC):
         return rows_of(self.loop, [] if self.ideal is None else resting_parts(self.loop))
 
     def is_linear(self, plant: PlantAt) -> bool:
-        """Whether the loop is the same at another state and therefore does not depend on the equilibrium."""
+        """Whether the loop is the same at a different state and therefore does not depend on the equilibrium."""
         marked = self.loop.unpack(np.arange(self.loop.size))
         held = marked.held.started if self.loop.sampled else []
         free = np.setdiff1d(np.arange(self.loop.size), np.concatenate([self.resting, np.ravel(held).astype(int)]))

@@ -41,7 +41,7 @@ POLISHING_STEPS = 2
 """Number of additional Newton steps: constant states can be distinguished from rounding only if the equilibrium is exact to the
 last digits."""
 BESIDE = 1e-10
-"""Distance from the equilibrium, as a share of the state's size, for central differences of the law."""
+"""Distance from the equilibrium, as a fraction of the state's size, for central differences of the law."""
 BY_ROUNDING = 1e-9
 """Relative size below which motions are attributed to rounding or to errors of the central differences."""
 
@@ -88,7 +88,7 @@ class SampledRest:
         return sampled_jacobian_function(self.loop, frozen=True)
 
     def at(self, theta: Array) -> SampledLoop:
-        """The loop with frozen estimates on the plant with another theta, for phi(x) = x and one input.
+        """The loop with frozen estimates on the plant with a different theta, for phi(x) = x and one input.
 
         The loop is linear, so it depends only on the estimates in the state at which it is differentiated.
         """

@@ -225,8 +225,8 @@ def points_inside(known_set: EstimateSet, rng: np.random.Generator, around: Arra
 def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]:
     """Each (M,): a quantity that is smallest where the margin is worst, from responses (M, K) over w (K,), with the delay in N.
 
-    By the names of ``Margins``; 1 - gain_down replaces gain_down, so that small values are bad for all four. "delay" is the
-    tolerated delay in addition to the present one.
+    By the names of ``Margins``; 1 - gain_down replaces gain_down, so small values are bad for all four. "delay" is the tolerated
+    delay in addition to the present one.
     """
     count = len(N)
     at, N_at, D_at, rows = _crossings(np.abs(N) - np.abs(D), N, D, w)

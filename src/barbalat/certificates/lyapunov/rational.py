@@ -18,7 +18,7 @@ FREE = 96
 
 
 class NotRational(ValueError):
-    """The code is not a rational function: it branches on a value, or uses another function."""
+    """The code is not a rational function: it branches on a value, or uses a different function."""
 
 
 class Ring:

@@ -1,8 +1,8 @@
 """Proves polynomials nonnegative as sums of squares, which are found in floating point and verified exactly.
 
 p = m'G m with monomials m and a positive semidefinite G. A candidate G is found by alternating between the affine set of all G
-with m'G m = p and the cone. It is then moved exactly onto the set and factored in rational arithmetic, so that the proof does
-not rely on the search.
+with m'G m = p and the cone. It is then moved exactly onto the set and factored in rational arithmetic, so the proof does not rely
+on the search.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Proves or refuses V' <= -W for an author's Lyapunov function, and derives bounds; docs/own-laws.md has the theorem.
+"""Proves or rejects V' <= -W for an author's Lyapunov function, and derives bounds; docs/own-laws.md has the theorem.
 
 Every step uses rational arithmetic: the form of V, quantities that stay zero, matrices that stay positive semidefinite,
 projections, the decay as a sum of squares (if necessary over cells of the known set), and the proof that no solution escapes in
@@ -24,7 +24,7 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array
 
 NEARLY = fmpq(1) - fmpq(1, 2**20)
-"""The share of W that is proven: the P of a case is rounded, so V' = -|e|^2 holds only up to rounding."""
+"""The fraction of W that is proven: the P of a case is rounded, so V' = -|e|^2 holds only up to rounding."""
 LEAST_SHARES = (fmpq(1, 2), fmpq(1, 2**10))
 """Multiples of |e|^2 that are tried as decay rates of V."""
 MOST_CELLS = 64
@@ -43,7 +43,7 @@ class Shown:
     places     indices of s among the variables
     inverse    M^-1, exact
     how        the proof, as part of a sentence
-    converges  whether V decreases by a share of |e|^2 and u is bounded, so that e converges to zero
+    converges  whether V decreases by a fraction of |e|^2 and u is bounded, so e converges to zero
     over_the_set  whether part of the proof holds only for theta in the known set
     """
 
@@ -99,7 +99,7 @@ class Shown:
 
 
 def shown(reading: Reading, known_set: KnownSet | None) -> Shown:
-    """The proof; Refused, with the reason, if a step fails."""
+    """The proof; Rejected, with the reason, if a step fails."""
     ring, declared = reading.ring, reading.declared
     V = _one(ring, declared.V, "V")
     form = _QuadraticForm(reading, V)
@@ -151,7 +151,7 @@ def _one(ring: Ring, value: Any, name: str) -> Rational:
 
 
 class _QuadraticForm:
-    """V as z'M z with z = (e, s - L theta); Refused if it does not have this form or is not positive definite."""
+    """V as z'M z with z = (e, s - L theta); Rejected if it does not have this form or is not positive definite."""
 
     def __init__(self, reading: Reading, V: Rational) -> None:
         if not V.den.is_constant() or any(sum(powers) != 2 for powers in V.num.to_dict()):

@@ -30,7 +30,7 @@ class SchemeFile(Protocol):
 
 @runtime_checkable
 class HeldFile(SchemeFile, Protocol):
-    """The file of a scheme that integrates only its law, so that the plant's motion between Euler steps is exact."""
+    """The file of a scheme that integrates only its law, so the plant's motion between Euler steps is exact."""
 
     def held_limits(
         self, problem: TrackingProblem, controller: Controller, simulation: Simulation, nu_0: float

@@ -1,7 +1,7 @@
 """Guarantees of any linear controller on the family (1): its own bound of the error in the form of Theorem 1, and mu.
 
-With theta = theta_0 the loop is the model, so that e = T(s)[(theta - theta_0)'x] with e(0) = 0 and T from a matched disturbance
-to x in the loop with theta_0. With N = ||T||_1 and d = max |theta - theta_0|_1 over the known set, N d < 1 gives
+With theta = theta_0 the loop is the model, so e = T(s)[(theta - theta_0)'x] with e(0) = 0 and T from a matched disturbance to x
+in the loop with theta_0. With N = ||T||_1 and d = max |theta - theta_0|_1 over the known set, N d < 1 gives
 
     ||e||_inf <= N d ||x_m||_inf / (1 - N d),
 
@@ -75,7 +75,7 @@ class FixedLoop:
         return sensitivity(self.amplified(self.theta_0))
 
     def amplified(self, theta: Array) -> StateSpace:
-        """The loop with the input's gain applied to the feedback only, so that a disturbance still enters unscaled."""
+        """The loop with the input's gain applied to the feedback only, so a disturbance still enters unscaled."""
         loop = self.at(theta)
         return loop if self.gain is None else StateSpace(loop.A, loop.B, self.gain * loop.C, self.gain * loop.D)
 
@@ -166,7 +166,7 @@ def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) ->
 
 
 def _tracking(problem: Problem, loop: FixedLoop | None, stability: Entry) -> Entry:
-    """The error converges to zero if T(0) = 0 and r becomes constant: lim sup |e'| <= N d lim sup |e'|, so that x' vanishes."""
+    """The error converges to zero if T(0) = 0 and r becomes constant: lim sup |e'| <= N d lim sup |e'|, so x' vanishes."""
     if not stability.applies or loop is None:
         return nothing("tracking", stability.why)
     S, constant = loop.nominal_response(), constant_in_the_end(problem)

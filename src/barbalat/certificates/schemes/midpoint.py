@@ -65,6 +65,6 @@ def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: s
 
 def of_law(law: AdaptiveLaw | OutputErrorLaw, estimate_set: EstimateSet | None) -> MidpointForm:
     """Return the preserved properties for a law on the parametric model, whose own implicit step preserves its V."""
-    assert isinstance(law, SampledLaw)  # any other law is refused: ``adaptation.implicit``
+    assert isinstance(law, SampledLaw)  # any other law is rejected: ``adaptation.implicit``
     found = laws.guarantee_of(law, estimate_set)
     return MidpointForm(law.metric, estimate_set, kept=not found.leaks or found.M_0 is not None)

@@ -7,7 +7,7 @@ The modification bounds the weights, and e on the plant (1).
 
 With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the Frobenius norm, the law makes U =
 |W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. The network adds
--2 mu'W_hat'h to (e'P e)', so that with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
+-2 mu'W_hat'h to (e'P e)', so with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
 
     L' = -e'Q e + 2 mu'f - 2 w (|W_hat|^2 + |V_hat|^2):
 
@@ -46,7 +46,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 ROUNDING = 1e-12
-"""Tolerance as a share of |P| |A|: far more than the rounding errors of an entry of P A + A'P."""
+"""Tolerance as a fraction of |P| |A|: far more than the rounding errors of an entry of P A + A'P."""
 MOST_TRIALS = 100
 GROWTH = 1.02
 """Factor from one trial bound of e to the next, beyond the result of the last one: MOST_TRIALS of them span the whole useful

@@ -37,7 +37,7 @@ from barbalat.solvers.simulation import Simulation
 
 OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, the upper limit of tau (Theorem 2)", "s")}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
-"""``bind`` refuses other c_0."""
+"""``bind`` rejects other c_0."""
 SEVERAL_INPUTS = "not known: Theorem 2 is for one input"
 
 

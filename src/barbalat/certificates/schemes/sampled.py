@@ -65,7 +65,7 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
     """The sampled controller's certificate, from that of the continuous one at ``judged_at`` and from its own linear loops."""
-    controller.bind(problem.known)  # refuses controllers without a sampled form
+    controller.bind(problem.known)  # rejects controllers without a sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
     own_states = problem.fixed is not None and problem.fixed.order > 0  # the linear bounds don't cover samples of these states

@@ -105,7 +105,7 @@ class Excited:
 def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | NotApplicable | None:
     """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, for which no gain is too large.
 
-    |phi|^2 decreases with Gamma, as the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
+    |phi|^2 decreases with Gamma, as the error does, so its limit for Gamma -> infinity gives a gain that is too large.
     """
 
     def tolerates(gamma: float) -> bool:

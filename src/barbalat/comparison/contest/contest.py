@@ -50,7 +50,7 @@ from barbalat.validate import InputError, Named, counted
 DEFAULT_MEMBERS = 200
 """Number of validation runs. The interval of the median of a ratio then extends over 7 % of the runs to either side."""
 TUNING_SHARE = 0.85
-"""Approximate share of the time that the search takes. The validation runs take the rest."""
+"""Approximate fraction of the time that the search takes. The validation runs take the rest."""
 
 
 def contest(
@@ -77,7 +77,7 @@ def contest(
     until         "onset": a margin ends where the loop begins to oscillate; "loss": where it loses its motion
     schemes       by their names in case files; by default all that declare tuned settings and support the problem
     sample_time   sample time of all controllers [s]; by default continuous ones stay continuous
-    noise         share of the model's motion, if the case has no noise of its own
+    noise         fraction of the model's motion, if the case has no noise of its own
     members       number of validation runs
     Further arguments as in ``Rule``. Raises InputError.
     """

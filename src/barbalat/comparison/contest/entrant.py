@@ -35,7 +35,7 @@ class Entrant(Settings):
 
     knobs  the tuned settings, each searched over its range on a logarithmic scale; ``make`` builds the controller. Without knobs
            the controller is not tuned
-    reads  the form of the contest's problem for the scheme, the same plant with another regressor; by default unchanged
+    reads  the form of the contest's problem for the scheme, the same plant with a different regressor; by default unchanged
     """
 
     knobs: TuningGrid
@@ -183,7 +183,7 @@ def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entra
     try:
         bound(problem, _first(moved))
     except InputError:
-        return entrant  # it is refused for another reason, or has its own start, which ``starts`` reports
+        return entrant  # it is rejected for a different reason, or has its own start, which ``starts`` reports
     return moved
 
 

@@ -35,7 +35,7 @@ class Paired:
 
     ratio     median of the first's error divided by the second's; infinite or 0 if half of the runs failed for only one of them
     interval  the interval of the ratio
-    better, worse  share of the runs in which the first has the smaller, or the larger, error; a failed run counts as larger
+    better, worse  fraction of the runs in which the first has the smaller, or the larger, error; a failed run counts as larger
     both_failed    number of runs in which both failed, which count for neither
     """
 

@@ -133,7 +133,7 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
 
 
 DEFAULT_NOISE_SHARE = 1e-3
-"""Default noise of each state as a share of the model's largest motion, about one bit of ten, as for a simple sensor."""
+"""Default noise of each state as a fraction of the model's largest motion, about one bit of ten, as for a simple sensor."""
 
 
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:

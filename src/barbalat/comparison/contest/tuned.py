@@ -31,7 +31,7 @@ from barbalat.study.verdicts import Criterion, verdict_of
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
-"""Share of a parameter's range. A tuning that is this close to an end might be better beyond it."""
+"""Fraction of a parameter's range. A tuning that is this close to an end might be better beyond it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Qualified:
     error        RMS |e| on the worst tuning plant; infinite if a run diverged
     margins      the margins by each criterion, on the worst tuning plant
     own          the values of its certificate that its designers examine, by key, as far as the certificate claims them
-    settled      the share of the error that the second half of the trials has removed, from 0 to 1; None if the first half
+    settled      the fraction of the error that the second half of the trials has removed, from 0 to 1; None if the first half
                  found no tuning that meets the rule
     at_edge      knobs that lie at an end of their range beyond which other values exist
     sample_time  the sample time [s]; None for a continuous controller
@@ -213,7 +213,7 @@ def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation:
 
 
 def _settled(trials: list[Trial], rule: Rule) -> float | None:
-    """Return the share by which the best trial improves on the best of the first half."""
+    """Return the fraction by which the best trial improves on the best of the first half."""
     scores = [trial.score if trial.meets(rule.aim) else np.inf for trial in trials]
     half, all_of_them = min(scores[: max(len(scores) // 2, 1)]), min(scores)
     return float(1 - all_of_them / half) if np.isfinite(half) and half > 0 else None

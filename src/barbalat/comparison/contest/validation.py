@@ -106,7 +106,7 @@ class Draws:
 
 
 VALIDATION_SEED = 1
-"""Number that is added to the rule's seed, so that no tuning plant occurs again."""
+"""Number that is added to the rule's seed, so no tuning plant occurs again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,7 +134,7 @@ class Validation:
 
     @property
     def failures(self) -> dict[str, Share]:
-        """The shares of failures, which count before the error."""
+        """The fractions of failures, which count before the error."""
         found = {
             "diverged": self.diverged,
             "lost": self.lost,
@@ -145,7 +145,7 @@ class Validation:
         return {name: Share.of(values) for name, values in found.items()}
 
     def as_json(self) -> dict[str, object]:
-        """Return the shares of failures and the quantiles of the error."""
+        """Return the fractions of failures and the quantiles of the error."""
         return {
             "failures": {name: share.as_json() for name, share in self.failures.items()},
             "error": {name: finite(value) for name, value in self.quantiles.items()},
@@ -170,7 +170,7 @@ class Validation:
 class Remeasured:
     """Some validation runs of one entrant, repeated with the ``refined`` simulation.
 
-    verdicts  runs with another verdict: lost, or not tolerating what the rule requires
+    verdicts  runs with a different verdict: lost, or not tolerating what the rule requires
     errors    runs with a different error
     """
 

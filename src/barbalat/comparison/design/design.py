@@ -40,7 +40,7 @@ STEP_MEMBERS, EXTREME_MEMBERS = 12, 6
 """Numbers of random plants of the validation, and of extreme ones in addition to those of the tuning. Each takes three recorded
 runs."""
 SEARCH_SHARE, FIRST_ROUND_SHARE = 0.85, 0.4
-"""Approximate shares of the time that the search, and the first round of it, take."""
+"""Approximate fractions of the time that the search, and the first round of it, take."""
 ROUNDS = 2
 """Number of validation plants with failures that join the tuning. They join it once, unless an entrant with a smaller error on
 the tuning plants meets everything."""
@@ -68,8 +68,8 @@ class Candidate:
     """A tuned entrant compared with the specification.
 
     worst     by requirement, the value on the worst tuning plant
-    factor    by requirement, the used share of the admissible value; above 1 the requirement is not met
-    held_out  by requirement, the share of the validation plants on which it is not met
+    factor    by requirement, the used fraction of the admissible value; above 1 the requirement is not met
+    held_out  by requirement, the fraction of the validation plants on which it is not met
     step      by requirement on a step, the worst of the judged steps; empty if there is only one
     """
 
@@ -296,7 +296,7 @@ def design(
     specification  by default the case's ``[specification]``
     sample_time    sample time of all controllers [s]; by default that of the case's first sampled controller, or else a tenth of
                    the fastest time constant of model and known set
-    noise          share of the model's largest motion, added and reported if the case has no noise of its own
+    noise          fraction of the model's largest motion, added and reported if the case has no noise of its own
     schemes        of the registered ones, by their names in case files; by default all
     baseline       whether the fixed loop without adaptation takes part in any case: [baseline], or without one the nominal state
                    feedback
@@ -453,5 +453,5 @@ def _candidate(
 
 
 def _used(value: float, limit: float) -> float:
-    """Return the used share of the admissible value. If that is zero, the share is infinite as soon as anything is used."""
+    """Return the used fraction of the admissible value. If that is zero, the fraction is infinite as soon as anything is used."""
     return value / limit if limit > 0 else 0.0 if value == 0 else np.inf

@@ -25,7 +25,7 @@ SETTLINGS, DECAYS = 4.0, 8.0
 """Duration of a simulated step, as multiples of the required settling time and of the model's slowest time constant."""
 FIGURES = ("settling", "overshoot", "u_max", "noise")
 OF_A_STEP = FIGURES[:2]
-"""The figures of single steps, of which the worst counts."""
+"""The metrics of single steps, of which the worst counts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +137,7 @@ class StepTest:
         )
 
     def worst(self, t: Array, y: Array) -> dict[str, tuple[float, str]]:
-        """Return the figures of the worst of the steps, and a text that identifies this step."""
+        """Return the metrics of the worst of the steps, and a text that identifies this step."""
         settling = max(((one.settled_after(t, y, self.band), one.text) for one in self.stages), key=lambda one: one[0])
         overshoot = max(((one.overshoot(t, y), one.text) for one in self.stages), key=lambda one: one[0])
         return dict(zip(OF_A_STEP, (settling, overshoot), strict=True))
@@ -190,7 +190,7 @@ class HeldFrom:
 def measured(
     problems: Sequence[Problem], controller: Controller, test: StepTest, judge: Judge
 ) -> tuple[dict[str, Array], dict[str, list[str]]]:
-    """Return the figures on each plant (K,), by name, and for figures of single steps the worst step.
+    """Return the metrics on each plant (K,), by name, and for metrics of single steps the worst step.
 
     ``u_max`` also includes the case's own command. Figures are infinite if a run diverged.
     """

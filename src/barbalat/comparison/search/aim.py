@@ -36,7 +36,7 @@ class Aim:
     """The aim of a tuning. The quantity is minimised, or maximised with ``maximize``, under the constraints.
 
     plants    number of plants, the case's own and others from its known set, drawn with ``seed``; only its own without a set
-    quantile  share of the plants on which a constraint is met and the quantity is reached; by default 1, the worst plant
+    quantile  fraction of the plants on which a constraint is met and the quantity is reached; by default 1, the worst plant
     """
 
     quantity: TunedQuantity
@@ -115,8 +115,8 @@ class Aim:
         return list(plants_of(problem, problem.uncertainty, self.plants, self.seed))
 
     def unseen(self, problem: TrackingProblem) -> list[Problem]:
-        """Return the problem with validation plants, drawn with another seed; none without a known set, or if the
-        truth is a single plant."""
+        """Return the problem with validation plants, drawn with a different seed; none without a known set, or if the truth is a
+        single plant."""
         if not isinstance(problem, Problem) or problem.uncertainty is None or one_plant_because(problem) is not None:
             return []
         return plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, self.seed + 1)[1:]
@@ -190,9 +190,9 @@ def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Id
 class StepCheck:
     """The results of one tuning with the ``refined`` simulation.
 
-    value    the aim's figure with the finer step; None if no run gives it
+    value    the aim's metric with the finer step; None if no run gives it
     broken   sentences on constraints that are violated with the finer step
-    changed  sentences on figures that differ with the finer step
+    changed  sentences on metrics that differ with the finer step
     plain    the tuning's run without a modelling error at the step of the case
     """
 

@@ -1,4 +1,4 @@
-"""The quantities of a tuning: figures of its runs, tolerated delays in simulation, and values of its certificate."""
+"""The quantities of a tuning: metrics of its runs, tolerated delays in simulation, and values of its certificate."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Origin(Enum):
 
 @dataclass(frozen=True)
 class TunedQuantity:
-    """A figure of ``run --json``, with an index or for all components, or a key of ``certify --json``.
+    """A metric of ``run --json``, with an index or for all components, or a key of ``certify --json``.
 
     larger_is_worse  whether the largest value of several components or plants, or of an enclosure, counts
     """
@@ -124,7 +124,7 @@ class TunedQuantity:
         return np.asarray(parts.max(axis=0) if self.larger_is_worse else parts.min(axis=0))
 
     def over_plants(self, values: Array, quantile: float) -> Array:
-        """Return from (K, P) the value (K,) that a share ``quantile`` of the plants keeps; for 1 it is the worst plant's
+        """Return from (K, P) the value (K,) that a fraction ``quantile`` of the plants keeps; for 1 it is the worst plant's
         value."""
         ordered = np.sort(values, axis=1) if self.larger_is_worse else -np.sort(-values, axis=1)
         place = max(int(np.ceil(quantile * values.shape[1])) - 1, 0)

@@ -15,12 +15,12 @@ POPULATION = 32
 """Number of tunings of a generation for up to three numbers. For more numbers it is twice as large. A generation is an
 ensemble."""
 SPREAD_GENERATIONS = 4
-"""Number of generations of points spread over all ranges, so that some meet the constraints even if few tunings do."""
+"""Number of generations of points spread over all ranges, so some meet the constraints even if few tunings do."""
 OVERSHOOT_SHARE = 0.15
-"""A point that is beyond an end by up to this share of the range counts as the end itself, because many best tunings are at an
+"""A point that is beyond an end by up to this fraction of the range counts as the end itself, because many best tunings are at an
 end."""
 REFINED_SHARES = (0.1, 0.02)
-"""Share of a range, to either side of the best tuning so far, in which the search continues. Active constraints leave no more
+"""Fraction of a range, to either side of the best tuning so far, in which the search continues. Active constraints leave no more
 room."""
 STAR_GENERATIONS = 3
 """Number of generations at the end, if enough trials remain. They step from the best tuning along each number to either side,

@@ -128,7 +128,7 @@ class Trials:
         return np.asarray(found)
 
     def at_finer_step(self, trial: Trial) -> StepCheck:
-        """Return the figures and requirements of a fully evaluated tuning with the ``refined`` simulation.
+        """Return the metrics and requirements of a fully evaluated tuning with the ``refined`` simulation.
 
         Certificates involve no simulation and stay the same.
         """
@@ -282,7 +282,7 @@ class Trials:
 
 @dataclass
 class _Again:
-    """The results of a tuning's runs at a finer step: the aim's figure, and sentences on violations and differences."""
+    """The results of a tuning's runs at a finer step: the aim's metric, and sentences on violations and differences."""
 
     value: float | None
     broken: list[str]
@@ -290,9 +290,9 @@ class _Again:
 
 
 Asked = tuple[TunedQuantity, Constraint | None, float, float]
-"""A quantity, its constraint, the required or found value, and the share by which a finer step may fall short."""
+"""A quantity, its constraint, the required or found value, and the fraction by which a finer step may fall short."""
 SAME_SHARE = 0.02
-"""Share of a constraint's limit by which a finer step may fall short. The search itself resolves delays to this accuracy."""
+"""Fraction of a constraint's limit by which a finer step may fall short. The search itself resolves delays to this accuracy."""
 
 
 def _case(trial: Trial) -> Case:

@@ -40,7 +40,7 @@ TABLE_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """The packages whose versions may affect the last bits of a row."""
 SAME_DIGITS = 1e-9
 """Relative difference up to which numbers of two rows count as equal. The rounding of a processor's linear algebra is far
-smaller, and the effect of another tuning or another decision in the search is far larger."""
+smaller, and the effect of a different tuning or another decision in the search is far larger."""
 BY_THE_RULE, SUBMITTED_LAW, AS_SUBMITTED = "by the rule", "by the rule, submitted", "as submitted"
 """The origins of the settings of a registered scheme, a submitted law and a submitted case file."""
 Row = dict[str, Any]

@@ -111,7 +111,7 @@ class Forecast:
     def total(self, part: str, fraction: float, seconds: float) -> float:
         """Return the total seconds, if a fraction of ``part`` is finished after the given seconds.
 
-        The parts' estimates determine each part's share of the work; the actual pace gradually replaces the estimate of the
+        The parts' estimates determine each part's fraction of the work; the actual pace gradually replaces the estimate of the
         total.
         """
         whole = sum(self.expected.values())

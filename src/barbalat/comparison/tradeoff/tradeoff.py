@@ -145,8 +145,8 @@ def trade_off(
     judge     the criteria for being lost and for a limit cycle; by default derived from the model's motion
     lost      the criterion for the loss of the motion
     estimate  called once with the expected total seconds, measured on a part of the work
-    progress  its fractions are shares of the time, by a forecast that is refined in every round
-    Raises InputError for a problem without a known set.
+    progress  its fractions are fractions of the time, by a forecast that is refined in every round Raises InputError for a
+    problem without a known set.
     """
     started = time.perf_counter()
     TRADE_OFF.require(problem)
@@ -193,7 +193,7 @@ class FrontCheck:
 
     tunings    their indices in the cloud
     changed    tunings whose results differ with the finer step, with the differences
-    unsettled  tunings that leave the solver's region of stability with the finer step too, so that nothing is decided
+    unsettled  tunings that leave the solver's region of stability with the finer step too, so nothing is decided
     """
 
     scheme: str

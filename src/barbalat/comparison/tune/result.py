@@ -302,7 +302,7 @@ def _point(trials: Trials, space: Space, trial: Trial) -> Point:
 
 
 def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
-    """Evaluate the chosen tuning on plants drawn with another seed; None if no run gives a quantity, or without a set to draw
+    """Evaluate the chosen tuning on plants drawn with a different seed; None if no run gives a quantity, or without a set to draw
     from."""
     problem, aim = made.problem, trials.aim
     told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]

@@ -45,7 +45,7 @@ DEFAULT_TRIALS = 384
 """Number of tunings tried for each controller: a spread of 128, a generation over the whole space, four around the best tuning,
 and three stars."""
 SEARCH_SHARE = 0.75
-"""Approximate share of a controller's time that the search takes. The front and the new plants take the rest."""
+"""Approximate fraction of a controller's time that the search takes. The front and the new plants take the rest."""
 
 
 def tune(
@@ -66,7 +66,7 @@ def tune(
     """Find the settings of each controller that make one quantity small, or large, under constraints.
 
     case        a case file or a bundled case's name, or a ``Case``, whose fields ``vary`` then names
-    objective   a figure of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
+    objective   a metric of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
     subject_to  such as "delay_margin_measured >= 0.02", "condition < 1", "delay_margin >= 0.01", "max_abs_u < 400"
     vary        "START:STOP" or "START:STOP:log" by path; by default the knobs of each scheme that the case contains
     controller  the name of the controller to tune; by default all
@@ -132,7 +132,7 @@ class Tuner:
         """Search the tuning of one controller."""
         count = self.count(space)
         trials, start = self._trials(controller, space), self._start(space)
-        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # refuses cases that cannot be evaluated
+        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # rejects cases that cannot be evaluated
         shares = None if start is None else space.shares(start)
         part = part_of(progress, 0, SEARCH_SHARE)
         search(trials.scoring(space), len(space), trials=count, seed=self.aim.seed, start=shares, progress=part)

@@ -1,8 +1,8 @@
 """L1 output feedback with the piecewise-constant law, for a stable, minimum-phase model of any order; always sampled.
 
 One output determines x_hat - x in one direction: g with c'g = 1, the only direction in which the law acts. With A_m'P + P A_m =
--I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so that the predictor's error decreases at
-every sample time: x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without uncertainty.
+-I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so the predictor's error decreases at every
+sample time: x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without uncertainty.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Equations:
         return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted), span)
 
     def _measured_again(self, state: State, x_hat: Value, y: Value) -> Value:
-        """x_hat at the first measurement after missed ones, moved so that y_hat - y is the share of one sample, see
+        """x_hat at the first measurement after missed ones, moved so that y_hat - y is the fraction of one sample, see
         ``shared``."""
         error, answered = self.c @ x_hat - y, -(self.G @ state.sigma_hat) / (self.G @ self.G)
         return x_hat + self.g * (shared(error, answered, state.span) - error)

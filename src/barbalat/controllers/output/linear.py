@@ -1,4 +1,4 @@
-"""A linear output-feedback controller, u = F(s)[r] - K(s)[y]: a benchmark, a robust design, or the equivalent of another
+"""A linear output-feedback controller, u = F(s)[r] - K(s)[y]: a benchmark, a robust design, or the equivalent of a different
 scheme."""
 
 from __future__ import annotations

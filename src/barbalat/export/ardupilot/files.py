@@ -165,7 +165,7 @@ ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "
 
 
 def _units(printed: Printed) -> dict[str, str]:
-    """The factors of the measurements from ArduPilot's units to the case's, and a phrase; InputError for another unit."""
+    """The factors of the measurements from ArduPilot's units to the case's, and a phrase; InputError for a different unit."""
     labels, measured = printed.contents.problem.measured_labels, printed.contents.sizes[0]
     units = ("",) * measured if labels is None or not labels.units else labels.units
     admitted = (ANGLES, RATES) if measured == MOST_MEASURED else (ANGLES | RATES,)

@@ -206,7 +206,7 @@ def _counted(printed: Printed, y: int) -> str:
 
 
 def _is_checked(contents: Contents) -> bool:
-    """Whether an estimate outside of the known set is refused."""
+    """Whether an estimate outside of the known set is rejected."""
     return contents.checked_limits is not None and bool(np.isfinite(contents.checked_limits).any())
 
 

@@ -33,7 +33,7 @@ from barbalat.validate import InputError
 OPTIONS = ("-std=c99", "-ffp-contract=off")
 """Options that keep the simulation's arithmetic: no fused multiply-adds except those of the list."""
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The date of every file in an archive, so that its bytes do not depend on the time of writing."""
+"""The date of every file in an archive, so its bytes do not depend on the time of writing."""
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 

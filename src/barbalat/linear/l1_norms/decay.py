@@ -43,9 +43,9 @@ class ScaledSystem:
 def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     """Return the system (A (n, n), B (n, m), C (p, n)) with states and time rescaled by powers of two.
 
-    The states follow LAPACK's gebal (Parlett and Reinsch 1969); time is scaled so that A has entries about 1,
-    which keeps every steering float in range. The product by a power of two is exact in Arb, so the result is
-    the given system to the last bit. Integral norms keep their value: A and B are both divided by 2^k.
+    The states follow LAPACK's gebal (Parlett and Reinsch 1969); time is scaled so that A has entries about 1, which keeps every
+    steering float in range. The product by a power of two is exact in Arb, so the result is exactly the given system.
+    Integral norms keep their value: A and B are both divided by 2^k.
     """
     from scipy.linalg.lapack import dgebal
 

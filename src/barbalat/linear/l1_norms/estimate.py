@@ -12,7 +12,7 @@ FIRST_STEP, LAST_TIME = 0.05, 6.0
 """The first step, in units of the inverse of the largest eigenvalue's magnitude, and the earliest end, in units of the slowest
 time constant."""
 NEGLIGIBLE = 1e-4
-"""The first block that contributes less than this share of each sum is the last one."""
+"""The first block that contributes less than this fraction of each sum is the last one."""
 
 
 def estimated_rows(A: Array, B: Array, C: Array) -> Array | None:

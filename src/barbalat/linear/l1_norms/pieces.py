@@ -15,7 +15,7 @@ POLYNOMIAL_DEGREE = 24
 _HALVINGS_LIMIT = 64
 # Newton's method doubles the number of correct digits in each step: from one digit to beyond float64 in four or five steps.
 _NEWTON_STEPS = 8
-# A root within this relative distance of an end is not split off; the piece is halved instead, so that no piece degenerates.
+# A root within this relative distance of an end is not split off; the piece is halved instead, so no piece degenerates.
 _NEAREST_SPLIT = 2.0**-40
 
 
@@ -91,7 +91,7 @@ def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: 
 
     Pieces that cannot be resolved at this precision or within the room keep their larger gap.
 
-    The child for [u, v] is p(u + (v - u) s) (v - u), so that the children's integrals over [0, 1] add up.
+    The child for [u, v] is p(u + (v - u) s) (v - u), so the children's integrals over [0, 1] add up.
     """
     pending = [(polynomial, piece, 0)]
     done: list[BernsteinPiece] = []

@@ -22,7 +22,7 @@ CLOSENESS = 2.0**-60
 """Target width of the enclosure relative to the norm, far below that of a certificate's enclosure."""
 FIRST_BITS, MOST_BITS = 256, 4096
 RATES = (0.5, 0.25, 0.05)
-"""Shares of the slowest decay that are tried."""
+"""Fractions of the slowest decay that are tried."""
 MOST_STEPS = 40_000
 """Largest number of steps for one input, half a minute of work; a response that takes more has no witness."""
 NEAREST_ROOT = 2.0**-60

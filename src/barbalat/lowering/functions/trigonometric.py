@@ -237,7 +237,7 @@ def tan(x: TracedNumber, at: Reduced) -> TracedNumber:
 
 
 def _or_itself(x: TracedNumber, value: TracedNumber) -> TracedNumber:
-    """x, which is its own sine and tangent to the last bit if it is small enough, with the sign of zero kept."""
+    """x, which equals its sine and tangent exactly if it is small enough, with the sign of zero kept."""
     return (abs(x) < x.format.linear_range).then(x, value)
 
 
@@ -268,7 +268,7 @@ AT = {
 }
 """atan of 1/2, 1, 3/2 and infinity, each in two numbers."""
 ASYMPTOTE_FROM = {DOUBLE: 2.0**66, SINGLE: 2.0**34}
-"""The x from which atan x is pi/2 to the last bit."""
+"""The x from which atan x rounds to pi/2."""
 
 
 def atan(x: TracedNumber) -> tuple[TracedNumber]:

@@ -1,7 +1,7 @@
 """Translates an operation list to LLVM IR text: one step with the time loop around it, for a vector of W members at once.
 
-The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every
-block of steps and written out at its end, so that figures over all steps need no memory. The kernel has no other function.
+The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every block of
+steps and written out at its end, so metrics over all steps need no memory. The kernel has no other function.
 
 A quantity may be monitored: every window of steps keeps its largest value, with the state and the step at which it occurred. It
 is evaluated before every WATCH_EVERY-th step, counted from t = 0. Windows are independent of blocks. NaN is never the largest

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.validate import Array
 
-SEED = 20130821  # an arbitrary fixed number, so that the draws are the same on every machine
+SEED = 20130821  # an arbitrary fixed number, so the draws are the same on every machine
 
 
 @dataclass(frozen=True, eq=False)

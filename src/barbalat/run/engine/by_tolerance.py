@@ -86,7 +86,7 @@ class Observation:
         observe(group, self.nodes, progress)
 
     def accuracy(self, metrics: Metrics) -> Accuracy:
-        """The error of this run, measured by a run with a finer tolerance; ``metrics`` are the run's figures."""
+        """The error of this run, measured by a run with a finer tolerance; ``metrics`` are the run's metrics."""
         assert self.simulation.tolerance is not None
         finer, counts = max(FINER * self.simulation.tolerance, FINEST), self.motion
         motion = self.motion.again(finer, self.simulation.t_end, FINER_STEP * counts.longest)

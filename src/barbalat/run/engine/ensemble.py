@@ -42,7 +42,7 @@ class EnsembleResult(Plotted):
     quarters  (M, 4, n) the largest |e| in each quarter of the run, without t_end, if requested; NaN for a member that diverged
     lost      the effect of jumps and corners inside steps on all members, as in a single run's ``Result``
     judged    the verdicts, if a judge was given
-    stalled   (M,) with a tolerance: the members that no step was short enough for. Their figures are NaN, and they count as lost
+    stalled   (M,) with a tolerance: the members that no step was short enough for. Their metrics are NaN, and they count as lost
     """
 
     simulation: Simulation
@@ -63,7 +63,7 @@ class EnsembleResult(Plotted):
         return f"<EnsembleResult: {size}, {lost}; worst |e| in the tail {worst}>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The share of the members with at most a given error, in the whole run and in the tail, as a Matplotlib figure.
+        """The fraction of the members with at most a given error, in the whole run and in the tail, as a Matplotlib figure.
 
         shown  whether it is displayed at once, if pyplot is in use
         """
@@ -99,7 +99,7 @@ def simulate_ensemble(
     progress: Progress | None = None,
     estimated: bool = False,
 ) -> EnsembleResult:
-    """Run every (problem, controller) and return the figures over all steps; no trajectory is kept.
+    """Run every (problem, controller) and return the metrics over all steps; no trajectory is kept.
 
     All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number: theta, x0,
     gamma, kappa, the box, A_m and therefore P, ... Numbers that are equal for all members are compiled in.

@@ -47,7 +47,7 @@ def watched_in_sweeps(judge: Judge) -> Watched:
 
 
 def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
-    """The judge's memory for a single run: also the figures and, if the command moves in steps, the responses."""
+    """The judge's memory for a single run: also the metrics and, if the command moves in steps, the responses."""
     names, (A, B, C) = component_names(problem), problem.model.matrices
     stepping = all(isinstance(one, SlopedSignal) and one.slope == 0 for one in problem.commands)
     found = Watched(judge.cycle, detailed=True, settles=FOLLOWS_SHARE)
@@ -60,7 +60,8 @@ def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
 
 
 GAIN_ROUNDING = 1e-9
-"""A component whose steady-state gain is below this share of the largest gain counts as having none: it returns after a step."""
+"""A component whose steady-state gain is below this fraction of the largest gain counts as having none: it returns after a
+step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +178,7 @@ def kept_of(batch: Batch) -> Kept:
 
 
 def _limited(kept: Kept, simulation: Simulation) -> Array:
-    """(M, m) the share of the tail for which each control is at a limit, or at its rate limit."""
+    """(M, m) the fraction of the tail for which each control is at a limit, or at its rate limit."""
     memory, tail = kept.memory, simulation.steps - simulation.tail_start
     at_limit = kept.of_inputs("at limit", memory.limited, in_tail=True)
     return (at_limit + kept.of_inputs("at rate limit", memory.rate_limited, in_tail=True)) / tail

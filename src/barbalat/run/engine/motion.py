@@ -31,17 +31,18 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 FIRST_STEP = 1e-6
-"""Length of the first attempt as a share of the horizon; each success multiplies it by 6."""
+"""Length of the first attempt as a fraction of the horizon; each success multiplies it by 6."""
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
 """Number of attempts per call of the kernel, whose output then stays in the cache."""
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
-"""Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 of them, a day."""
+"""Number of attempts in which a motion must advance by this fraction of its horizon; a slower one would take 2e11 of them, a
+day."""
 LEAST_PROGRESS_AMONG_OTHERS = 1e-4
 """This share for one of many members, and for a motion in which most steps end at a jump of the equations. A slower one would
 take 2e8 attempts, a minute. Oscillations of a million radians in a run are faster."""
 SLIDES = 0.5
-"""Share of the steps that end at a jump of the equations, above which a motion slides along it: one that crosses a jump twice in
-a period makes several steps between."""
+"""Fraction of the steps that end at a jump of the equations, above which a motion slides along it: one that crosses a jump twice
+in a period makes several steps between."""
 RESOLVED = 1e-9
 """A tolerance above the rounding errors of Section V at a gain of 1e4, which reach 1e-10 of the estimates."""
 
@@ -146,7 +147,7 @@ class Motion:
         return cls(attempts, code, start, parameters, state, tolerance, pieces, pieces.rows(kept), delay)._before_its_start()
 
     def again(self, tolerance: float, t_end: float, most: float = inf) -> Motion:
-        """The same motion from t = 0 with another tolerance, in steps of at most ``most`` [s]."""
+        """The same motion from t = 0 with a different tolerance, in steps of at most ``most`` [s]."""
         state = self.attempts.initial(self.start, FIRST_STEP * t_end, most)
         again = replace(
             self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, longest=0.0, looked=(0, 0.0, 0, 0)
@@ -261,7 +262,7 @@ class Motion:
 
     def require_progress(self, least: float = LEAST_PROGRESS) -> None:
         """StalledError for a motion that rounding moves back and forth across a jump of its equations, or that slides along it,
-        and advances by less than this share of its horizon."""
+        and advances by less than this fraction of its horizon."""
         (before, t, steps, choices), attempts, t_end = self.looked, self.steps + self.rejected, float(self.rows[-1, 0])
         if attempts - before < LOOKED_AT_EVERY:
             return

@@ -25,7 +25,7 @@ FACTORS = (2, 4, 8, 16, 32, 64, 128)
 ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
 """The divisors for a method of order eight, for which the given step may be sufficient."""
 ROOM = 0.9
-"""Share of the tr J^2 admissible at a finer step that the run at the coarser step may reach: at the finer step it may be
+"""Fraction of the tr J^2 admissible at a finer step that the run at the coarser step may reach: at the finer step it may be
 larger."""
 
 
@@ -46,8 +46,8 @@ class Refining(NamedTuple):
 
 
 def finer_by(batch: Batch, simulation: Simulation) -> Array:
-    """(M,) the refinement that each member of a sweep needs, so that the method neither damps nor excites oscillations that it
-    does not resolve.
+    """(M,) the refinement that each member of a sweep needs, so the method neither damps nor excites oscillations that it does
+    not resolve.
 
     0 if its own step is sufficient, else the factor by which steps of ``Refining`` must be smaller, infinite if no factor is
     sufficient; NaN if nothing was monitored.

@@ -40,7 +40,7 @@ def run_members(
 ) -> ObservedBatch:
     """Some of the members after their runs.
 
-    The results are the same bit for bit for any threads, lanes and other members. A member that stalls has no figures.
+    The results are the same bit for bit for any threads, lanes and other members. A member that stalls has no metrics.
     """
     workers = threads or os.cpu_count() or 1
     runs = Runs(members, which, workers, lanes or vector_width(), progress)
@@ -124,7 +124,7 @@ class Runs:
         return True
 
     def _begin_tail(self, number: int, motion: Motion, column: Array) -> None:
-        """Store the figures so far and begin those of the tail."""
+        """Store the metrics so far and begin those of the tail."""
         at = self.observed.places
         group = self._group(number, motion, column)
         self._merge(number, column, in_tail=False)
@@ -147,7 +147,7 @@ class Runs:
         return group
 
     def _merge(self, number: int, column: Array, *, in_tail: bool) -> None:
-        """Add the figures of the head or of the tail to the member's."""
+        """Add the metrics of the head or of the tail to the member's."""
         totals, grid = self.batch.totals, self.grid
         begin, end = (grid.tail_start, grid.steps) if in_tail else (0, grid.tail_start)
         whole = column[self.observed.places["figures"]].copy()
@@ -290,7 +290,7 @@ class Window:
 
 
 def motion_of_member(members: Members, i: int, like: Motion | None = None) -> Motion:
-    """The motion of member ``i``, counted from 0, at t = 0; ``like`` is one with the same pieces."""
+    """The motion of member ``i``, numbered from 0, at t = 0; ``like`` is one with the same pieces."""
     simulation, attempts = members.simulation, members.attempts
     assert attempts is not None
     assert simulation.tolerance is not None

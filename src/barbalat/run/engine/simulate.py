@@ -229,6 +229,6 @@ def _missed(result: Result) -> MissedSamples | None:
 
 
 def _refused(around: Around, rows: Held, states: Array) -> Array:
-    """(K,) 1 for each sample that a shell without a count of its own refuses, of (K + 1) states, the first before all samples."""
+    """(K,) 1 for each sample that a shell without a count of its own rejects, of (K + 1) states, the first before all samples."""
     before = map_arrays(lambda part: states[:-1, part].T, rows)
     return 1.0 - around.plausible(states[1:, rows.around.offered].T, states[:-1, rows.measured.reshape(-1)].T, before, 1.0)

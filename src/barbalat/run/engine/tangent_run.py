@@ -1,4 +1,4 @@
-"""Runs members together with the tangents of their states: the derivatives of all figures, and the instants of extrema."""
+"""Runs members together with the tangents of their states: the derivatives of all metrics, and the instants of extrema."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class TangentRun:
 
     values    (M,) by name
     tangents  (directions, M) by name
-    instants  (M,) [s] by name: when an extremum occurs; NaN for other figures
+    instants  (M,) [s] by name: when an extremum occurs; NaN for other metrics
     diverged  (M,) truth values
     """
 
@@ -73,7 +73,7 @@ def run_tangents(
 ) -> TangentRun:
     """Run all members from 0 to t_end with their tangents. InputError with a tolerance, and for code that has no derivative.
 
-    The figures are those of the run without tangents, bit for bit. Directions that do not move signals run side by side, one in
+    The metrics are those of the run without tangents, bit for bit. Directions that do not move signals run side by side, one in
     each lane, with the run itself repeated in each: lanes cost less than further directions in one lane.
     """
     if not directions:

@@ -1,9 +1,9 @@
 """One attempt at a step whose length follows from a tolerance, by DOP853, as operations: a member's time is part of its state.
 
-Every attempt is one step of the kernel's loop, whether it succeeds or not, so that parallel members have steps of their own; a
-member that has reached the end waits for the others. Where the equations have a jump or a corner, a step keeps the branches
-("choices") that were active when it began (``lowering.switching``);
-if another branch is active at its end, the step is repeated with the length at which the change happens.
+Every attempt is one step of the kernel's loop, whether it succeeds or not, so parallel members have steps of their own; a member
+that has reached the end waits for the others. Where the equations have a jump or a corner, a step keeps the branches ("choices")
+that were active when it began (``lowering.switching``); if another branch is active at its end, the step is repeated with the
+length at which the change happens.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ FILTERED = 0.85
 """The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Of the values 0.82, 0.88
 and 0.94, the last needs a fifth more attempts on Section V at equal error, since an eighth of them fail."""
 SMALL = 1e-6
-"""A state's relative error refers to at least this share of the largest magnitude of any state."""
+"""A state's relative error refers to at least this fraction of the largest magnitude of any state."""
 TINY = 1e-9
-"""It also refers to at least this magnitude, in the state's unit, so that rounding errors of a state at rest are not resolved."""
+"""It also refers to at least this magnitude, in the state's unit, so rounding errors of a state at rest are not resolved."""
 MEETS = 0.1
-"""Share of the tolerance by which the state may move between a change of choice and the end of the step."""
+"""Fraction of the tolerance by which the state may move between a change of choice and the end of the step."""
 JOINS = 4.0
 """Multiple of that movement within which a rate limiter that has reached its demand follows it again."""
 LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
@@ -66,7 +66,7 @@ SECANTS = 4
 LOOKS = (5, 9, 10)
 """Stages at 0.33, 0.6 and 0.86 of a step, which detect a choice that changes and returns before the end."""
 NEAREST = 0.05
-"""No change of choice is located before this share of an attempt: a secant from a change that has just occurred is useless."""
+"""No change of choice is located before this fraction of an attempt: a secant from a change that has just occurred is useless."""
 LARGEST = 1e300
 """Largest finite number; margins of infinite values are not compared."""
 SMOOTH, CHOICE, PIECE = 1.0, 2.0, 3.0
@@ -700,7 +700,7 @@ def _dense(slopes: list[ca.SX], x: ca.SX, x_new: ca.SX, h: ca.SX) -> ca.SX:
 
 
 def dense_at(x: ca.SX, coefficients: ca.SX, share: float | ca.SX) -> ca.SX:
-    """The states at this share of a step, from x at its beginning and the coefficients of its dense output."""
+    """The states at this fraction of a step, from x at its beginning and the coefficients of its dense output."""
     states, value = x.numel(), 0 * x
     for i in range(7):
         row = coefficients[(6 - i) * states : (7 - i) * states]
@@ -709,7 +709,7 @@ def dense_at(x: ca.SX, coefficients: ca.SX, share: float | ca.SX) -> ca.SX:
 
 
 def dense_output(written: np.ndarray, states: int, share: np.ndarray) -> np.ndarray:
-    """The states (K, S) at these shares (K,) of the steps in K rows of ``written``.
+    """The states (K, S) at these fractions (K,) of the steps in K rows of ``written``.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.6.
     """

@@ -26,7 +26,7 @@ from barbalat.validate import Array
 from barbalat.vocabulary import BENDING, JUMPING, used
 
 ON_GRID_SHARE = 1e-12
-"""A break whose distance to the grid is below this share of a step is treated as on the grid. No method resolves a smaller
+"""A break whose distance to the grid is below this fraction of a step is treated as on the grid. No method resolves a smaller
 distance."""
 ON_GRID_ROUNDINGS = 64
 """The same limit in roundings of the time: instants are products of frequencies, phases and pi, with a few rounding errors

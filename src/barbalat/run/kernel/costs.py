@@ -1,4 +1,4 @@
-"""Estimates the costs of runs from the sizes of their loops, and refuses runs that exceed the budget."""
+"""Estimates the costs of runs from the sizes of their loops, and rejects runs that exceed the budget."""
 
 from __future__ import annotations
 

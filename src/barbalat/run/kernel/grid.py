@@ -38,8 +38,7 @@ class Segment:
 
 
 def segments_of(simulation: Simulation, *, recorded: bool) -> Iterator[Segment]:
-    """The run divided into kernel calls; no block contains the tail's start in its interior, so that figures of the tail are
-    exact.
+    """The run divided into kernel calls; no block contains the tail's start in its interior, so metrics of the tail are exact.
 
     A recorded run has one block between two recorded instants; any other has one for each call.
     """

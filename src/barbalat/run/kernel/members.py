@@ -84,15 +84,15 @@ class Members:
     ) -> Members:
         """Read the members once, in order, without storing them.
 
-        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one kernel serves them all. A
-                    step takes 6 to 9 % longer and differs in the last bits; use it for sweeps over these quantities. Without
-                    fused multiply-adds it is always set, and the members' numbers are arguments too, so that no bit depends on
-                    which of them vary
+        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so one kernel serves them all. A step
+                    takes 6 to 9 % longer and differs in the last bits; use it for sweeps over these quantities. Without fused
+                    multiply-adds it is always set, and the members' numbers are arguments too, so no bit depends on which of them
+                    vary
         watched     the judge's quantities to be kept; None for runs without a judge
         first       the beginning of messages about the first member; other members are named by their numbers
         taken       called regularly with the number of members read so far
 
-        Raises InputError, with the member's number, if one can't be used or has another structure than the first.
+        Raises InputError, with the member's number, if one can't be used or has a different structure than the first.
         """
         given = iter(members)
         one = next(given)

@@ -1,4 +1,4 @@
-"""The figures of a run, taken over every solver step inside the kernel and merged block by block."""
+"""The metrics of a run, taken over every solver step inside the kernel and merged block by block."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Metrics:
 
     max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs; theta_hat_final, theta_hat_tail_min,
     theta_hat_tail_max, theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other
-    figures of a run that diverged are NaN. max_abs_y (M,) where the output is measured, else None. The tail is the last quarter
+    metrics of a run that diverged are NaN. max_abs_y (M,) where the output is measured, else None. The tail is the last quarter
     of [0, t_end].
     """
 
@@ -136,16 +136,16 @@ class Metrics:
 
     @classmethod
     def together(cls, parts: Sequence[Metrics]) -> Metrics:
-        """The figures of all members, joined from these parts."""
+        """The metrics of all members, joined from these parts."""
         named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
         return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
     def of(self, which: slice | Array) -> Metrics:
-        """The figures of some of the members."""
+        """The metrics of some of the members."""
         return Metrics(**{name: None if values is None else values[which] for name, values in vars(self).items()})
 
     def columns(self) -> dict[str, Array]:
-        """(M,) figures under the names of ``run --json``, a component in brackets."""
+        """(M,) metrics under the names of ``run --json``, a component in brackets."""
         found: dict[str, Array] = {}
         for name, values in vars(self).items():
             if values is None:
@@ -162,7 +162,7 @@ class Metrics:
         return None if np.isnan(instant) else instant
 
     def of_member(self, i: int) -> dict[str, float | list[float] | None]:
-        """One member's figures under the names of the JSON contract; ``None`` for a figure that has no finite value."""
+        """One member's metrics under the names of the JSON contract; ``None`` for a metric that has no finite value."""
         result: dict[str, float | list[float] | None] = {}
         for name in self.__dataclass_fields__:
             if getattr(self, name) is None:
@@ -185,7 +185,7 @@ class Totals:
 
     def merge(self, segment: Segment, out: Array, members: slice) -> None:
         """Add a segment's blocks; ``out`` is (blocks, accumulators, members of the slice)."""
-        with np.errstate(invalid="ignore", over="ignore"):  # a member that has just diverged may overflow; its figures become NaN
+        with np.errstate(invalid="ignore", over="ignore"):  # a member that has just diverged may overflow; its metrics become NaN
             self._merge(segment, out, members)
 
     def _merge(self, segment: Segment, out: Array, members: slice) -> None:
@@ -220,7 +220,7 @@ class Totals:
                 total[rows] += out[rows]
 
     def metrics(self, simulation: Simulation, theta_hat_final: Array) -> Metrics:
-        """The figures; ``theta_hat_final`` is (n, M)."""
+        """The metrics; ``theta_hat_final`` is (n, M)."""
         at, head, tail = self.at, self.head, self.tail
         diverged = ~np.isnan(self.diverged_step)
 

@@ -1,4 +1,4 @@
-"""Attempts with an observer in the same kernel: each successful one adds its nodes to its member's figures and to the judge's
+"""Attempts with an observer in the same kernel: each successful one adds its nodes to its member's metrics and to the judge's
 memory.
 
 Parallel members then run from beginning to end inside the kernel. The operations at the nodes and their operands are those of a
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 NODES_EACH_STEP = 8
 """Least number of nodes per step, an even number; a step covers some 1.5 rad of the fastest oscillation."""
 WITHIN = 0.9
-"""Largest distance between nodes, as a share of that between recorded instants."""
+"""Largest distance between nodes, as a fraction of that between recorded instants."""
 STATE, ACCUMULATORS, _, SIGNALS = range(4)
 """Arguments of a step's list."""
 
@@ -155,7 +155,7 @@ class Observed:
         return drop_dead(Program(tuple(line.operations), (outputs, (), *record)))
 
     def _seen(self, line: _Line, due: int, state: Places, figures: Places, row: Sequence[int]) -> tuple[Places, Places]:
-        """The memory and the figures: after the node if it is ``due``, otherwise unchanged."""
+        """The memory and the metrics: after the node if it is ``due``, otherwise unchanged."""
         size = self.attempts.loop.size
         values = {(STATE, i): place for i, place in enumerate(state)}
         values |= {(ACCUMULATORS, i): place for i, place in enumerate(figures)}
@@ -221,7 +221,7 @@ class Observed:
 
     @cached_property
     def _dense(self) -> Program:
-        """The states at a share of a step, from the row that it wrote and the share."""
+        """The states at a fraction of a step, from the row that it wrote and the fraction."""
         import casadi as ca
 
         states = self.attempts.loop.size

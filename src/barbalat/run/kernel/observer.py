@@ -1,4 +1,4 @@
-"""Computes the figures and the judge's memory of a motion with dense output, from nodes of that output.
+"""Computes the metrics and the judge's memory of a motion with dense output, from nodes of that output.
 
 The kernel is an ordinary one with steps in pieces: a piece is between two nodes, and a step between two recorded instants. If a
 quantity has an extremum between nodes, it is taken from the parabola through three nodes without a corner or jump in between;
@@ -26,8 +26,7 @@ from barbalat.run.kernel.step import StepProgram, accumulators_of
 PIECE = 3
 """Entries at the end of a row that describe the piece of a step: its length, and whether it begins or ends a step."""
 HELD_BACK = 1e-3
-"""A limiter counts as active if it moves at its limit for longer than this share of the time between two recorded
-instants."""
+"""A limiter counts as active if it moves at its limit for longer than this fraction of the time between two recorded instants."""
 OBSERVED = ("e", "u", "theta_hat", "y")
 """The signals whose extrema are kept."""
 
@@ -37,8 +36,8 @@ class NodeRow(NamedTuple):
 
     weight  of the squares at the node, in steps
     smooth  1 if the motion has no corner at the node, -1 if it is the end of a piece: the motion from there to the next node,
-            which begins at the same instant, belongs to the next node's figures
-    apart   1 if everything before it belongs to other figures
+            which begins at the same instant, belongs to the next node's metrics
+    apart   1 if everything before it belongs to other metrics
     """
 
     signals: Value

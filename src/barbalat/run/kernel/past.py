@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 RECORDS = 4
 """Number of successive records that a step reads: no step is longer than this many steps of one delay earlier."""
 PLACES = (1 - np.cos(np.pi * np.arange(8) / 7)) / 2
-"""Shares of a step at which the polynomial equals the delay's input; its order is that of the dense output."""
+"""Fractions of a step at which the polynomial equals the delay's input; its order is that of the dense output."""
 COEFFICIENTS = np.linalg.inv(np.vander(2 * PLACES - 1, increasing=True))
 """(8, 8) from these values to coefficients of powers of the position in the step, from -1 to 1."""
 SMOOTH_LEVEL = 8.0
@@ -115,7 +115,7 @@ class DelayedInput:
 
     @property
     def places(self) -> tuple[float, ...]:
-        """The shares of a step at which its record is taken."""
+        """The fractions of a step at which its record is taken."""
         return (0.0,) if self.held else tuple(PLACES)
 
     def records(self, flat: ca.SX) -> list[Record]:

@@ -18,7 +18,7 @@ from barbalat.solvers.simulation import STEP, Simulation
 from barbalat.validate import Array, InputError
 
 AT_AN_END = 1e-9
-"""Share of a period: a sample closer than this to the beginning or end of a piece is treated as occurring there."""
+"""Fraction of a period: a sample closer than this to the beginning or end of a piece is treated as occurring there."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -169,8 +169,8 @@ class Agreement:
 
     flights     number of flights for which it is known; if a simulator fails, it is unknown
     samples     number of compared samples
-    refused     number of these samples that the exported C refused as outside its design, holding its last control
-    difference  the first number that is not equal in every bit, as a phrase; empty if all of u and of the state are equal
+    refused     number of these samples that the exported C rejected as outside its design, holding its last control
+    difference  the first number that is not equal bit for bit, as a phrase; empty if all of u and of the state are equal
     """
 
     flights: int = 1

@@ -1,4 +1,4 @@
-"""From a closed loop to a compiled kernel: one solver step with the figures' accumulators, traced and compiled once."""
+"""From a closed loop to a compiled kernel: one solver step with the metrics' accumulators, traced and compiled once."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class StepProgram:
         return self.watch is not None and (lanes == 1 or len(self.watch.operations) <= LONGEST_INSIDE)
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
-        """Compile for this number of further steps; for few steps the code is compiled quickly; the results are the same in every
+        """Compile for this number of further steps; for few steps the code is compiled quickly; the results are the same bit for
         bit."""
         resets = () if self.accumulators is None else self.accumulators.resets
         watch = self.watch if self.watches(lanes) else None
@@ -264,7 +264,7 @@ def step_function(
 
 
 def accumulators_of(loop: ClosedLoop) -> Accumulators:
-    """The accumulators of a loop's figures."""
+    """The accumulators of a loop's metrics."""
     return Accumulators(errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs)
 
 

@@ -201,7 +201,7 @@ class TangentTotals(Totals):
         total[places] = np.where(farther, beside, total[places])
 
     def tangents(self, simulation: Simulation, final: Array) -> tuple[list[Metrics], Metrics]:
-        """The figures' tangents along each direction, and the instants [s] of those that are extrema, NaN for others.
+        """The metrics' tangents along each direction, and the instants [s] of those that are extrema, NaN for others.
 
         final  (directions, n, M) the tangents of theta_hat at the end
         """

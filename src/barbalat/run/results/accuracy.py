@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.validate import Array
 
 OPEN = 0.1
-"""A figure is not resolved if two runs with different tolerances differ by more than this share of it."""
+"""A metric is not resolved if two runs with different tolerances differ by more than this fraction of it."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Accuracy:
     finer      the tolerance of the second run
     error      by the state's name, "x" and "theta_hat", the largest difference of the two runs at the recorded instants, relative
                to the component's largest magnitude; None if a run does not reach the end
-    figures    by a figure's name, the largest difference of the two runs relative to its value in the second one; None in the
+    figures    by a metric's name, the largest difference of the two runs relative to its value in the second one; None in the
                same case
     steps      accepted steps; ``rejected`` ones failed, ``choices`` ended where the equations jump or bend
     """
@@ -37,12 +37,12 @@ class Accuracy:
 
     @property
     def unresolved(self) -> tuple[str, ...]:
-        """The figures that the tolerance does not resolve."""
+        """The metrics that the tolerance does not resolve."""
         return tuple(name for name, value in self.figures.items() if value is not None and value > OPEN)
 
     @property
     def in_brief(self) -> str:
-        """Only the measured error and the figures that the tolerance does not resolve, in one line."""
+        """Only the measured error and the metrics that the tolerance does not resolve, in one line."""
         told = _told(self.error)
         if not told:
             return f"error not measured, since a run at {self.finer:g} does not reach the end"
@@ -102,7 +102,7 @@ def differences(states: Array, others: Array, rows: Mapping[str, Array]) -> dict
 
 
 def relative_differences(figures: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, float | None]:
-    """The largest difference of each figure of two runs, relative to its largest entry in the other one; None if there is
+    """The largest difference of each metric of two runs, relative to its largest entry in the other one; None if there is
     none."""
     found: dict[str, float | None] = {}
     for name, value in figures.items():

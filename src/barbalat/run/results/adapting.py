@@ -1,6 +1,6 @@
 """Is the controller adapting? Excitation of the regressor, path of the estimates, and time on the projection bounds.
 
-Motion between recorded instants is included: the distance is summed over every step, and the share of time on the bounds is
+Motion between recorded instants is included: the distance is summed over every step, and the fraction of time on the bounds is
 enclosed by extrema over every step. Only the excitation is an integral over recorded instants, which the output states.
 """
 
@@ -80,10 +80,10 @@ def _least(gram: Array) -> float:
 
 
 STILL_SHARE = 0.01
-"""Share of the initial parameter error: estimates with a shorter path have not adapted visibly."""
+"""Fraction of the initial parameter error: estimates with a shorter path have not adapted visibly."""
 LONG_SHARE = 0.5
 SWEPT_SHARE = 0.1
-"""Share of the time in recorded intervals within which an estimate reaches both of its bounds."""
+"""Fraction of the time in recorded intervals within which an estimate reaches both of its bounds."""
 UNEXCITED_RATIO = 1e-6
 """Threshold of the smallest eigenvalue of the windowed correlation matrix, which is 1 for orthogonal components, and of a
 relative mean square: it corresponds to an amplitude of a thousandth, below which a direction is not excited."""
@@ -92,7 +92,8 @@ COARSE_SAMPLING = 0.1
 
 
 class OnBounds(NamedTuple):
-    """Shares of the time, each (p,): on a bound at least and at most; and with both bounds reached within one recorded interval.
+    """Fractions of the time, each (p,): on a bound at least and at most; and with both bounds reached within one recorded
+    interval.
 
     first  (p,) [s] the start of the first recorded interval in which a bound is reached; NaN if there is none
     """
@@ -111,7 +112,7 @@ class Adapting:
     path        (p,) sum of |change of theta_hat| over every step
     tail_path   (p,) the same in the last quarter
     on_bounds   with a box as known set, or intervals of unknown input gains (zeros for theta then); ``None`` without
-    on_sphere   share of the recorded instants on the surface of a ball; ``None`` without one
+    on_sphere   fraction of the recorded instants on the surface of a ball; ``None`` without one
     excitation  ``None`` if the scheme has no regressor or the run is too short
     """
 
@@ -130,7 +131,7 @@ class Adapting:
 
     @property
     def on_bounds_text(self) -> str:
-        """The share of time on the bounds, a line for each estimate."""
+        """The fraction of time on the bounds, a line for each estimate."""
         sphere = [] if self.on_sphere is None else [f"{100 * self.on_sphere:.0f} % of the instants"]
         shares = () if self.on_bounds is None else zip(self.on_bounds.least, self.on_bounds.most, strict=True)
         lines = [*(share_text(*share) for share in shares), *sphere]
@@ -313,6 +314,6 @@ def _said_of(found: Excitation) -> Finding | None:
 
 
 def share_text(least: float, most: float) -> str:
-    """A share of time that is known to be between two numbers, rounded outward."""
+    """A fraction of time that is known to be between two numbers, rounded outward."""
     low, high = math.floor(100 * least), math.ceil(100 * most)
     return f"{low} %" if low == high else f"{low} to {high} %"

@@ -1,4 +1,4 @@
-"""The solver's share of a run's error: the tail's largest error at half the step."""
+"""The solver's fraction of a run's error: the tail's largest error at half the step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.judge.verdict import Class
 
 TOLD_SHARE = 0.1
-"""Share of the judge's band above which the solver's effect on an error is reported."""
+"""Fraction of the judge's band above which the solver's effect on an error is reported."""
 
 
 @dataclass(frozen=True)

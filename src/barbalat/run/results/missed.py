@@ -1,4 +1,4 @@
-"""The samples that a run's controller missed: faults lost them, or the shell refused them."""
+"""The samples that a run's controller missed: faults lost them, or the shell rejected them."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from barbalat.run.results.result import Result
 
 Figure = float | list[float] | None
-"""A figure, or its components; None if there is no finite value."""
+"""A metric, or its components; None if there is no finite value."""
 FIGURE_LABELS = {
     "max_abs_e": "max |e|",
     "rms_e": "RMS e",
@@ -23,14 +23,14 @@ FIGURE_LABELS = {
     "max_abs_u": "max |u|",
     "theta_hat_final": "estimates at the end",
 }
-"""The displayed figures, by their names in JSON."""
+"""The displayed metrics, by their names in JSON."""
 
 
 DEMAND = "u is the demand: before the limits, the gain, the dynamics and the delay of the plant's input"
 
 
 def about_u(problem: TrackingProblem) -> str | None:
-    """The note on u in a table of figures if something other than u reaches the plant."""
+    """The note on u in a table of metrics if something other than u reaches the plant."""
     return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.surroundings.paths) else None
 
 
@@ -53,7 +53,7 @@ def outcome_in_brief(run: Result) -> str:
 
 
 def text_of(value: float | list[float] | None) -> str:
-    """A figure, or its components in brackets, with four digits."""
+    """A metric, or its components in brackets, with four digits."""
     if isinstance(value, list):
         return text_of(value[0]) if len(value) == 1 else f"[{', '.join(map(text_of, value))}]"
     return "-" if value is None else f"{value:.4g}"
@@ -77,14 +77,14 @@ def _end(value: Figure, text: Callable[[Figure], str]) -> str:
 
 
 def units_of(labels: Labels | None) -> dict[str, str]:
-    """The units of figures by their names, in brackets, if the case gives them."""
+    """The units of metrics by their names, in brackets, if the case gives them."""
     if labels is None:
         return {}
     return dict.fromkeys(("max_abs_e", "rms_e", "tail_max_abs_e"), labels.every_unit) | {"max_abs_u": labels.every_input_unit}
 
 
 def table(runs: Iterable[Result], labels: Labels | None = None) -> str:
-    """The figures of runs as an HTML table, a row for each."""
+    """The metrics of runs as an HTML table, a row for each."""
     from html import escape
 
     units = units_of(labels)
@@ -104,7 +104,7 @@ def _row(name: str, run: Result) -> str:
 
 
 def html_of(results: Sequence[Result]) -> str:
-    """Runs as shown in a notebook: the verdicts, the figures as a table, the findings, the plot."""
+    """Runs as shown in a notebook: the verdicts, the metrics as a table, the findings, the plot."""
     from html import escape
 
     from barbalat.pictures.plotted import image_of

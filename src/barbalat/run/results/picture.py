@@ -31,7 +31,7 @@ WITHIN_REACH, BOUNDS_WITHIN_REACH = 1.5, 0.4
 """Multiples of the height of the main curves: a limit, true value or bound of the known set that is farther away is stated
 instead of drawn."""
 FLAT_SHARE = 0.12
-"""Share of the largest motion of an estimate below which another estimate's line would be flat; such estimates are drawn in
+"""Fraction of the largest motion of an estimate below which another estimate's line would be flat; such estimates are drawn in
 separate axes."""
 MOST_BOUNDED = 3
 """Largest number of estimates with their own bounds that are distinguishable in one panel."""
@@ -161,7 +161,7 @@ def _held(text: str) -> str:
 ERROR_WINDOWS = 150
 """Number of intervals of the run: the largest error in each gives a readable line on a logarithmic axis."""
 LARGEST_SHOWN = 20
-"""Multiple of the largest error of the bounded runs up to which a diverging run is shown, so that the others remain
+"""Multiple of the largest error of the bounded runs up to which a diverging run is shown, so the others remain
 distinguishable."""
 
 

@@ -1,4 +1,4 @@
-"""The results of ``simulate`` by the controllers' names, each with its series, its figures and its numerics."""
+"""The results of ``simulate`` by the controllers' names, each with its series, its metrics and its numerics."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Result:
 
     @property
     def figures(self) -> dict[str, float | list[float] | None]:
-        """The figures by name, ``None`` if there is no finite value: the JSON contract's block for a controller."""
+        """The metrics by name, ``None`` if there is no finite value: the JSON contract's block for a controller."""
         last = {f"{name}_final": value[-1] for name, value in self.reported.items()}
         more = {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
         return Named.of("figure", self.metrics.of_member(0) | more)
@@ -171,7 +171,7 @@ class Result:
 
         The verdict is settled if the run stayed inside its solver's region of stability and the solver's damping hides no
         oscillation, or if a finer step with these properties gives the same class: see ``check_numerics`` and ``settle``. It is
-        not settled if half the step gives another class: see ``halved``.
+        not settled if half the step gives a different class: see ``halved``.
         """
         if self.judged is None:
             return None
@@ -283,7 +283,7 @@ class Result:
         return f"<Result of {self.name!r} on {self.problem.name!r}: {how}; {outcome(self)}>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: the figures as a table, and the plot."""
+        """For notebooks: the metrics as a table, and the plot."""
         return html_of([self])
 
     def plot(
@@ -445,7 +445,7 @@ class Results(Named[Result]):
         return f"<Results: {'; '.join(f'{name!r} {outcome_in_brief(result)}' for name, result in self.items())}>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: the figures as a table, the findings, and the plot."""
+        """For notebooks: the metrics as a table, the findings, and the plot."""
         return html_of(list(self.values()))
 
     def plot(

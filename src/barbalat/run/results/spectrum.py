@@ -29,7 +29,7 @@ amplify."""
 class SolverDamping:
     """The method's damping of an oscillation of the loop that it does not resolve and that the equations may not damp.
 
-    per_radian  the share of an undamped oscillation's amplitude that the method removes per radian, at the worst instant
+    per_radian  the fraction of an undamped oscillation's amplitude that the method removes per radian, at the worst instant
     h_omega     the step times the frequency there [rad]
     solver      the method's name
     """
@@ -158,7 +158,7 @@ class Spectrum:
 
 
 def _eigenvalues(matrices: Array) -> Array:
-    """Eigenvalues (K, size), computed one matrix after the other, so that Ctrl-C is handled in between."""
+    """Eigenvalues (K, size), computed one matrix after the other, so Ctrl-C is handled in between."""
     return np.array([np.linalg.eigvals(matrix) for matrix in matrices]) if len(matrices) else np.linalg.eigvals(matrices)
 
 

@@ -21,11 +21,11 @@ Origin = Literal["solver", "loop", "both", "unsettled"]
 EQUAL_FIGURES_SHARE = 0.1
 """Figures that differ by less than this fraction count as equal: far above the finer step's own error, far below a decade."""
 REMAINDER_SHARE = 0.1
-"""If less than this fraction of a figure remains at the finer step, it is due to the solver; otherwise at most partly."""
+"""If less than this fraction of a metric remains at the finer step, it is due to the solver; otherwise at most partly."""
 ROUNDING_SHARE = 1e-5
-"""A figure below this share of the model's state, the control or the estimates is rounding error or settled motion."""
+"""A metric below this fraction of the model's state, the control or the estimates is rounding error or settled motion."""
 SAME_TIME_SHARE = 0.01
-"""Divergences within this share of their time count as simultaneous; those of a finite escape converge as the step falls."""
+"""Divergences within this fraction of their time count as simultaneous; those of a finite escape converge as the step falls."""
 OWN_GROWTH_FACTOR = 3.0
 """An error this many times as large as the model's state, in a run that is still inside the region, grows because of the loop."""
 
@@ -55,7 +55,7 @@ class FinerStep:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The compared quantities of a run: figures, the time [s] of its label, the largest |e| until then; (p,) the estimates' path.
+    """The compared quantities of a run: metrics, the time [s] of its label, the largest |e| until then; (p,) the estimates' path.
 
     model, estimates  the largest |x_m| and |theta_hat_i|, as the size of the signals
     sample_time       of a law that is sampled by Euler steps [s], else None
@@ -143,7 +143,7 @@ def _whose(fine: Seen) -> str:
 
 
 def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
-    """The figures of the tail and of the whole run, each with its reference size."""
+    """The metrics of the tail and of the whole run, each with its reference size."""
     found, span = seen.metrics, seen.dt * seen.steps
     return {
         "the estimates' variation [1/s] in the tail": (found.theta_hat_variation_rate[0], 4 * seen.estimates / span),
@@ -156,7 +156,7 @@ def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
 
 def _ratio(before: Array, after: Array, noise: float) -> float:
     """All components together: after / before."""
-    least = noise + 1e-300  # figures of vanishing quantities count as equal
+    least = noise + 1e-300  # metrics of vanishing quantities count as equal
     return float((np.sum(after) + least) / (np.sum(before) + least))
 
 

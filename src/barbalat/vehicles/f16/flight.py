@@ -1,4 +1,4 @@
-"""One flight: its record at each sample, and its figures."""
+"""One flight: its record at each sample, and its metrics."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTI
 
 
 def figures_of(followed: Followed) -> dict[str, str]:
-    """Return a flight's figures with units. e is the followed rate minus the model's; travel is the distance that the surface
+    """Return a flight's metrics with units. e is the followed rate minus the model's; travel is the distance that the surface
     moves per second."""
     surface = followed.surface
     return {

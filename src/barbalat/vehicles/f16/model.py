@@ -1,9 +1,9 @@
 """JSBSim's F-16 with surfaces that this program moves. The installed file is changed in memory and never saved.
 
-There are three changes. The aerodynamic tables read the deflections from our own properties (``surfaces/...``), so that the
-actuator, its limits and the failures of a surface are modelled here and the file's own control system does not act on them.
-``BALLAST_LB`` of the empty weight becomes a separate mass at the same place, which moves to shift the centre of gravity. The
-coefficients of ``SCALED`` are multiplied by our own properties (``scale/...``), which are one unless another aircraft is drawn.
+There are three changes. The aerodynamic tables read the deflections from our own properties (``surfaces/...``), so the actuator,
+its limits and the failures of a surface are modelled here and the file's own control system does not act on them. ``BALLAST_LB``
+of the empty weight becomes a separate mass at the same place, which moves to shift the centre of gravity. The coefficients of
+``SCALED`` are multiplied by our own properties (``scale/...``), which are one unless another aircraft is drawn.
 
 Nothing else is changed, neither the tables nor the engine. The leading-edge flaps keep the file's schedule, which jumps at
 5 deg of angle of attack.
@@ -46,8 +46,8 @@ LIMIT_LOADS = (-4.0, 9.0)
 
 
 def load(step: float) -> FGFDMExec:
-    """Return the aircraft with wheels up, a constant amount of fuel and this step [s]. InputError if JSBSim is missing or has
-    another F-16."""
+    """Return the aircraft with wheels up, a constant amount of fuel and this step [s]. InputError if JSBSim is missing or has a
+    different F-16."""
     require_extra("jsbsim", "flight", "a flight model")
     import jsbsim
 

@@ -29,19 +29,19 @@ feedback then remains for unmodelled effects."""
 CROSSOVER = 1.55
 """Crossover frequency of that feedback divided by its natural frequency. At the crossover |sqrt(2) s + 1| = |s|^2."""
 YAW_SHARE = 0.4
-"""Natural frequency of yaw, as a share of that of roll and pitch. Rotors yaw only by their drag, whose moment is a tenth of that
-of their lift."""
+"""Natural frequency of yaw, as a fraction of that of roll and pitch. Rotors yaw only by their drag, whose moment is a tenth of
+that of their lift."""
 ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
 """Sample times of the attitude's and the position's controllers [s]."""
 MOMENT_SHARE = 1 / 3
-"""Moment limit of each of roll, pitch and yaw, as a share of the hover thrust. With all three at their limits, no rotor's thrust
-is below zero at hover."""
+"""Moment limit of each of roll, pitch and yaw, as a fraction of the hover thrust. With all three at their limits, no rotor's
+thrust is below zero at hover."""
 ADDED_SHARE = 0.5
-"""The scheme's share of an axis's authority. The feedback has the rest, so that neither limits the other and a predictor knows
-the limit of u. Half of the position's authority lifts another 35 % of the mass."""
+"""The scheme's fraction of an axis's authority. The feedback has the rest, so neither limits the other and a predictor knows the
+limit of u. Half of the position's authority lifts another 35 % of the mass."""
 MET_SHARE = 0.5
-"""The disturbance of an axis whose problem is simulated alone or exported, as a share of the scheme's limit. Without it the axis
-would stay at rest."""
+"""The disturbance of an axis whose problem is simulated alone or exported, as a fraction of the scheme's limit. Without it the
+axis would stay at rest."""
 TILT = np.deg2rad(35.0)
 """Largest tilt of the position control relative to the path's demand. It limits the acceleration to g times its tangent, and by
 the same amount up and down."""

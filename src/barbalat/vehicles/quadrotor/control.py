@@ -62,7 +62,7 @@ class Control:
 
     @property
     def resumable(self) -> bool:
-        """Whether the controller's state can be set to that of another flight. An exported step's state is inaccessible."""
+        """Whether the controller's state can be set to that of a different flight. An exported step's state is inaccessible."""
         return len(self._states) == len(self._attitude) + len(self._position)
 
     @property

@@ -1,4 +1,4 @@
-"""One flight of a quadrotor: its record, and its figures."""
+"""One flight of a quadrotor: its record, and its metrics."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""The figures of a flight with units. e is the distance from the commanded position, sinks the largest distance below it, travel
-the average change of the four thrusts per second, and limited the share of the time for which some rotor is at an end of its
+"""The metrics of a flight with units. e is the distance from the commanded position, sinks the largest distance below it, travel
+the average change of the four thrusts per second, and limited the fraction of the time for which some rotor is at an end of its
 range."""
 
 

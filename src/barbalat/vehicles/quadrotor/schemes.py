@@ -1,6 +1,6 @@
 """The project's schemes as additions to a geometric controller, axis by axis, with numbers that one rule found.
 
-The numbers are in units of the axis, so that one range suits all axes.
+The numbers are in units of the axis, so one range suits all axes.
 """
 
 from __future__ import annotations

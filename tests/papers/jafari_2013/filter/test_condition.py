@@ -28,7 +28,7 @@ def norm_by_trapezoids(kappa: float) -> float:
 def test_the_condition_flips_below_the_printed_limit():
     largest, least = theorem_1.kappa_admissible(KNOWN, 10.0), condition.fails_down_to(KNOWN, 0.05)
     assert largest < least < 0.05
-    # d(norm)/d(kappa) is near norm/kappa, so that 1e-5 in either direction is far more than the quadrature's error
+    # d(norm)/d(kappa) is near norm/kappa, so 1e-5 in either direction is far more than the quadrature's error
     assert 10 * norm_by_trapezoids(largest - 1e-5) < 1 < 10 * norm_by_trapezoids(least + 1e-5)
     assert condition.holds_up_to(KNOWN, largest)
     assert not condition.holds_up_to(KNOWN, least)

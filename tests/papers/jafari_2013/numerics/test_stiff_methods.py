@@ -24,8 +24,8 @@ def rk4(controller: L1Adaptive, t_end: float) -> np.ndarray:
 
 
 def test_implicit_steps_converge_with_their_order():
-    """Halving the step divides the error by 4 for the midpoint rule and by 2 for Euler's method. The gain is low, so that the
-    steps resolve the adaptation."""
+    """Halving the step divides the error by 4 for the midpoint rule and by 2 for Euler's method. The gain is low, so the steps
+    resolve the adaptation."""
     smooth = l1(0.01, projection=False)
     exact, loop = rk4(smooth, 2.0), ClosedLoop.of(GIVEN, smooth)
     for weight, order in ((0.5, 2), (1.0, 1)):

@@ -65,4 +65,4 @@ def test_no_constant_of_the_papers_definition_serves_all_signals():
     for weak in phi:
         pieces, _ = scalar_lemma.weakly_taught(float(weak))
         p, q = ScalarLeastSquares().over(ScalarLeastSquares().initial(), pieces[0])[0]
-        assert 0 < q / p <= scalar_lemma.LEARNT_BIAS  # within Section V's set, so that no bound is reached
+        assert 0 < q / p <= scalar_lemma.LEARNT_BIAS  # within Section V's set, so no bound is reached

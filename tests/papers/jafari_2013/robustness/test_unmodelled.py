@@ -43,7 +43,7 @@ def by_loops(theta: np.ndarray, gamma: float, delay: float, t_end: float) -> np.
 
 @pytest.mark.parametrize("delay, grows", [(0.222, False), (0.548, True)])
 def test_without_end_is_so_by_other_code_too(delay, grows):
-    """theta = 0, so that u = k_0 r alone tolerates any delay. The delays are on both sides of the first one at which the loop is
+    """theta = 0, so u = k_0 r alone tolerates any delay. The delays are on both sides of the first one at which the loop is
     lost."""
     members = [((0.0, 0.0), 1.0, delay)]
     (lost,), _ = unmodelled.lost(members, "MRAC (3)-(4)")
@@ -53,7 +53,7 @@ def test_without_end_is_so_by_other_code_too(delay, grows):
 
 
 def test_gamma_over_c_squared_is_the_same_motion_c_times_as_large():
-    """With c a power of two it holds to the last bit, except for the order of roundings in the law."""
+    """With c a power of two it holds bit for bit, except for the order of roundings in the law."""
     c, gamma, delay = 4.0, 16.0, PlantInput(delay=0.1)
     given = variant(input=delay)
     scaled = replace(variant(input=delay, reference=Sine(50.0 * c, 0.5)), plant=replace(given.plant, x0=c * given.plant.x0))

@@ -27,8 +27,8 @@ def test_a_filter_that_is_no_filter_leaves_the_same_tails():
 
 
 def test_the_filtered_error_driven_law_is_that_of_scipy():
-    """(3), (4) and C before the plant are integrated by another method up to 4 s. Projection is left out because its bounds are
-    not reached."""
+    """(3), (4) and C before the plant are integrated by a different method up to 4 s. Projection is left out because its bounds
+    are not reached."""
     plant, kappa = section_v.problem().plant, section_v.KAPPA
     P = solve_continuous_lyapunov(plant.A_m.T, -np.eye(2))
 

@@ -1,7 +1,7 @@
 """The certificate of L1 output feedback with the piecewise-constant law: a linear sampled controller whose loop is known exactly.
 
-For T -> 0 it keeps c'x_hat = y, so that u = C/((1 - C) M) [M r - y] for every g: ``linear_equivalent_limit``, as for the scheme
-with a first-order model. For T > 0 it has no pole at z = 1: a small part of a constant disturbance remains.
+For T -> 0 it keeps c'x_hat = y, so u = C/((1 - C) M) [M r - y] for every g: ``linear_equivalent_limit``, as for the scheme with a
+first-order model. For T > 0 it has no pole at z = 1: a small part of a constant disturbance remains.
 
 On a plant that equals the model, under a constant sigma at equilibrium, x~ = Phi x~ + Gamma (sigma_hat - sigma), sigma_hat = -G
 c'x~ and Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and the effect of sigma on y, s = c'(I - Phi)^-1 Gamma sigma, this gives

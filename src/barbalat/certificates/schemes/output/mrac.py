@@ -65,7 +65,7 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
 
 def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> Certificate:
     """theta*, the margins with it, the limits of gain and step; there is no numerical bound of the error of these schemes."""
-    controller.bind(problem.known)  # refuses settings that contradict the assumptions
+    controller.bind(problem.known)  # rejects settings that contradict the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     draft, n = Draft(own=OWN_QUANTITIES), controller.order
     draft.missing("error_bound", "the theorems for these schemes give no number", theorem=theorems.LEMMA_1_OUTPUT)

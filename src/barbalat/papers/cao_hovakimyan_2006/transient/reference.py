@@ -22,7 +22,7 @@ SEED, MEMBERS = 20130822, 96
 THETA_MAX = 10.0
 """The largest |theta_hat|_1 over Section V's known set. Projection keeps the estimates in this set."""
 LATE_SHARE = 0.1
-"""The distance counts as tending to zero if that of the last quarter is below this share of that of the first quarter."""
+"""The distance counts as tending to zero if that of the last quarter is below this fraction of that of the first quarter."""
 
 
 def mrac() -> Claim:

@@ -97,7 +97,7 @@ def exponential() -> Claim:
 
 
 KEPT_RATE = 0.8
-"""The share of the decay rate that must remain from one interval to the next, which is twice as long. An exponential decay
+"""The fraction of the decay rate that must remain from one interval to the next, which is twice as long. An exponential decay
 keeps all of it, an algebraic decay half."""
 
 

@@ -1,7 +1,7 @@
 """The filter's effect on the exact margins of the adapting loop, around constant commands.
 
 The estimates act through the law theta_hat' = Gamma x (...) and through the product theta_hat'x. At the command r, x is
-proportional to r, so that the loop depends only on Gamma r^2.
+proportional to r, so the loop depends only on Gamma r^2.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ BISECTIONS = 8
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 STAYING_SHARE, LASTING_SHARE = 1e-2, 1e-3
-"""An error remains if that of the tail exceeds the first share of the largest error, or, with a constant command, the second
-share of the error with a sine."""
+"""An error remains if that of the tail exceeds the first fraction of the largest error, or, with a constant command, the second
+fraction of the error with a sine."""
 
 
 def doubles(amplitudes: Array) -> Array:

@@ -30,10 +30,10 @@ NUMERICAL_SETTINGS = {1e-4: (3e3, 1e4, 1e5)}
 """Steps [s] and gains at which RK4 is unstable; the second is Figure 3's."""
 MORE_NUMERICAL_SETTINGS = {2e-4: (1e3, 3e3, 1e4, 1e5), 1e-4: (3e3, 1e4, 1e5, 1e6), 5e-5: (1e4, 3e4, 1e5)}
 RESOLVED_SETTINGS, MORE_RESOLVED_SETTINGS = {1e-5: (100.0,)}, {1e-5: (10.0, 100.0, 1000.0)}
-"""Settings with h omega_a below 0.1, so that the ringing is that of the equations."""
+"""Settings with h omega_a below 0.1, so the ringing is that of the equations."""
 FIGURE_3 = (section_v.COARSE_STEP, 1e4)
 EQUAL_FREQUENCY_SHARE = 0.1
-"""Two mean frequencies within this share count as equal, because the frequency varies by as much from one quarter of a run to
+"""Two mean frequencies within this fraction count as equal, because the frequency varies by as much from one quarter of a run to
 the next."""
 
 

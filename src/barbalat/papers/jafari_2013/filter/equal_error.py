@@ -1,7 +1,7 @@
 """Compares the delays that MRAC and L1-AC tolerate at equal error, for the same number of tunings of each.
 
-The tunings are drawn by one rule over each scheme's own settings, so that no setting is chosen by hand. MRAC has its gain. L1-AC
-has its gain and its filter, which is (6) for one half of the tunings and has two slopes for the other half.
+The tunings are drawn by one rule over each scheme's own settings, so no setting is chosen by hand. MRAC has its gain. L1-AC has
+its gain and its filter, which is (6) for one half of the tunings and has two slopes for the other half.
 """
 
 from __future__ import annotations

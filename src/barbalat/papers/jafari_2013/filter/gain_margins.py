@@ -80,7 +80,7 @@ def gain_reduces_margins() -> Claim:
 
 
 UNCHANGED_SHARE = 0.1
-"""A margin that changes by less than this share of itself counts as unchanged."""
+"""A margin that changes by less than this fraction of itself counts as unchanged."""
 HIGH_GAIN = 1e4
 """Section V's "very large adaptive gain"."""
 
@@ -121,7 +121,7 @@ OWN_MEASURES = ("delay margin", "small-gain margin 1/||T||_inf")
 
 
 def l1_margins() -> Claim:
-    """Test the statements of L1's authors on phase and delay margins for another class of plants on Section V's plant."""
+    """Test the statements of L1's authors on phase and delay margins for a different class of plants on Section V's plant."""
     sentence = SENTENCES["l1-margins"]
     phase, delay = (_over_gains(name, section_v.KAPPA) for name in ("phase margin", "delay margin"))
     plain = _over_gains("delay margin", None)

@@ -236,7 +236,7 @@ class Flights:
 
     @cached_property
     def shares(self) -> dict[tuple[str, str, str, str], Share]:
-        """The shares of every pair of controllers for every failure and criterion that at least one draw decides."""
+        """The fractions of every pair of controllers for every failure and criterion that at least one draw decides."""
         found = {}
         for failure, by_controller in self.document["failures"].items():
             for (one, other), by in product(combinations(by_controller, 2), (ERROR, LOSS)):

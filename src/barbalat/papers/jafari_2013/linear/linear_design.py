@@ -34,7 +34,7 @@ PI_DELAY, HINF_DELAY = 0.0118, 0.025
 """Unmodelled delays that give the two designs at least L1-AC's delay margin of 33 ms at Section V's theta."""
 HINF_FAST_DELAY = 0.01
 UNFOLLOWED_SHARE = 0.2
-"""A controller whose error exceeds this share of the model's amplitude does not follow the model."""
+"""A controller whose error exceeds this fraction of the model's amplitude does not follow the model."""
 
 
 UNSTABLE_ERROR_FACTOR = 10.0

@@ -160,7 +160,7 @@ def small_tau() -> list[Claim]:
 
 SMALL_TAUS = f"Section V, robust MRAC, {MENDED}, RK4, h = 1e-4 s, 10 s, 41 values of tau from 1e-5 to 1e-4 s, and 0.5 s"
 UNCHANGED_SHARE = 1e-3
-"""The step counts as harmless if a tenth of it changes no error and no control by more than this share."""
+"""The step counts as harmless if a tenth of it changes no error and no control by more than this fraction."""
 
 
 def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:

@@ -129,7 +129,7 @@ def rk4(gamma: float, h: float, t_end: float) -> tuple[SolverPath, SolverPath]:
 
 
 def _parts(steps: int) -> int:
-    """Return into how many equal parts a window with this number of steps is divided, so that no part is longer than a run's
+    """Return into how many equal parts a window with this number of steps is divided, so no part is longer than a run's
     blocks."""
     return next(parts for parts in range(1, steps + 1) if steps % parts == 0 and steps // parts <= CHUNK_STEPS)
 

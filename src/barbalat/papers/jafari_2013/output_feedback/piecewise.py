@@ -20,8 +20,8 @@ from barbalat.solvers.simulation import Simulation
 
 STEPS_A_SAMPLE = 2
 ROUNDING_SHARE = 1e-9
-"""Largest difference due to rounding, as a share of the largest |u|. It arises from sums in another order, divided by the sample
-time."""
+"""Largest difference due to rounding, as a fraction of the largest |u|. It arises from sums in a different order, divided by the
+sample time."""
 TRIED_POLES = (-10.0, -5.0, -1.0, 0.0)
 """The flown predictor's a [1/s]."""
 

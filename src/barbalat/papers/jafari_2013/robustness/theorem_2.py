@@ -248,8 +248,8 @@ def _largest_mu(loop: StateSpace) -> float:
 
 
 AGREEMENT_SHARE = 0.02
-"""The linear limit and the observed boundary agree if they differ by less than this share of the size. The boundary is resolved
-to 1 % of tau."""
+"""The linear limit and the observed boundary agree if they differ by less than this fraction of the size. The boundary is
+resolved to 1 % of tau."""
 
 
 @cache

@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
-SEED = 20130820  # an arbitrary fixed number, so that the draws are the same on every machine
+SEED = 20130820  # an arbitrary fixed number, so the draws are the same on every machine
 DRAWS, MORE_DRAWS = 2, 12
 """Number of commands of each kind in the plain command and with ``--full``."""
 LARGEST_COMMAND = 50.0
@@ -37,9 +37,9 @@ with steps."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3
 """Gain of the standard MRAC. It is small enough for a visible error in the first quarter, and h omega_a is 0.35 at |x| = 50."""
 SMALL_ERROR_SHARE = 1e-3
-"""Share of the largest |x_m| below which the error at the end counts as close to zero."""
+"""Fraction of the largest |x_m| below which the error at the end counts as close to zero."""
 ROUNDING_SHARE = 1e-12
-"""Share of the largest |x_m| below which an error is only rounding in double precision and falls no further."""
+"""Fraction of the largest |x_m| below which an error is only rounding in double precision and falls no further."""
 ONE_OVER_T = 1 / 3
 """The ratio of the errors in the last and the second quarter if the error fell as 1/t: the start of the second quarter divided
 by the start of the last."""

@@ -33,8 +33,8 @@ COMPARED_INSTANTS = 40_000
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 RESTING_GAIN = 1e-9
-"""Gain of the run that serves as the reference system. It starts with theta_hat = theta, so that its x_tilde is zero and the
-estimates do not move."""
+"""Gain of the run that serves as the reference system. It starts with theta_hat = theta, so its x_tilde is zero and the estimates
+do not move."""
 
 
 @dataclass(frozen=True, eq=False)

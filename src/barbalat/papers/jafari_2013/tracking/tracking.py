@@ -27,7 +27,7 @@ MEMBERS = 192
 MORE_MEMBERS = 32 * MEMBERS
 """Number of random runs with ``reproduce --full``, which searches for a run that violates a bound."""
 FULL_COMMAND = f"{MORE_MEMBERS} random runs instead of {MEMBERS}"
-SEED = 20130819  # an arbitrary fixed number, so that the draws are the same on every machine
+SEED = 20130819  # an arbitrary fixed number, so the draws are the same on every machine
 
 
 def bound_9(size: int = MEMBERS) -> Claim:
@@ -185,7 +185,7 @@ def part_iii() -> Claim:
 
 
 V_TOLERANCE = 1e-6
-"""Largest rise of V between recorded instants that is attributed to the step, as a share of V(0)."""
+"""Largest rise of V between recorded instants that is attributed to the step, as a fraction of V(0)."""
 UNSTABLE_KAPPA, UNSTABLE_GAIN = 1.0, 0.1
 """A kappa [s] of twenty times the largest that Theorem 1's condition admits, with which the limit of fast adaptation is unstable,
 and a gain, which is small because |x| grows."""
