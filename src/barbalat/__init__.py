@@ -1,7 +1,7 @@
 """Design, certify, simulate and deploy adaptive controllers, and find out which claims about them are true.
 
-This module offers problems, controllers and the functions that simulate and certify them. The other public names are in modules
-by subject:
+This module offers problems, controllers and the functions that simulate and certify them. The other public names are in modules,
+one for each subject:
 
 plants      actuators, sensors and faults around a plant, labels, known sets
 regressors  regressors, which the unknown parameters multiply
@@ -9,11 +9,11 @@ signals     commands, disturbances and recorded data
 laws        adaptive laws and their modifications
 solvers     integration methods
 systems     linear systems, their margins and norms
-designs     linear robust designs
+designs     linear robust controller designs
 results     the results of simulations and certificates
 studies     sweeps, tuning, contests, margins found by simulation, explorers
-exports     controllers as source for flight computers and as FMUs
-flights     controllers on flight models, through failures
+exports     controllers as source code for flight computers and as FMUs
+flights     controllers flown on flight models through failures
 interfaces  the protocols that a controller or law of your own implements
 testing     checks for a controller or law of your own
 

@@ -1,4 +1,4 @@
-"""``barbalat`` and ``python -m barbalat``: the command line, whose own files take a moment to load."""
+"""``barbalat`` and ``python -m barbalat``: the command line. Its modules take a moment to load."""
 
 import sys
 
@@ -9,7 +9,7 @@ def main() -> int:
         from barbalat.cli import main as command_line
 
         return command_line()
-    except KeyboardInterrupt:  # before the command has begun, or after its end
+    except KeyboardInterrupt:  # before the command has begun, or after it has ended
         if sys.stderr is not None:  # None if it is closed
             sys.stderr.write("interrupted\n")
         exec("")  # see barbalat.cli

@@ -1,8 +1,8 @@
 """Budgets: the memory and time of a piece of work are estimated before anything of its size is built.
 
 Each number that sets a size has a cost function, here or in the file that does the work: it returns an ``Estimate``, from costs
-per unit that were measured once. The estimates are right within a factor of a few and the same on every machine; a fast machine
-or much memory does not change what is rejected. Seconds are those of one core.
+per unit that were measured once. The estimates are accurate to within a small factor and are the same on every machine, so a
+faster machine or more memory does not change what is rejected. Seconds are seconds of one core.
 
     with Budget.parse("16GiB,5h"):
         simulate(problem, controllers, simulation)
@@ -27,7 +27,7 @@ DEFAULT_MEMORY, DEFAULT_SECONDS = 4 * GIB, HOUR
 TOLD_SECONDS = 10.0
 """Work that is expected to take longer than this [s] is announced, so the user knows that it is running."""
 LARGEST_TRIED = 10**30
-"""The number at which the cost of any larger number is evaluated: it exceeds every budget, and its powers are still floats."""
+"""The cost of any larger number is evaluated at this number, which exceeds every budget, and its powers are still floats."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Budget:
-    """The memory [bytes] and the seconds of one core that the estimate of a piece of work may reach; in force inside a ``with``
-    statement.
+    """The largest memory [bytes] and time [s of one core] that the estimate of a piece of work may reach. It is in force inside a
+    ``with`` statement.
 
     memory   4 GiB by default
     seconds  an hour by default
@@ -66,7 +66,7 @@ class Budget:
 
     @classmethod
     def parse(cls, text: str, told: Callable[[str], None] | None = None) -> Self:
-        """A budget from text, "16GiB", "5h", or both separated by a comma; a part that is left out has its default."""
+        """A budget from text, "16GiB", "5h", or both separated by a comma; an omitted part has its default."""
         given: dict[str, float] = {}
         for part in text.split(","):
             found = QUANTITY.fullmatch(part.strip())
@@ -84,7 +84,7 @@ class Budget:
         _IN_FORCE.set(_IN_FORCE.get()[:-1])
 
     def allows(self, cost: Estimate) -> bool:
-        """Whether the cost exceeds neither limit."""
+        """Whether the cost is within both limits."""
         return cost.memory <= self.memory and cost.seconds <= self.seconds
 
     def tell(self, what: str, cost: Estimate) -> None:
@@ -146,13 +146,13 @@ def require(
     fits: Callable[[int], str] | None = None,
     what: str | None = None,
 ) -> None:
-    """InputError if a number makes work exceed the budget; the message gives the largest number that fits.
+    """Raise InputError if a number makes work exceed the budget; the message gives the largest number that fits.
 
     name   the field with which the sentence begins
     cost   the cost of the work as a function of the number; it must not decrease
     least  the smallest meaningful number
-    given  how the value is shown, by default "= 12"; ``fits`` shows the number that fits, by default "at most 7"
-    what   what is announced if the work takes more than a few seconds, see ``Budget.tell``; by default nothing
+    given  how the value is shown, by default "= 12"; ``fits`` formats the largest number that fits, by default "at most 7"
+    what   what to announce if the work takes more than a few seconds (see ``Budget.tell``); nothing by default
     """
     budget, at = in_force(), min(value, LARGEST_TRIED)
     expected = cost(at)
@@ -199,7 +199,7 @@ def in_time(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-# Costs of work whose size several rooms determine, measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
+# Costs of work whose size is set in several packages, measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
 
 STATE_OPERATIONS = 50
 """Operations of a Runge-Kutta step of order four, with metrics, for each state of a loop: 31 for a network's neurons, 48 with
@@ -207,19 +207,22 @@ least squares, 75 with monomials as regressor, 110 with Gaussian functions."""
 DENSE_OPERATIONS = 24
 """Operations of such a step for each entry of a plant's matrix: four stages, a product and a sum, in plant, model and law."""
 OPERATION_SECONDS, OPERATION_BYTES = 1e-4, 3500.0
-"""The cost of tracing, optimising and compiling one operation: 3.2 s and 280 MB for 40,000, 35 s and 800 MB for 220,000."""
+"""The cost of tracing, optimising and compiling one operation; measured: 3.2 s and 280 MB for 40,000 operations, 35 s and 800 MB
+for 220,000."""
 MODES_SECONDS = 3e-8
 """Seconds per cubed number of states for the eigenvalues of four Jacobians: 7 s for 600 states."""
 LINEARISATION_SECONDS, LINEARISATION_BYTES = 4e-7, 1500.0
 """Seconds per cubed and bytes per squared number of states: 12 s and 0.3 GB for 300 states."""
 CERTIFICATE_SECONDS = 0.3
-"""Seconds for a small loop's certificate; the time grows with the square of the states."""
+"""Seconds for a small loop's certificate; the time grows with the square of the number of states."""
 KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
 """The cost of the smallest loop's code."""
 STEP_OPERATION_SECONDS = 6e-10
-"""Seconds for one operation in a step of a single run: 0.2 us for the 323 of a small L1 loop, 24 us for 40,000."""
+"""Seconds for one operation in a step of a single run: 0.2 us for the 323 operations of a small L1 loop, 24 us for 40,000
+operations."""
 MEMBER_OPERATION_SECONDS = 2e-11
-"""Seconds for one operation in a step of an ensemble's member, which is one lane of a vector: 3 ns for the 323 of that loop."""
+"""Seconds for one operation in a step of an ensemble's member, which is one lane of a vector: 3 ns for the 323 operations of the
+same small loop."""
 
 
 def operations(states: float, dense: float = 0.0) -> float:
@@ -228,8 +231,8 @@ def operations(states: float, dense: float = 0.0) -> float:
 
 
 def of_kernel(states: float, dense: float = 0.0) -> Estimate:
-    """The cost of a loop apart from its steps: its equations are traced, optimised and compiled, and its modes are computed
-    after the run."""
+    """The cost of a loop apart from its steps: tracing, optimising and compiling its equations, and computing its modes after the
+    run."""
     count = operations(states, dense)
     seconds = KERNEL_SECONDS + OPERATION_SECONDS * count + MODES_SECONDS * states**3
     return Estimate(KERNEL_BYTES + OPERATION_BYTES * count, seconds)

@@ -58,10 +58,10 @@ COMMANDS = (
 )
 """The commands in the order of the help, which is the order in which a new user needs them."""
 FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
-"""Exit codes. The last three are the shell's codes for an end by SIGINT, SIGPIPE and SIGTERM."""
+"""Exit codes. The last three are those by which shells report a process ended by SIGINT, SIGPIPE or SIGTERM."""
 COLLECT_EVERY = 50_000
-"""Number of allocations between two garbage collections, instead of Python's 700. A command makes millions of lasting objects
-(equations, programs, pictures), and searching them took a twentieth of its time."""
+"""Number of allocations between two garbage collections, instead of Python's 700. A command makes millions of long-lived objects
+(equations, programs, pictures), and scanning them took 5 % of its time."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with results():
                 return _answered(arguments)
         except OutputLost as lost:
-            if lost.reader_left:  # for example ``head`` after it has read enough
+            if lost.reader_left:  # for example ``head`` when it has read enough
                 return READER_LEFT
             say(f"barbalat: cannot write to standard output: {lost}")
             return FAILED
@@ -99,7 +99,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
-        # After an interrupt within exec, as in dataclasses, Python would end itself by the signal. This call prevents that.
+        # After an interrupt within exec, as in dataclasses, Python would end itself with the signal. This call prevents that.
         exec("")
         return INTERRUPTED
     except ValueError as error:

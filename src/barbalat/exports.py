@@ -1,4 +1,5 @@
-"""Controllers as source code for flight computers and as FMUs, and the exported code in the loop of simulations and flights."""
+"""Controllers as source code for flight computers and as FMUs, and the exported code in closed loop in simulations and
+flights."""
 
 from barbalat.public_names import public
 

@@ -1,4 +1,4 @@
-"""Controllers on flight models, through failures: JSBSim's F-16, MuJoCo's quadrotor, and other installed vehicles."""
+"""Controllers flown on flight models through failures: JSBSim's F-16, MuJoCo's quadrotor, and other installed vehicles."""
 
 from barbalat.public_names import public
 

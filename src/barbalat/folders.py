@@ -1,4 +1,4 @@
-"""Makes the folders that a user names; a command that fails leaves no new folder behind."""
+"""Creates the folders that a user names. A command that fails leaves no new folder behind."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from barbalat.validate import InputError, local_path
 
 @contextlib.contextmanager
 def made(folder: Path, refusal: str) -> Iterator[None]:
-    """Make a folder if necessary and test that it is writable; at the end, new folders that are empty are removed.
+    """Create a folder if necessary and test that it is writable. At the end, remove new folders that are still empty.
 
-    refusal  the sentence that says that the folder can't be used; the reason is appended
+    refusal  the error sentence for an unusable folder, to which the reason is appended
 
     Raises InputError if no file can be written there.
     """
@@ -34,7 +34,7 @@ def made(folder: Path, refusal: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def refused(refusal: str) -> Iterator[None]:
-    """Turn an OSError into an InputError: the sentence with the reason, which is about the folder and not about a file in it."""
+    """Turn an OSError into an InputError with this sentence and the reason, which concerns the folder and not a file in it."""
     try:
         yield
     except OSError as error:
@@ -56,7 +56,7 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 class Folder:
-    """The folder for a command's output files. Written files appear with ``commit``, and not at all if it is never called."""
+    """The folder for a command's output files. Written files appear when ``commit`` is called, and only then."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -70,7 +70,7 @@ class Folder:
         return self.path / name
 
     def commit(self, gone: Iterable[str] = ()) -> None:
-        """Put the written files in place, after the removal of the files in ``gone``, which an earlier command wrote."""
+        """Remove the files in ``gone``, which an earlier command wrote, and then put the written files in place."""
         if self._staged is None:
             return
         ready = sorted(self._staged.iterdir())
@@ -89,9 +89,9 @@ class Folder:
 
 @contextlib.contextmanager
 def output_folder(path: str | Path) -> Iterator[Folder]:
-    """Make the folder if necessary and lock it for this process; a folder that stays empty is removed at the end.
+    """Create the folder if necessary and lock it for this process; a folder that stays empty is removed at the end.
 
-    InputError if files can't be written in it, or if another process writes in it.
+    Raises InputError if files can't be written in it, or if another process is writing in it.
     """
     path = local_path("the output folder", path)
     refusal = f"the output folder {str(path)!r} cannot be used"
@@ -108,7 +108,7 @@ def output_folder(path: str | Path) -> Iterator[Folder]:
 
 
 def _locked(path: Path) -> int | None:
-    """A handle that locks the folder until it is closed or the process ends; None if there are no locks."""
+    """A handle that locks the folder until it is closed or the process ends; None if the file system has no locks."""
     if sys.platform == "win32":
         return None
     import fcntl

@@ -1,9 +1,9 @@
-"""The protocols of a controller of your own, and what a controller knows of its problem.
+"""The protocols that your own controller implements, and what a controller knows about its problem.
 
 A ``Controller`` holds settings. Its ``bind`` takes the ``Known`` part of a problem and returns ``Equations`` or
-``SampledEquations``; each part of their state has a ``Role``. Its ``knobs`` return a ``TuningGrid``: the settings that a search
-varies, with their ranges. ``check_controller`` tries a controller on a problem; ``barbalat.testing`` applies the package's own
-tests to it.
+``SampledEquations``; each part of their state has a ``Role``. Its method ``knobs`` returns a ``TuningGrid``: the settings that a
+search varies, with their ranges. ``check_controller`` tries a controller on a problem; ``barbalat.testing`` applies the package's
+own tests to it.
 """
 
 from barbalat.public_names import public

@@ -1,7 +1,7 @@
 """Actuators, sensors, physical parameters, plants that differ from the design, labels and known sets.
 
-The measurements have a sensor, faults of single samples (``Dropout``, ``Spike``, ...) and the ``Shell`` around a sampled
-controller, which decides which samples are used.
+Measurements pass a sensor, faults of single samples (``Dropout``, ``Spike``, ...) and, before a sampled controller, the
+``Shell``, which decides which samples are used.
 
 ``Plant``, ``OutputPlant``, the reference models and the usual known set, ``ParameterBox``, are in ``barbalat`` itself.
 """

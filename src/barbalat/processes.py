@@ -1,4 +1,4 @@
-"""Worker processes of a command: they leave Ctrl-C to the command and end with it."""
+"""Worker processes of a command: they leave Ctrl-C to the command and end when it ends."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Answer = TypeVar("Answer")
 
 
 def answer_of(asked: Future[Answer], function: Callable[Given, Answer], /, *given: Given.args, **named: Given.kwargs) -> Answer:
-    """The result of a submitted call; if no process has started it, it is executed here."""
+    """The result of a submitted call. A call that no process has started is executed here."""
     return function(*given, **named) if asked.cancel() else asked.result()
 
 
 @contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Worker processes with this process's garbage collection thresholds and budget; if the block is left by an exception, their
-    work is not waited for.
+    """Worker processes with this process's garbage-collection thresholds and budget. If an exception leaves the block, it does
+    not wait for their work.
 
     The processes start with the first submitted call, which belongs inside ``deaf_children``. The program must be importable by a
     new process: it starts under ``if __name__ == "__main__"``.
@@ -55,11 +55,11 @@ def _begin(thresholds: tuple[int, int, int], limits: Budget) -> None:
 
 @contextmanager
 def deaf_children() -> Iterator[None]:
-    """Processes that start inside this block ignore Ctrl-C, which a terminal sends to all; else they would print tracebacks.
+    """Processes that start inside this block ignore Ctrl-C, which a terminal sends to all; otherwise they would print tracebacks.
 
     They inherit the blocked signal. In this process the signal is not lost and does not interrupt a half-started worker: it is
-    delivered after the block. A request to terminate also waits here, but stays unblocked in the workers, since this process ends
-    them by it.
+    delivered after the block. A termination request also waits here, but stays unblocked in the workers, because this process
+    uses it to end them.
     """
     if sys.platform == "win32" or current_thread() is not main_thread():  # signals can't be blocked or don't arrive here
         yield
@@ -75,7 +75,8 @@ def deaf_children() -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Ctrl-C, a termination request and an alarm wait for the end of this block, whose code would report their exceptions."""
+    """Defer Ctrl-C, a termination request and an alarm to the end of this block, whose code would report their exceptions as
+    errors."""
     if current_thread() is not main_thread():  # no signal is delivered to this thread
         yield
         return

@@ -38,7 +38,7 @@ class BreakingSignal(Signal, Protocol):
     """A signal with a jump, or with a jump in a derivative; a signal that does not declare breaks is assumed to be smooth."""
 
     def breaks(self, start: float, stop: float) -> Array:
-        """The instants [s] of these jumps in (start, stop), (K,); they don't depend on the interval."""
+        """The instants [s] of these jumps in (start, stop), (K,); an instant does not depend on the interval."""
         ...
 
 
@@ -58,13 +58,13 @@ class SlopedSignal(Signal, Protocol):
 
     @property
     def slope(self) -> float:
-        """A bound of |derivative| on every interval without a jump [1/s]."""
+        """A bound on |derivative| on every interval without a jump [1/s]."""
         ...
 
 
 @runtime_checkable
 class SettlingSignal(Signal, Protocol):
-    """A signal that knows whether it becomes constant; nothing is assumed of a signal without this method."""
+    """A signal that knows whether it becomes constant; nothing is assumed about a signal without this method."""
 
     @property
     def settles(self) -> bool:
@@ -117,7 +117,7 @@ class Equations(Protocol):
         ...
 
     def derivative(self, state: Any, x: Value, x_m: Value, r: Value, u: Value) -> NamedTuple:
-        """The derivative of the state; ``u`` is what ``control`` returns now, before the plant's limits, gain, dynamics and
+        """The derivative of the state; ``u`` is the present result of ``control``, before the plant's limits, gain, dynamics and
         delay.
 
         A controller does not know what reaches the plant. A scheme that knows its actuator's limits, ``known.saturation``,
@@ -132,11 +132,11 @@ class Equations(Protocol):
 
 @runtime_checkable
 class Assuming(Protocol):
-    """Equations with numbers that the case does not give: runs and certificates say which."""
+    """Equations that assume numbers which the case does not give; runs and certificates state these numbers."""
 
     @property
     def assumed(self) -> str | None:
-        """A sentence on them; None if the case gives them."""
+        """A sentence that states the assumed numbers; None if the case gives them."""
         ...
 
 
@@ -145,10 +145,11 @@ class Lyapunov:
     """A Lyapunov function of the loop, for ``certify`` to check: V' <= -W along (1), (2) and the law's own equations.
 
     V            a quadratic form in e, the state and theta
-    W            the smallest decrease of V, nowhere negative; 0 by default
+    W            a lower bound on the decrease of V, nowhere negative; 0 by default
     zero         quantities that are zero at t = 0 and stay zero, such as z - theta'phi_f of a filtered model: a number or an
                  array
     nonnegative  symmetric matrices in the state that stay positive semidefinite, such as the integral of phi phi': one or a tuple
+                 of them
     """
 
     V: Value
@@ -168,7 +169,8 @@ class LyapunovEquations(Protocol):
 
 @runtime_checkable
 class Bending(Protocol):
-    """A part of a law or a plant whose rate has a corner that the motion reaches: a step across it has only second order."""
+    """A part of a law or a plant whose rate has a corner that trajectories reach; a step across it is only second-order
+    accurate."""
 
     @property
     def bend(self) -> str | None:
@@ -178,7 +180,8 @@ class Bending(Protocol):
 
 @runtime_checkable
 class Jumping(Protocol):
-    """A part of a law whose rate or state jumps at a point that the motion reaches: a step across it has only first order."""
+    """A part of a law whose rate or state jumps at a point that trajectories reach; a step across it is only first-order
+    accurate."""
 
     @property
     def jump(self) -> str:
@@ -196,8 +199,8 @@ class Sample(NamedTuple):
 
 @runtime_checkable
 class SampledEquations(Protocol):
-    """A controller that acts every ``sample_time`` and holds its control in between. Its state has the form of ``Equations``'
-    state."""
+    """A controller that acts every ``sample_time`` and holds its control in between. Its state has the same form as that of
+    ``Equations``."""
 
     @property
     def sample_time(self) -> float:
@@ -213,7 +216,8 @@ class SampledEquations(Protocol):
         ...
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> NamedTuple:
-        """The state at this sample, from that at the previous one; in between, the command u (before the limits) was held."""
+        """The state at this sample, from the state at the previous sample. In between, the control u (before the limits) was
+        held."""
         ...
 
 
@@ -222,12 +226,12 @@ class Freezable(Protocol):
     """Sampled equations that know which states a freeze holds; for others, a freeze holds theta_hat and memory."""
 
     def freezing(self, frozen: Value) -> SampledEquations:
-        """These equations with the estimates and the law's memory held wherever ``frozen`` is true."""
+        """Return these equations with the estimates and the law's memory held wherever ``frozen`` is true."""
         ...
 
 
 def kept(frozen: Value, old: Any, new: Any) -> Any:
-    """``old`` where ``frozen`` is true and ``new`` elsewhere, through nested NamedTuples; ``new`` if it is None."""
+    """``old`` where ``frozen`` is true and ``new`` elsewhere, through nested NamedTuples; ``new`` if ``frozen`` is None."""
     if frozen is None:
         return new
     if isinstance(new, tuple):
@@ -238,10 +242,10 @@ def kept(frozen: Value, old: Any, new: Any) -> Any:
 
 @runtime_checkable
 class Discretizable(Protocol):
-    """Continuous equations that know their midpoint form."""
+    """Continuous equations with a sampled form by the midpoint rule."""
 
     def sampled(self, T: float) -> SampledEquations:
-        """The sampled form for samples of length T [s]; InputError if these settings have none."""
+        """The sampled form for samples of length T [s]; raises InputError if there is none for these settings."""
         ...
 
 
@@ -274,11 +278,11 @@ class Controller(Protocol):
 
 @runtime_checkable
 class FeedingBack(Protocol):
-    """A controller that declares what it feeds back; one that does not feeds back the state."""
+    """A controller that declares what it feeds back; a controller without this declaration feeds back the state."""
 
     @property
     def feedback(self) -> str:
-        """The signal that is fed back: "state" or "output"."""
+        """The fed-back signal: "state" or "output"."""
         ...
 
 

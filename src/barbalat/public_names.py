@@ -1,4 +1,4 @@
-"""Public modules: each offers the names in its stub (``.pyi``) and imports a name at its first use.
+"""Public modules: each offers the names in its stub (``.pyi``) and imports a name when it is first used.
 
 A stub is the only list of a module's names; it serves type checkers, ``dir``, ``__all__`` and the reference. Each of its lines is
 one import: ``from .adaptation.laws.gradient import Gradient as Gradient``, or ``from . import laws as laws`` for a public module.
@@ -62,7 +62,8 @@ def _absolute(place: str, name: str, package: str) -> str:
 
 
 def _absent(caller: FrameType) -> type[AttributeError | ImportError]:
-    """ImportError if the caller executes ``from ... import ...``, because Python would replace the text of an AttributeError."""
+    """Raise ImportError if the caller executes ``from ... import ...``, because Python would replace the text of an
+    AttributeError."""
     from opcode import opmap
 
     return ImportError if caller.f_code.co_code[caller.f_lasti] == opmap["IMPORT_FROM"] else AttributeError

@@ -13,21 +13,21 @@ from barbalat.budget import Estimate
 from barbalat.validate import InputError, counted
 
 PART_BYTES = 1 << 20
-"""Bytes that are requested at once, whatever the budget allows."""
+"""Number of bytes requested at once, whatever the budget allows."""
 WAITED_SECONDS = 3.0
-"""Seconds, longer than a disk takes, after which the user is told what the program is waiting for."""
+"""Time [s] after which the user is told what the program is waiting for; longer than a disk takes."""
 
 
 def contents(path: Path, what: str, each: Estimate) -> bytes:
     """All bytes of a file, or of a pipe up to what the budget allows.
 
-    The function waits for a pipe, as every program does that reads one: its writer may be about to start. The user is informed of
-    the wait, see ``Budget.told``.
+    Like every program that reads a pipe, the function waits for the pipe's writer, which may be about to start. The user is told
+    about the wait (see ``Budget.told``).
 
     what  how messages name the file, such as "the case file"
-    each  the cost of each byte, for reading and processing it
+    each  the cost of reading and processing one byte
 
-    Raises OSError as opening does, and InputError for a device or for a file that is too large.
+    Raises OSError if the file cannot be opened, and InputError for a device or for a file that is too large.
     """
     name, state = f"{what} {str(path)!r}", path.stat()
     if stat.S_ISCHR(state.st_mode) or stat.S_ISBLK(state.st_mode):
@@ -47,7 +47,7 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
 
 @contextlib.contextmanager
 def _announced(name: str, found: bytearray) -> Iterator[None]:
-    """Report what is being waited for, and how much has arrived, if a file has not been read after some seconds."""
+    """If reading takes more than a few seconds, report what the program is waiting for and how much has arrived."""
     told = budget.in_force().told
     if told is None:
         yield

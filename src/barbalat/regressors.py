@@ -1,6 +1,6 @@
 """Regressors phi(x), which the unknown parameters theta multiply in the matched uncertainty theta'phi(x).
 
-``Plant(regressor=...)`` takes one; the default is phi(x) = x. ``Regressor`` is the protocol of a regressor of your own.
+Pass one as ``Plant(regressor=...)``; the default is phi(x) = x. ``Regressor`` is the protocol for your own regressors.
 """
 
 from barbalat.public_names import public

@@ -1,4 +1,5 @@
-"""The results of ``simulate``, ``simulate_ensemble`` and ``certify``, and ``plot``, which draws the results of several calls."""
+"""The result classes of ``simulate``, ``simulate_ensemble`` and ``certify``, and ``plot``, which draws several results
+together."""
 
 from barbalat.public_names import public
 

@@ -1,6 +1,6 @@
 """Roles of the parts of a controller's state: estimates, the law's memory, a predictor, a filter, or something else.
 
-Equations declare them in an attribute ``roles``, a mapping from the names of their state's fields to roles; a part of a nested
+Equations declare roles in an attribute ``roles``, a mapping from the names of their state's fields to roles; a part of a nested
 NamedTuple has a path, "memory.covariance". A field with a conventional name (``theta_hat``, ``memory``, ``x_hat``, ``y_hat``,
 ``filter``) has its role by default, so most laws declare nothing. The roles determine freezing, equilibria, true values, column
 names and the comments of exports.
@@ -45,8 +45,8 @@ class Role:
 
     kind     a freeze holds estimates and memory; predictors, filters and everything else continue
     meaning  one phrase, for the comments of exports
-    of       the symbol of the estimated quantity, without a hat, or the memory's own symbol, which names its columns in results
-    names    (p,) names of the single estimates, without a hat; by default the symbol with an index
+    of       the symbol of the estimated quantity, without a hat, or the symbol of the memory; it names the columns in results
+    names    (p,) names of the individual estimates, without a hat; by default the symbol with an index
     true     the values to which the estimates should converge; see ``Truth``
     within   the set onto which they are projected, a ``ParameterBox`` or another known set; None without projection
     """
@@ -68,19 +68,19 @@ class Role:
         names: tuple[str, ...] | None = None,
         meaning: str = "",
     ) -> Role:
-        """The role of estimates of ``of``, named without a hat: "theta", "k_x", "W".
+        """The role of estimates of the quantity ``of``, named without a hat: "theta", "k_x", "W".
 
-        Estimates of "theta" are compared with the problem's parameters if their numbers agree; others are compared with the
-        result of ``true(theta, omega)``, if it is given. Estimates of "theta" are projected onto the equations' ``box``, if there
-        is one; others onto ``within``.
+        Estimates of "theta" are compared with the problem's parameters if there are equally many; others are compared with the
+        result of ``true(theta, omega)``, if given. Estimates of "theta" are projected onto the equations' ``box``, if there is
+        one; others onto ``within``.
         """
         return cls("estimates", meaning or f"estimates of {of}", of, names, true, within)
 
     @classmethod
     def memory(cls, meaning: str = "", *, symbol: str = "") -> Role:
-        """The role of a law's further memory: a covariance P(t), collected data. A freeze holds it.
+        """The role of a law's memory besides the estimates, such as a covariance P(t) or collected data. A freeze holds it.
 
-        Its columns in results are named by the symbol, "P_1_1", or by the field's name if there is none.
+        Its columns in results are named after the symbol ("P_1_1"), or after the field if no symbol is given.
         """
         return cls("memory", meaning, symbol)
 
@@ -101,7 +101,7 @@ class Role:
 
     @property
     def rests(self) -> bool:
-        """Whether a freeze holds this part."""
+        """Whether a freeze holds this part of the state."""
         return self.kind in ("estimates", "memory")
 
     @property
@@ -122,12 +122,12 @@ CONVENTIONAL: Mapping[str, Role] = {
 """The roles of undeclared fields, by their names; any other field has the role ``Role.other()``."""
 OTHER = Role.other()
 BY_KIND: Mapping[str, Role] = {kind: Role.estimates() if kind == "estimates" else Role(kind) for kind in MEANINGS}
-"""The roles that the name of a kind stands for."""
+"""The roles that can be declared by the name of their kind alone."""
 
 
 @runtime_checkable
 class DeclaringRoles(Protocol):
-    """Equations, or a law with a memory of its own, that declare the roles of their state's parts."""
+    """Equations, or a law with memory, that declare the roles of the parts of their state."""
 
     @property
     def roles(self) -> Mapping[str, Role | str]:
@@ -139,7 +139,8 @@ _declaring: dict[type, bool] = {}
 
 
 def _declares(part: Any) -> TypeGuard[DeclaringRoles]:
-    """Whether the part declares roles; cached for each class, since the check is slow and is made for every member."""
+    """Whether the part declares roles; cached for each class, because the check is slow and every member of an ensemble needs
+    it."""
     kind = type(part)
     if kind not in _declaring:
         _declaring[kind] = isinstance(part, DeclaringRoles)
@@ -147,7 +148,8 @@ def _declares(part: Any) -> TypeGuard[DeclaringRoles]:
 
 
 def declared_roles(equations: Any) -> Mapping[str, Role] | None:
-    """The roles that equations declare, or that the continuous equations behind sampled ones declare; None if there are none."""
+    """The roles that equations declare, or that the continuous equations behind sampled ones declare; None without declared
+    roles."""
     if _declares(equations):
         accepted: Mapping[str, Role] = _accepted(equations.roles)
         return accepted
@@ -168,13 +170,13 @@ def roles_of(equations: Any) -> Mapping[str, Role]:
 
 
 def within(field: str, part: Any) -> dict[str, Role]:
-    """The roles that a part with a state of its own, such as an adaptive law, declares for its state in ``field``."""
+    """The roles that a part with a state, such as an adaptive law, declares for its state in ``field``."""
     declared = _accepted(part.roles) if _declares(part) else {}
     return {f"{field}.{path}": role for path, role in declared.items()}
 
 
 def role_at(roles: Mapping[str, Role], path: str) -> Role:
-    """The role of a leaf of the state: its own, or that of the nearest enclosing part."""
+    """The role of a leaf of the state: its declared role, or the role of the nearest enclosing part."""
     while path:
         if path in roles:
             return roles[path]
@@ -200,17 +202,17 @@ class StatePart(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its own name in results, which includes the names of the enclosing parts."""
+        """The part's name in results, which includes the names of the enclosing parts."""
         return self.path.replace(".", "_")
 
     @property
     def symbol(self) -> str:
-        """The symbol of its role, without a hat, or the field's name."""
+        """The symbol of the part's role, without a hat, or the field's name."""
         return self.role.of or self.path.rpartition(".")[2].removesuffix("_hat")
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
+        """The names of its entries, (size,), without a hat: the names of the estimates, or the symbol with an index."""
         if self.role.names is not None:
             return self.role.names
         if self.role.of == THETA:
@@ -228,7 +230,7 @@ def column_names(parts: Iterable[StatePart], taken: Container[str]) -> dict[Stat
 
 
 def entry_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """The names of an array's entries, row by row, "x_hat_2", "P_1_2"; a scalar has the name itself."""
+    """The names of an array's entries, row by row, "x_hat_2", "P_1_2"; a scalar has the name without indices."""
     return ["_".join([name, *(str(i + 1) for i in place)]) for place in np.ndindex(shape)]
 
 
@@ -239,7 +241,7 @@ def hatted(name: str) -> str:
 
 
 def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart, ...]:
-    """All arrays of a state with their roles, in the order of the flat state, in which the first begins at ``start``."""
+    """All arrays of a state with their roles, in the order of the flat state; the first one begins at ``start``."""
     roles, found = roles_of(equations), []
     for path, array in leaves(initial):
         part = StatePart(path, role_at(roles, path), np.shape(array), start)
@@ -249,8 +251,8 @@ def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart
 
 
 def main_estimates(parts: tuple[StatePart, ...]) -> StatePart | None:
-    """The estimates that results call ``theta_hat``: those in the field of that name, or else the first; None if there are
-    none."""
+    """The estimates that results call ``theta_hat``: those in the field of that name, or else the first; None without
+    estimates."""
     found = [part for part in parts if part.role.kind == "estimates"]
     return next((part for part in found if part.path == "theta_hat"), found[0] if found else None)
 
@@ -261,7 +263,7 @@ def taken_from(state: Any, part: StatePart | None) -> Value:
 
 
 def resting(frozen: Value, roles: Mapping[str, Role], old: Any, new: Any, path: str = "") -> Any:
-    """``new``, with the estimates and the memory of ``old`` wherever ``frozen`` is true; through nested NamedTuples."""
+    """``new``, with the estimates and the memory of ``old`` wherever ``frozen`` is true; nested NamedTuples are traversed."""
     if not isinstance(new, tuple):
         return np.where(frozen, old, new) if role_at(roles, path).rests else new
     named = zip(names_of(new), old, new, strict=True)
@@ -286,7 +288,7 @@ def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 @runtime_checkable
 class Estimating(Protocol):
-    """Equations, sampled or not, of a scheme that estimates, so that its excitation can be measured along a run."""
+    """Equations, sampled or not, of a scheme that estimates parameters. Its excitation can be measured along a run."""
 
     def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
         """The regressor that multiplies the parameters in the law, (p,) or (p, m); normalised if the law normalises it."""

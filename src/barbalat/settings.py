@@ -1,4 +1,4 @@
-"""The base class of objects made by keyword arguments, and their display at a prompt."""
+"""The base class of objects that are constructed from keyword arguments, and how they are displayed at a prompt."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class _SignatureOfInit:
 
 
 class Settings:
-    """The base class of objects made by keyword arguments, the first of which may also be positional; a wrong call raises an
-    error that says what is possible.
+    """The base class of objects that are constructed from keyword arguments, the first of which may also be positional. The error
+    for a wrong call says which arguments are possible.
 
     For an unknown keyword the error suggests the closest one, as in case files. It is a TypeError, as for any wrong call.
     """
@@ -47,7 +47,7 @@ class Settings:
 
 @cache
 def _parameters(kind: type) -> dict[str, Parameter] | None:
-    """A constructor's parameters by name, in order; None for a foreign constructor that takes any."""
+    """A constructor's parameters by name, in order; None for a constructor from outside that takes any."""
     _, *parameters = signature(getattr_static(kind, "__init__")).parameters.values()  # the first is self
     if any(one.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for one in parameters):
         return None
@@ -62,7 +62,7 @@ def _require_known(name: str, given: Mapping[str, object], known: Mapping[str, P
 
 
 def _require_places(name: str, count: int, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:
-    """TypeError for too many positional arguments, or for a missing argument without a default."""
+    """Raise TypeError for too many positional arguments, or for a missing argument without a default."""
     places = [one.name for one in known.values() if one.kind is not Parameter.KEYWORD_ONLY]
     keywords = ", ".join(f"{one}=..." for one in known if one not in places)
     if count > len(places):

@@ -1,7 +1,8 @@
-"""Requirements of commands on a case beyond those of simulation: declared here, checked by commands, shown in the docs.
+"""What commands require of a case in addition to what simulation requires. The requirements are declared here, checked by the
+commands and shown in the docs.
 
 A scheme itself declares which plants it does not support (``Scheme.beyond``) and, by its ``knobs``, which settings are tuned; the
-protocols of a signal determine how a page represents it. Classes from outside the package are asked in the same way.
+protocols of a signal determine how a page represents it. Classes from outside the package can declare the same.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class Need:
 
     words      its text in a table
     met        whether the problem meets it
-    otherwise  what the error says that the target needs if the problem doesn't meet it
+    otherwise  what the target needs, as the error says it if the problem does not meet the requirement
     """
 
     words: str
@@ -54,10 +55,10 @@ class Target:
     """A command, or one of its options, that does not accept every case.
 
     command  the command as it is typed
-    called   its name in sentences
-    problem  its requirements on the problem
-    sampled  whether controllers must act at samples: by themselves, or with a sample_time
-    tunable  whether a scheme must declare its tuned settings; one that does not is left out, with a message
+    called   the target's name in sentences
+    problem  the target's requirements on the problem
+    sampled  whether controllers must be sampled, by definition or with a sample_time
+    tunable  whether a scheme must declare its tuned settings; a scheme that does not is left out, with a message
     """
 
     command: str
@@ -67,7 +68,7 @@ class Target:
     tunable: bool = False
 
     def require(self, problem: TrackingProblem) -> None:
-        """InputError for a problem that the target does not accept."""
+        """Raise InputError for a problem that the target does not accept."""
         for need in self.problem:
             if not need.met(problem):
                 raise InputError(f"{self.called} needs {need.otherwise}")
@@ -81,11 +82,12 @@ TRADE_OFF = Target(command="tradeoff", called="the trade-off", problem=(MEASURED
 TUNE = Target(command="tune without --vary", called="a search of a scheme's own settings", tunable=True)
 
 TARGETS = (EXPORT, EXPORTED_LOOP, IN_THE_LOOP, CONTEST, TRADE_OFF, TUNE)
-"""All targets that don't take every case; ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary do."""
+"""All targets that do not accept every case. ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary accept every
+case."""
 
 
 def require_sampled(name: str, *, sampled: bool) -> None:
-    """InputError for a controller that does not act at samples if a target requires samples."""
+    """Raise InputError for a controller that does not act at samples if a target requires samples."""
     if not sampled:
         raise InputError(
             f"{name} is continuous, but a flight computer works from sample to sample: give it a sample_time [s] in its "
@@ -94,7 +96,8 @@ def require_sampled(name: str, *, sampled: bool) -> None:
 
 
 def require_continuous_reading(problem: TrackingProblem, instead: str) -> None:
-    """InputError, which ends with what to do ``instead``, for a case that no continuous controller can read."""
+    """Raise InputError for a case whose measurements no continuous controller can use; the message ends with what to do
+    ``instead``."""
     sensor = problem.surroundings.sensor
     quantized = sensor is not None and sensor.quantization is not None
     what = "[[faults]]" if problem.faults else "sensor.quantization" if quantized else None
@@ -127,7 +130,7 @@ def in_pages(signal: object) -> str:
 
 
 def left_out(scheme: type) -> str:
-    """What a scheme does not support, and which targets do not accept it, in sentences; empty if there is nothing to say."""
+    """Sentences on what a scheme does not support and which targets do not accept it; empty if everything is supported."""
     beyond = beyond_of(scheme)
     said = [f"Does not support plants with {' or '.join(beyond)}."] if beyond else []
     of_output = getattr(scheme, "feedback", "state") == "output"

@@ -1,4 +1,4 @@
-"""Checks of a controller or an adaptive law of your own, by the tests that the package applies to its own schemes.
+"""Checks your own controller or adaptive law by the tests that the package applies to its schemes.
 
 ``check(MyLaw())`` binds it to problems of every kind, compares runs with an integration by SciPy that shares no code with the
 kernel, and tests ensembles, a freeze and the exported C. It returns the findings as plain sentences, or raises ``CheckFailed``,
@@ -45,9 +45,9 @@ SAMPLE_TIME = 1e-2
 REFERENCE_TOLERANCE = 1e-10
 """Relative and absolute tolerance of SciPy's integration."""
 AGREEMENT_FLOOR, AGREEMENT_FACTOR = 1e-7, 4.0
-"""The largest admissible difference between a run and the reference, relative to the largest state, or as a multiple of its
-difference from a run at half the step: if the method keeps its order, or falls to first order at a corner, the error is at
-most twice that difference. Halving the step must not increase the error, as it would if each stage changed the state."""
+"""The largest admissible difference between a run and the reference, relative to the largest state, or as a multiple of the
+difference from a run at half the step. The error is at most twice that difference if the method keeps its order, or if the order
+falls to one at a corner. Halving the step must not increase the error, as it would if each stage changed the state."""
 FROZEN_SAMPLES = 5
 """The number of random states from which a freeze is tested."""
 
@@ -68,12 +68,13 @@ class Report:
 
 
 def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Report:
-    """Check a controller, or an adaptive law within the normalised MRAC; a class without required settings may be given itself.
+    """Check a controller, or an adaptive law within the normalised MRAC; a class without required settings may be passed instead
+    of an instance.
 
-    problems  problems by name, instead of ``problem_kinds``
+    problems  problems by name, in place of those of ``problem_kinds``
 
     Raises CheckFailed with all failures, and InputError for an object that is neither a controller nor a law. A problem that
-    ``bind`` rejects with an InputError does not count as a failure if another one is accepted.
+    ``bind`` rejects with an InputError does not count as a failure if another problem is accepted.
     """
     controller = _controller(law)
     kinds = problem_kinds(feedback_of(controller)) if problems is None else problems
@@ -117,7 +118,7 @@ def _controller(law: Any) -> Controller:
 
 
 def problem_kinds(feedback: str = "state") -> dict[str, TrackingProblem]:
-    """One small problem of each kind that a controller may be given; ``feedback`` is "state" or "output"."""
+    """One small problem of each kind that a controller may be given. ``feedback`` is "state" or "output"."""
     return _of_the_output() if feedback == "output" else _of_the_state()
 
 
@@ -208,13 +209,13 @@ def _simulation(problem: TrackingProblem, controller: Controller) -> Simulation:
 
 
 def _ends(loop: ClosedLoop, flat: Array) -> Array:
-    """x, x_m and the controller's own state, from a flat state of the loop."""
+    """Split a flat state of the loop into x, x_m and the controller's state."""
     state = loop.unpack(flat)
     return np.concatenate([state.x, state.x_m, flatten((state.controller, np.zeros(0)))])
 
 
 def _integrated(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Array:
-    """The same final values from SciPy's integration of the equations themselves, without the loop and its kernel."""
+    """Return the same final values from SciPy's integration of the equations themselves, without the loop and its kernel."""
     equations: Any = bound(problem, controller)
     parts = problem.dynamics.x0, problem.model.x0, equations.initial()
     if isinstance(equations, SampledEquations):
@@ -226,7 +227,7 @@ def _integrated(problem: TrackingProblem, controller: Controller, simulation: Si
 
 
 def _sample_by_sample(problem: TrackingProblem, equations: Any, parts: Any, samples: int) -> Any:
-    """Integrate plant and model with a sampled controller, which acts at the first and at the last instant too."""
+    """Integrate plant and model with a sampled controller, which also acts at the first and at the last instant."""
     T, (x, x_m, own), of_controller = equations.sample_time, parts, problem.model.x0
     before: Sample | None = None
     u = np.zeros(0)
@@ -243,7 +244,8 @@ def _sample_by_sample(problem: TrackingProblem, equations: Any, parts: Any, samp
 
 
 def _moved(problem: TrackingProblem, equations: Any, start: Any, span: tuple[float, float], held: Array | None) -> Any:
-    """Integrate plant, model and a continuous controller over a span of time; ``held`` is a sampled controller's control."""
+    """Integrate plant, model and a continuous controller over a span of time; ``held`` is the held control of a sampled
+    controller."""
     flat = np.asarray(flatten(start), dtype=float)
     ends = [path.saturation for path in problem.plant.paths]
     low, high = (
@@ -277,7 +279,8 @@ def _command(problem: TrackingProblem, t: float) -> Array:
 
 
 def _is_alone_what_it_is_among_others(problem: TrackingProblem, controller: Controller) -> str:
-    """The members of an ensemble equal single runs bit for bit; only with state feedback, whose plants can start elsewhere."""
+    """The members of an ensemble equal single runs bit for bit. Only problems with state feedback are tested, because their
+    plants can start elsewhere."""
     if not isinstance(problem, Problem):
         members = [(problem, controller)] * 2
     else:
@@ -301,7 +304,7 @@ def _sampled(problem: TrackingProblem, controller: Controller) -> Controller:
 
 
 def _rests_in_a_freeze(problem: TrackingProblem, controller: Controller) -> str:
-    """The parts whose roles are estimates or memory do not change a bit while the freeze switch is on, from any state."""
+    """The parts whose roles are estimates or memory do not change at all while the freeze switch is on, whatever the state."""
     loop = ClosedLoop.of(problem, _sampled(problem, controller))
     computer, random = loop.computer, np.random.default_rng(0)
     assert computer is not None
@@ -324,7 +327,8 @@ def _rests_in_a_freeze(problem: TrackingProblem, controller: Controller) -> str:
 
 
 def _has_the_bits_of_its_export(problem: TrackingProblem, controller: Controller) -> str:
-    """The exported C equals the kernel bit for bit in the loop, sample by sample, if this machine has a compiler."""
+    """In closed loop the exported C equals the kernel bit for bit at every sample. This is tested if this machine has a
+    compiler."""
     try:
         require_compiler()
     except InputError as error:

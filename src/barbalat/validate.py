@@ -16,10 +16,10 @@ from typing import Annotated, Any, Self, TypeAlias, TypeVar
 import numpy as np
 
 Array: TypeAlias = Any
-"""A NumPy array of floats; the shape is documented with each name. Constructors accept whatever NumPy can convert to one,
-hence Any."""
+"""A NumPy array of floats; the shape is documented where an array is declared. The type is Any because constructors accept
+whatever NumPy can convert to an array."""
 Vector: TypeAlias = Annotated[Any, "vector"]
-"""A one-dimensional NumPy array of floats. The type of a setting's field decides what case files may contain."""
+"""A one-dimensional NumPy array of floats. The type of a field determines what case files may contain."""
 Matrix: TypeAlias = Annotated[Any, "matrix"]
 """A two-dimensional NumPy array of floats."""
 
@@ -39,12 +39,12 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, field: str, what: str) -> InputError:
-        """An error whose sentence begins with the field: what it must be, and what was given."""
+        """An error whose sentence begins with the field and states the requirement and the given value."""
         return cls(f"{field} {what}", field=field)
 
 
 def show(value: Any) -> str:
-    """A value as it appears in a message: short and on one line; an array as the list that was typed."""
+    """A value as it appears in a message: short and on one line; an array appears as the list that was typed."""
     try:
         text = repr(value.tolist() if isinstance(value, np.ndarray) and value.size <= MOST_SHOWN else value)
     except RecursionError:
@@ -98,7 +98,7 @@ def not_negative(field: str, value: Any) -> float:
 
 
 def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
-    """Return a read-only copy as an array of finite floats; ``None`` in ``shape`` stands for any positive size."""
+    """Return a read-only copy as an array of finite floats; ``None`` in ``shape`` means any positive size."""
     try:
         given = np.asarray(value)
     except (TypeError, ValueError, OverflowError):
@@ -107,7 +107,7 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         raise InputError.of(field, f"must not have masked entries, got {show(value)}")
     if given.dtype.kind not in "iuf":
         raise InputError.of(field, f"must be an array of real numbers, got {show(value)}")
-    with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is rejected below
+    with np.errstate(over="ignore"):  # a longer floating-point number that does not fit becomes infinite and is rejected below
         result = np.array(given, dtype=np.float64)
     fits = result.ndim == len(shape) and all(s == k or (s is None and k > 0) for s, k in zip(shape, result.shape, strict=True))
     if not fits:
@@ -121,7 +121,7 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def dimensions(value: Any) -> int:
-    """The depth to which a value is nested; 0 for values that are not arrays, which ``array`` then rejects."""
+    """The nesting depth of a value; 0 for values that are not arrays, which ``array`` rejects."""
     try:
         return int(np.asarray(value).ndim)
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, ...
@@ -134,7 +134,7 @@ def vector(field: str, value: Any, size: int | None = None) -> Array:
 
 
 def by_rows(field: str, value: Any, size: int | None = None) -> Array:
-    """A read-only vector (size,), from one or from a matrix row by row."""
+    """A read-only vector (size,), from a vector or row by row from a matrix."""
     return vector(field, array(field, value, (None, None)).reshape(-1) if dimensions(value) == 2 else value, size)
 
 
@@ -147,11 +147,12 @@ def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
 
 
 _INSTANCES: set[tuple[type, Any]] = set()
-"""Dataclasses and the types of which they are instances: a protocol check takes 10 us and is made for thousands of cases."""
+"""Cached answers: dataclasses and the types of which they are instances. A protocol check takes 10 us, and thousands are
+needed."""
 
 
 def is_instance(value: Any, kind: type | tuple[type, ...]) -> bool:
-    """Like ``isinstance``, with the answer cached for classes whose instances all have the same attributes."""
+    """Like ``isinstance``, but the answer is cached for classes whose instances all have the same attributes."""
     if (type(value), kind) in _INSTANCES:
         return True
     found = isinstance(value, kind)
@@ -161,7 +162,7 @@ def is_instance(value: Any, kind: type | tuple[type, ...]) -> bool:
 
 
 def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
-    """InputError for an object of a different type; the message names the right types."""
+    """Raise InputError for an object of a different type; the message names the right types."""
     if not is_instance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol requires
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
         raise InputError.of(field, f"must be a {names}, got {show(value)}")
@@ -170,7 +171,7 @@ def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
 UNSHOWABLE = ("Cc", "Cs", "Cn", "Zl", "Zp")
 """Unicode categories that XML can't contain: control characters, surrogates, unassigned code points, line ends."""
 TURNING = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
-"""Bidirectional classes of characters that reverse the direction of the text that follows, beyond the end of the name."""
+"""Bidirectional classes of characters that reverse the direction of the following text, even beyond the end of the name."""
 
 
 def line(field: str, value: Any) -> str:
@@ -183,13 +184,14 @@ def line(field: str, value: Any) -> str:
 
 
 URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
-"""The beginning of a URL, also after ``Path`` has merged its two slashes into one; a Windows drive is a single letter."""
+"""Pattern of the beginning of a URL, even after ``Path`` has merged its two slashes into one. A Windows drive, a single letter,
+does not match."""
 
 
 def local_path(field: str, given: str | Path) -> Path:
     """A path on this computer; a leading ``~`` is expanded to the home folder, as in a shell.
 
-    InputError for a URL, which ``Path`` would take for a folder named after the URL's scheme.
+    Raises InputError for a URL, which ``Path`` would interpret as a folder named after the scheme.
     """
     text = str(given)
     if URL.match(text):
@@ -247,7 +249,7 @@ class Named(dict[str, V]):
     """A dictionary keyed by names that people type; the KeyError for an unknown name suggests the closest one.
 
     kind    what the names denote, in words
-    absent  why some names are absent, as ends of sentences: "error_bound does not apply (...)"
+    absent  why some names are absent, each as the end of a sentence: "error_bound does not apply (...)"
     """
 
     kind = "name"
@@ -287,7 +289,7 @@ def label(field: str, value: Any) -> str:
 
 
 def require_extra(module: str, name: str, purpose: str) -> None:
-    """InputError if an optional package is missing; the message names the extra that installs it."""
+    """Raise InputError if an optional package is missing; the message names the extra that installs it."""
     if find_spec(module) is None:
         raise InputError(f"{purpose} needs the package {module}, which is not installed: pip install 'barbalat[{name}]'")
 
@@ -311,7 +313,7 @@ def freeze(part: Any, **values: Any) -> None:
 
 
 def signal_values(signal: object, t: Array) -> Array:
-    """The values of a signal at these times; InputError unless they are one finite real number for each time."""
+    """The values of a signal at these times; raises InputError unless there is one finite real number for each time."""
     given = signal(t)  # type: ignore[operator]
     try:
         values = np.asarray(given)

@@ -1,4 +1,4 @@
-"""The operations of CasADi that equations may use: those that every target of the lowering supports."""
+"""The operations of CasADi that equations may use: those that every backend supports."""
 
 from __future__ import annotations
 

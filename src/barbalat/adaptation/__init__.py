@@ -1,1 +1,1 @@
-"""Adaptive laws, their modifications and normalisation, which the schemes share; the registry is in ``laws``."""
+"""Adaptive laws, their modifications and normalisation, shared by the schemes; the registry is in ``laws``."""

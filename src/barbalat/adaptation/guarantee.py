@@ -26,9 +26,10 @@ class Guarantee:
     bounded        all signals, theta_hat and epsilon m_s among them
     error_to_zero  the tracking error converges to zero
     estimates      the behaviour of the estimates
-    leaks          whether a leakage keeps them bounded also under a modelling error
-    why            if not ``bounded``, the sentence that says so; if not ``error_to_zero``, what prevents convergence to zero
-    M_0            the bound of |theta| that the user supplies; None if none is needed
+    leaks          whether a leakage keeps the estimates bounded even under a modelling error
+    why            if not ``bounded``, the sentence that says so; if not ``error_to_zero``, the reason why the error does not
+                   converge to zero
+    M_0            the bound on |theta| that the user supplies; None if none is needed
     """
 
     bounded: bool = True
@@ -57,7 +58,7 @@ class ModifiedLaw(ABC):
     @property
     @abstractmethod
     def metric(self) -> Gain:
-        """Gamma of V; of a covariance, only the fact that it is a matrix is used."""
+        """Gamma in V. For a covariance, only the fact that it is a matrix is used."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
@@ -66,11 +67,11 @@ class ModifiedLaw(ABC):
 def with_modifications(
     metric: Gain, known_set: EstimateSet | None, leakage: Leakage | None, dead_zone: DeadZone | None
 ) -> Guarantee:
-    """The guarantee of a normalised scheme whose law has a V' that is not positive without leakage and dead zone.
+    """The guarantee of a normalised scheme whose law has V' <= 0 without leakage and dead zone.
 
     With a leakage or a dead zone, epsilon m_s is not square integrable, only small in the mean; the proof that x stays bounded
-    then requires it to be small enough, and no threshold is known: with a dead zone wider than the largest epsilon m_s nothing is
-    learnt, and an unstable loop stays unstable. Source: Ioannou and Sun, section 9.3.
+    then requires it to be small enough, but no threshold is known. For example, with a dead zone wider than the largest epsilon
+    m_s nothing is learnt, and an unstable loop stays unstable. Source: Ioannou and Sun, section 9.3.
     """
     leaks = leakage is not None
     if metric.is_matrix and known_set is not None and known_set.cuts_corners:

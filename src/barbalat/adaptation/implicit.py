@@ -1,7 +1,7 @@
 """Steps of laws over one sample for which the estimate's Lyapunov function never grows; docs/sampled.md has the proofs.
 
-Each step is solved for the end of the sample, in closed form, with regressor and normalising signal at the middle of the sample.
-Each law has its own ``sampled_step``; this file contains what they share.
+Each step is solved for the end of the sample, in closed form, with the regressor and the normalising signal taken at the middle
+of the sample. Each law has its own ``sampled_step``; this file contains what they share.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NO_FORGETTING_RATE = 1e-150
 
 
 def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledLaw:
-    """Return the law if it has a step over a sample; InputError if it has none, or none for this set."""
+    """Return the law if it has a step over a sample; raises InputError if there is none, or none for this set."""
     if not isinstance(law, SampledLaw):
         raise InputError(
             f"discretization = 'midpoint' needs a law with a sampled_step (adaptation.law), and {type(law).__name__} has none; "
@@ -33,13 +33,13 @@ def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledL
 
 
 def require_projectable(gain: Gain, known_set: EstimateSet | None) -> None:
-    """InputError for a set that has no implicit step with such a gain."""
+    """Raise InputError for a set that has no implicit step with such a gain."""
     if known_set is not None and (why := known_set.why_no_step(gain)) is not None:
         raise InputError(why)
 
 
 def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
-    """exp(-beta T), the fraction that is kept after T, and its integral over [0, T], the weight of the data in between; beta >=
+    """exp(-beta T), the fraction kept after T, and its integral over [0, T], which is the weight of the data in between; beta >=
     0."""
     half = np.tanh(
         np.maximum(beta, NO_FORGETTING_RATE) * T / 2
@@ -50,7 +50,8 @@ def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
 def correct(
     gain: Gain, weight: Value, theta_hat: Value, data: SampleData, leakage: Leakage | None, dead_zone: DeadZone | None
 ) -> tuple[Value, Value]:
-    """theta_next with Gamma^-1 (theta_next - theta_hat) = T (a epsilon_next phi - w theta_next), and the dead zone's share a.
+    """Return theta_next that solves Gamma^-1 (theta_next - theta_hat) = T (a epsilon_next phi - w theta_next), and the dead
+    zone's factor a.
 
     ``weight`` replaces T; it equals T without forgetting.
     """
@@ -80,7 +81,8 @@ def at_rest(
 ) -> tuple[Gain, Value]:
     """G = (Gamma^-1 + T (w I + R))^-1 and G (Gamma^-1 theta_hat + T Q).
 
-    The second is the estimate after T with leakage and memory alone; any other term acts on it with the gain G.
+    The second expression is the estimate after T due to leakage and memory alone; any other term acts on the estimate with the
+    gain G.
     """
     if R is None and not gain.is_matrix:
         shrink = 1 / (1 + T * w * gain.value)
@@ -103,15 +105,14 @@ def into(theta_hat: Value, known_set: EstimateSet | None, gain: Gain) -> Value:
 
 
 def step_within(theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value, known_set: KnownSet | None) -> Value:
-    """theta_next = proj(theta + Gamma phi s), s = error - K phi'(theta_next - theta): the step of a law whose error depends on
-    the estimates within the same step.
+    """Return theta_next = proj(theta + Gamma phi s) with s = error - K phi'(theta_next - theta), the step of a law whose error
+    depends on the estimates within the same step.
 
-    ``error`` is the error that fixed estimates would give; ``coupling`` K > 0 is its decrease per unit of motion of the
-    estimates. With a
+    ``error`` is the error for fixed estimates; ``coupling`` K > 0 is its decrease per unit of change of the estimates. With a
     gain matrix, for which no closed form is known, the step ignores the set.
 
     theta, phi  (p,), theta in the set; with m inputs phi is (p, m), coupling (m, m) and error (m,)
-    gain        times the sample time
+    gain        the adaptive gain times the sample time
     known_set   the set that the step respects
     """
     if gain.is_matrix or known_set is None:

@@ -1,6 +1,6 @@
 """The protocols of adaptive laws for the linear parametric model z = theta'phi. The registry is ``laws``.
 
-Every law implements ``AdaptiveLaw``. Further properties are protocols of their own, which a law from outside may leave out:
+Every law implements ``AdaptiveLaw``. Further properties are separate protocols, which a law from outside may omit:
 ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
 """
 
@@ -32,7 +32,7 @@ class Estimation(NamedTuple):
 
     @property
     def squared_error(self) -> Value:
-        """(epsilon m_s)^2, of all equations."""
+        """(epsilon m_s)^2, for each equation."""
         epsilon, m_s_squared = self.epsilon, self.m_s_squared
         return epsilon * epsilon * m_s_squared if self.phi.ndim == 1 else (epsilon @ epsilon) * m_s_squared
 
@@ -63,7 +63,7 @@ class SampleData(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """A law's state one sample later."""
+    """The state of a law one sample later."""
 
     theta_hat: Value  # (n,)
     memory: Any
@@ -75,22 +75,22 @@ class AdaptiveLaw(Protocol):
     memory."""
 
     def initial(self, n: int) -> Any:
-        """The memory at t = 0 for n parameters; InputError if the settings don't fit n."""
+        """The memory at t = 0 for n parameters; raises InputError if the settings don't fit n."""
         ...
 
     def rates(self, theta_hat: Value, memory: Any, estimation: Estimation, known_set: EstimateSet | None) -> Rates: ...
 
     def limit(self, memory: Any) -> Any:
-        """The memory as it is used at every stage of every solver, after resets and bounds."""
+        """The memory as used at every stage of every solver, after resets and bounds."""
         ...
 
 
 @runtime_checkable
 class OutputErrorLaw(Protocol):
-    """A law of an output-feedback scheme that is driven by the tracking error itself: it needs no parametric model."""
+    """A law of an output-feedback scheme that is driven by the tracking error itself and needs no parametric model."""
 
     def require_size(self, n: int) -> None:
-        """InputError if the settings don't fit n parameters."""
+        """Raise InputError if the settings don't fit n parameters."""
         ...
 
     def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, estimate_set: EstimateSet | None) -> Value:
@@ -100,7 +100,7 @@ class OutputErrorLaw(Protocol):
 
 @runtime_checkable
 class FreezableLaw(OutputErrorLaw, Protocol):
-    """A law of output feedback whose modifications are known, so that its loop can be analysed with a frozen regressor."""
+    """An output-feedback law with known modifications, so that its loop can be analysed with a frozen regressor."""
 
     @property
     def gamma(self) -> float | Array:
@@ -123,11 +123,11 @@ class FreezableLaw(OutputErrorLaw, Protocol):
 
 @runtime_checkable
 class SampledLaw(Protocol):
-    """A law with an implicit step over a sample for which V never grows, see ``adaptation.implicit``."""
+    """A law with an implicit step over a sample for which V never grows, (see ``adaptation.implicit``)."""
 
     @property
     def metric(self) -> Gain:
-        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; of a covariance, only the fact that it is a matrix is used."""
+        """Gamma in V = theta_tilde'Gamma^-1 theta_tilde. For a covariance, only the fact that it is a matrix is used."""
         ...
 
     def sampled_step(self, theta_hat: Value, memory: Any, data: SampleData, known_set: EstimateSet | None) -> Moved:
@@ -141,13 +141,13 @@ class RatedLaw(Protocol):
 
     @property
     def fastest_rate(self) -> float | None:
-        """The largest rate [1/s] at which estimates and memory decay, from |phi|^2 < m_s^2; None if nothing bounds it."""
+        """The largest rate [1/s] at which estimates and memory decay, derived from |phi|^2 < m_s^2; None without a bound."""
         ...
 
 
 @runtime_checkable
 class GainLimitedLaw(Protocol):
-    """A law that knows the gain for a given rate."""
+    """A law that can compute the gain for a given rate."""
 
     def gain_of_rate(self, rate: float) -> float | None:
         """The gain, a number, for which ``fastest_rate`` would be ``rate`` [1/s]; None if there is no such number."""
@@ -156,7 +156,7 @@ class GainLimitedLaw(Protocol):
 
 @runtime_checkable
 class GuaranteedLaw(Protocol):
-    """A law that knows what a normalised scheme with it guarantees."""
+    """A law that declares what a normalised scheme with this law guarantees."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         """The guarantee with projection onto ``known_set``, on the plant without modelling error."""
@@ -164,7 +164,7 @@ class GuaranteedLaw(Protocol):
 
 
 def require_room(n: int) -> None:
-    """InputError if a law's matrix for n parameters exceeds the budget: each of its entries is a state of the loop."""
+    """Raise InputError if a law's matrix for n parameters exceeds the budget: each of its entries is a state of the loop."""
     budget.require(
         "law", n, lambda parameters: budget.of_kernel(parameters**2), given=f"has a matrix for "
         f"{validate.counted(n, 'parameter')}, which",
@@ -174,7 +174,7 @@ def require_room(n: int) -> None:
 
 
 def require_law(law: object) -> None:
-    """InputError for an object that is not a law."""
+    """Raise InputError for an object that is not a law."""
     if not isinstance(law, AdaptiveLaw) or isinstance(law, type):
         raise InputError(
             f"law must be a law for the parametric model (Gradient, LeastSquares, ... of adaptation.laws, or a class with "
@@ -198,12 +198,12 @@ class Normalization(Settings):
         validate.freeze(self, delta_0=validate.positive("normalization.delta_0", self.delta_0))
 
     def m_s_squared(self, phi: Value, n_d: Value) -> Value:
-        """At least 1, even if a bit flip has hit the memory of n_d, so divisions in flight stay finite."""
+        """Return m_s^2, which is at least 1 even if a bit flip has hit the memory of n_d, so divisions in flight stay finite."""
         return np.maximum(1 + phi @ phi + self.alpha_0 * n_d, 1)  # (16)
 
     def n_d_dot(self, n_d: Value, u: Value) -> Value:
         return self.driven(n_d, u * u)
 
     def driven(self, n_d: Value, squared: Value) -> Value:
-        """n_d' for u^2, or for |u|^2 of several inputs."""
+        """n_d' for u^2, or for |u|^2 for several inputs."""
         return -self.delta_0 * n_d + squared  # (16)

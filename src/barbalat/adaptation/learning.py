@@ -19,7 +19,7 @@ from barbalat.validate import Array
 class Memory(NamedTuple):
     """The states of the memory."""
 
-    zeta: Value  # scalar, the part of b^+ x that the known dynamics explain, through the filter
+    zeta: Value  # scalar, the filtered part of b^+ x that the known dynamics explain
     phi: Value  # (p,) phi(x)/(tau_f s + 1)
     R: Value  # (p, p) int weight phi phi'/m^2
     Q: Value  # (p,) int weight z phi/m^2
@@ -32,8 +32,8 @@ class CompositeLearning(Settings):
     gamma_c        weight of the memory relative to the tracking error, > 0
     time_constant  tau_f of the regressor's filter [s], > 0
     forgetting     beta of the memory [1/s], >= 0; by default 0, so nothing is forgotten
-    capacity       capacity of the memory [s], > 0: new data have the weight 1 - trace(R)/capacity. Unlimited by default; then,
-                   without forgetting, R grows like t, and so does the law's own rate Gamma gamma_c R, which the step must resolve
+    capacity       capacity of the memory [s], > 0: new data have the weight 1 - trace(R)/capacity. Unlimited by default; without
+                   forgetting, R then grows like t, and so does the rate Gamma gamma_c R of the law, which the step must resolve
 
     With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f, zeta' = z + b^+ A_m x + u,
     zeta(0) = b^+ x(0); phi' = (phi(x) - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With m^2 = 1 + phi'phi and the

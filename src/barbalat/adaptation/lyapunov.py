@@ -35,7 +35,7 @@ class Modifications:
     """theta_hat' = proj(Gamma (a Phi(x) b'P e + gamma_c (Q - R theta_hat) - w theta_hat)); each part is off unless given.
 
     leakage    w, with error = a e'P b
-    dead_zone  a, on sqrt(e'P e)
+    dead_zone  the dead zone, with the factor a; it acts on sqrt(e'P e)
     learning   the memory Q, R of composite learning
     """
 
@@ -58,7 +58,7 @@ class Modifications:
 
     @classmethod
     def of(cls, settings: ModifiedSettings) -> Modifications:
-        """InputError for parts that can't be combined."""
+        """Raise InputError for parts that can't be combined."""
         return cls(leakage=settings.leakage, dead_zone=settings.dead_zone, learning=settings.learning)
 
     @property
@@ -71,11 +71,11 @@ class Modifications:
         return () if self.learning is None else self.learning.initial(b, x0, parameters)
 
     def memory_rates(self, memory: Any, A_m: Array, b: Array, x: Value, phi: Value, u: Value) -> Any:
-        """The memory's derivative; ``u`` is the input in addition to theta'phi."""
+        """The memory's derivative; ``u`` is the input, to which theta'phi is added."""
         return memory if self.learning is None else self.learning.rates(memory, A_m, b, x, phi, u)
 
     def require_fit(self, inputs: int) -> None:
-        """InputError for a modification that is defined for one input only."""
+        """Raise InputError for a modification that is defined for one input only."""
         leakage = self.leakage if self.leakage is not None and self.leakage.one_input_only else None
         for part in (self.learning, leakage):
             if inputs > 1 and part is not None:
@@ -106,12 +106,12 @@ class LyapunovLaw(Settings):
     """theta_hat' = proj(-Gamma (e omega sgn(k_p/k_m) + w theta_hat)), e = y - y_m.
 
     gamma      Gamma > 0: a number, a diagonal (2 n,) or an s.p.d. matrix (2 n, 2 n)
-    leakage    w; none by default
-    dead_zone  on |e|; none by default
+    leakage    the leakage w; none by default
+    dead_zone  acts on |e|; none by default
 
-    Without modelling error, e converges to zero if W_m is strictly positive real; with it, and without a modification, the
-    estimates may drift until the loop bursts (Rohrs et al.). Source: Ioannou and Sun, section 6.4.1; Narendra and Annaswamy,
-    section 5.3; with sigma: Ioannou and Kokotovic (1983).
+    Without modelling error, e converges to zero if W_m is strictly positive real. With modelling error and without a
+    modification, the estimates may drift until the loop bursts (Rohrs et al.). Source: Ioannou and Sun, section 6.4.1; Narendra
+    and Annaswamy, section 5.3; with sigma: Ioannou and Kokotovic (1983).
     """
 
     gamma: float | Array

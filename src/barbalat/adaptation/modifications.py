@@ -1,4 +1,5 @@
-"""Modifications of a law: leakage terms -Gamma w theta_hat and dead zones, and the error if a law does not admit one."""
+"""Modifications of a law: leakage terms -Gamma w theta_hat and dead zones, and the errors for modifications that a law does not
+admit."""
 
 from __future__ import annotations
 
@@ -19,13 +20,13 @@ from barbalat.validate import InputError, show
 
 @dataclass(frozen=True, eq=False)
 class DeadZone(Settings):
-    """Continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0 outside the zone and as zero inside it.
+    """A continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0 outside the zone and as zero inside it.
 
-    g_0  half-width of the zone: a bound of the modelling error
+    g_0  half-width of the zone: a bound on the modelling error
 
     For the laws on the parametric model E = |epsilon m_s|, so epsilon becomes epsilon + g with g = -g_0/m_s for epsilon m_s >
     g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta, V =
-    theta_tilde'Gamma^-1 theta_tilde does not grow. In return, the error converges to the zone and not to zero.
+    theta_tilde'Gamma^-1 theta_tilde does not grow. The price is that the error converges to the zone and not to zero.
 
     For the Lyapunov laws of MRAC and L1-AC E = sqrt(e'P e). With a matched disturbance |d| <= d_0,
     g_0 >= 2 d_0 |P b| sqrt(lambda_max(P)) makes V = max(0, E - g_0)^2 + theta_tilde'Gamma^-1 theta_tilde non-increasing:
@@ -42,17 +43,18 @@ class DeadZone(Settings):
         validate.freeze(self, g_0=validate.positive("g_0", self.g_0))
 
     def weight(self, squared_error: Value) -> Value:
-        """max(0, E - g_0)/E from E^2: in [0, 1), the fraction of the error that counts."""
+        """Return max(0, E - g_0)/E, computed from E^2: the fraction of the error that counts, in [0, 1)."""
         return 1 - self.g_0 / np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
 
     def share(self, squared_error: Value, speed: Value) -> Value:
-        """a = 1 - g_0/|E_next|, where an implicit step leaves the error E_next = E/(1 + a speed): a linear equation in a."""
+        """Return a = 1 - g_0/|E_next|, where an implicit step leaves the error E_next = E/(1 + a speed). This is a linear
+        equation in a."""
         E = np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
         return (E - self.g_0) / (E + speed * self.g_0)
 
 
 def accept_dead_zone(dead_zone: DeadZone | None) -> None:
-    """InputError for an object that is not a dead zone."""
+    """Raise InputError for an object that is not a dead zone."""
     if dead_zone is not None:
         validate.instance("dead_zone", dead_zone, DeadZone)
 
@@ -72,12 +74,12 @@ class Leakage(Protocol):
 
     @property
     def per_error(self) -> float | None:
-        """nu of a leakage w = nu |error|, which bounds the estimates whatever drives them; None for any other leakage."""
+        """nu of a leakage w = nu |error|, which bounds the estimates whatever drives the law; None for any other leakage."""
         ...
 
     @property
     def harmless_within(self) -> float | None:
-        """The bound of |theta|_2 up to which the leakage never increases V'; None if it prevents convergence to zero."""
+        """The bound on |theta|_2 up to which the leakage never increases V'; None if the leakage prevents convergence to zero."""
         ...
 
     @property
@@ -86,12 +88,12 @@ class Leakage(Protocol):
         ...
 
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
-        """w for one sample, held; ``error`` is taken before the estimates move, and ``solve(w)`` is the estimate at the end."""
+        """w, held for one sample; ``error`` is taken before the estimates move, and ``solve(w)`` is the estimate at the end."""
         ...
 
 
 class Tolerated(Enum):
-    """The leakages that a law admits, with the package's own leakages of that kind."""
+    """The leakages that a law admits, with the package's leakages of that kind."""
 
     ALL = "FixedSigma, SwitchingSigma or EpsilonModification"
     BOUNDED = "FixedSigma or SwitchingSigma"
@@ -103,7 +105,8 @@ class Tolerated(Enum):
 
 
 def accept_leakage(leakage: Leakage | None, law: str, tolerated: Tolerated = Tolerated.ALL, reason: str = "") -> None:
-    """InputError for an object that is not a leakage, and, with the reason, for a leakage that the law does not admit."""
+    """Raise InputError for an object that is not a leakage, and for a leakage that the law does not admit; the message then gives
+    the reason."""
     if leakage is None:
         return
     if not isinstance(leakage, Leakage) or isinstance(leakage, type):  # type: ignore[redundant-expr]
@@ -113,8 +116,8 @@ def accept_leakage(leakage: Leakage | None, law: str, tolerated: Tolerated = Tol
 
 
 class PullingLeakage(ABC):
-    """A leakage that prevents convergence to zero for every theta; over a sample it is held at its value before the estimates
-    move."""
+    """A leakage that prevents convergence to zero for every theta; over a sample it is held at the value that it has before the
+    estimates move."""
 
     harmless_within: ClassVar[float | None] = None
 
@@ -132,8 +135,8 @@ class FixedSigma(PullingLeakage, Settings):
 
     sigma  the leakage
 
-    The drawback is that V' = ... - sigma theta_tilde'theta_hat may be positive, so even without modelling error the tracking
-    error converges only to a set of the order of sqrt(sigma) |theta|.
+    The drawback: V' = ... - sigma theta_tilde'theta_hat may be positive, so even without modelling error the tracking error
+    converges only to a set of the order of sqrt(sigma) |theta|.
 
     Source: Ioannou and Kokotovic (1983); Ioannou and Sun, section 8.4.1.
     """
@@ -160,10 +163,10 @@ class SwitchingSigma(Settings):
     """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
 
     sigma  the leakage for large estimates
-    M_0    the norm at which it begins: a bound of |theta|
+    M_0    the norm at which the leakage begins: a bound on |theta|
 
     For |theta| <= M_0, w theta_tilde'theta_hat >= w |theta_hat| (|theta_hat| - M_0) >= 0: every guarantee without modelling error
-    also holds with this leakage, for every law. M_0 must be a bound of |theta|.
+    also holds with this leakage, for every law. M_0 must be a bound on |theta|.
 
     Source: Ioannou and Tsakalis (1986); Ioannou and Sun, section 8.4.1, with q_0 = 1.
     """
@@ -194,10 +197,10 @@ class SwitchingSigma(Settings):
         return self.M_0
 
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
-        """w for a sample, held: evaluated at the estimate to which the full sigma would lead.
+        """w, held for a sample and evaluated at the estimate to which the full sigma would lead.
 
-        A larger leakage leaves a smaller estimate, so w never exceeds its value at the end, and is zero if the estimate ends
-        below M_0.
+        A larger leakage leaves a smaller estimate, so w never exceeds its value for the final estimate, and w is zero if the
+        final estimate is below M_0.
         """
         return self.coefficient(solve(self.sigma), error)
 
@@ -206,7 +209,7 @@ class SwitchingSigma(Settings):
 class EpsilonModification(PullingLeakage, Settings):
     """w = nu |error|, error = epsilon m_s, or e'P b for the Lyapunov laws: the leakage fades with the error, nu > 0.
 
-    nu  the leakage for an error of one
+    nu  the leakage for an error of size one
 
     Its proof needs a V' that is proportional to |error|: V' <= |error| (d_0 + ... - nu theta_tilde'theta_hat).
 

@@ -108,7 +108,7 @@ class CaseText:
 
     @classmethod
     def read(cls, case: str | Path, controllers: str | Path | None = None) -> CaseText:
-        """A case file, or a bundled case by its name; InputError for one that can't be read."""
+        """A case file, or a bundled case by its name; raises InputError for one that can't be read."""
         path = bundled().get(str(case)) or local_path("the case", case)
         try:
             text = contents(path, "the case file", TEXT_BYTE).decode("utf-8-sig")
@@ -128,7 +128,8 @@ class CaseText:
         return cls(text, folder=path.parent, source=str(path), own=own)
 
     def data(self) -> dict[str, Any]:
-        """The tables as TOML gives them, a new copy each time; InputError for text that is not TOML, or is nested too deeply."""
+        """The tables as TOML gives them, a new copy each time; raises InputError for text that is not TOML, or is nested too
+        deeply."""
         require_readable(self.text, self.source)
         try:
             return tomllib.loads(self.text)
@@ -151,7 +152,7 @@ class CaseText:
         return f", line {line}: a number of {len(found[0].replace('_', ''))} digits"
 
     def variants(self, data: dict[str, Any]) -> Variants:
-        """Cases that differ in some numbers from the one with these tables; InputError if there is no such case."""
+        """Cases that differ in some numbers from the one with these tables; raises InputError if there is no such case."""
         table, joining, raw = self._checked(data, changed=True)
         parts = Parts()
         build(table, self.folder, joining, parts, raw)
@@ -269,7 +270,7 @@ class TomlSize:
 
 
 def require_readable(text: str, source: str) -> None:
-    """InputError for text whose keys or nesting exceed the budget or Python's recursion limit."""
+    """Raise InputError for text whose keys or nesting exceed the budget or Python's recursion limit."""
     size = TomlSize.of(text)
     if size.nested > MOST_NESTED:
         raise InputError(f"{source} has {size.nested} nested lists or tables; at most {MOST_NESTED} can be read")

@@ -30,8 +30,8 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
     """The tables with each formula replaced by its number, and the original tables if they have parameters or a truth; otherwise
     the unchanged tables, and None.
 
-    The plant's formulas are evaluated at the nominal parameters, the truth's at its own. InputError for an invalid formula, and
-    for parameters if the plant is not given by A and b.
+    The plant's formulas are evaluated at the nominal parameters, the truth's at its own. Raises InputError for an invalid
+    formula, and for parameters if the plant is not given by A and b.
     """
     if "parameters" not in tables and "truth" not in tables:
         return tables, None
@@ -60,7 +60,7 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
 
 
 def _require_use(given: Mapping[str, Any], parts: Any) -> None:
-    """InputError for a parameter with a range that no text in these parts names."""
+    """Raise InputError for a parameter with a range that no text in these parts names."""
     used = names_in(parts)
     for name, one in given.items():
         if name not in used and isinstance(one, dict) and one.keys() & {"between", "tolerance"}:

@@ -271,7 +271,7 @@ def named_or_modified(given: Given, choices: Choices) -> Given:
 
 
 def joined(given: Given, more: Given) -> Given:
-    """Both together; InputError for a modification that is given twice."""
+    """Both together; raises InputError for a modification that is given twice."""
     for name in given.keys() & more.keys():
         raise InputError(f"{name} is given twice, by its own name and by the keys of a modification")
     return given | more

@@ -98,7 +98,7 @@ def _needs_nothing(kind: type) -> bool:
 
 
 def run(path: str | Path) -> OwnFile:
-    """Execute a Python file; InputError if it can't be read, or if its own code fails, with the line."""
+    """Execute a Python file; raises InputError if it can't be read, or if its own code fails, with the line."""
     path = local_path("--controllers", path)
     if not path.is_file():
         raise InputError(f"--controllers: {str(path)!r} is not a file")
@@ -140,7 +140,7 @@ def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
 
 
 def require_spelling(unknown: Set[str], own: OwnFile, known: Iterable[str]) -> None:
-    """InputError for a scheme whose spelling is close to a class of the user's file, and to no other known scheme."""
+    """Raise InputError for a scheme whose spelling is close to a class of the user's file, and to no other known scheme."""
     for name in sorted(unknown):
         near = get_close_matches(name, own.classes, n=1)
         if near and not get_close_matches(name.lower(), known, n=1):
@@ -148,7 +148,7 @@ def require_spelling(unknown: Set[str], own: OwnFile, known: Iterable[str]) -> N
 
 
 def _require_settings(name: str, kind: Any) -> None:
-    """InputError for a class that no table of a case file can make."""
+    """Raise InputError for a class that no table of a case file can make."""
     if not (isinstance(kind, type) and is_dataclass(kind) and "name" in {field.name for field in fields(kind)}):
         raise InputError(
             f"the scheme {name!r} must be a dataclass with a field name for a case file to give its settings, got {show(kind)}"

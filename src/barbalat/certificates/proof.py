@@ -167,7 +167,7 @@ class _Lines:
         return ""
 
     def _witness(self, key: str, value: Any) -> dict[str, Any]:
-        """A line's witness, if it needs one; InputError, with the reason, if there is none."""
+        """A line's witness, if it needs one; raises InputError, with the reason, if there is none."""
         of_every = self.claimed.get(known_command.OF_EVERY_COMMAND)
         if key == "sampled response":
             return {"witness": sampled_witness(self.problem, self.controller)}

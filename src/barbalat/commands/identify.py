@@ -140,7 +140,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _file(out: str, suffix: str, what: str) -> Path:
-    """Return the file to write. InputError for a different kind of file."""
+    """Return the file to write. Raises InputError for a different kind of file."""
     from barbalat.validate import InputError, local_path
 
     file = local_path("--out", out)

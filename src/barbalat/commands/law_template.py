@@ -82,7 +82,7 @@ class MyLaw:
     name: str = "MyLaw"
 
     def bind(self, known: Known) -> Equations:
-        """Return the equations for what is known about a plant. InputError for a plant that the law does not support."""
+        """Return the equations for what is known about a plant. Raises InputError for a plant that the law does not support."""
         if known.matched.gain_unknown:
             raise InputError(f"{self.name} supports only plants with a known input gain")
         return Equations(self.gamma, known)

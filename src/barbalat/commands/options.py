@@ -101,7 +101,7 @@ def pair(given: str, taken: str) -> tuple[str, str]:
 
 
 def varied(pairs: Iterable[tuple[str, str]], parse: Callable[[str], Values]) -> dict[FieldPath, Values]:
-    """Return the values of ``--vary`` by their paths. InputError for a path that occurs twice."""
+    """Return the values of ``--vary`` by their paths. Raises InputError for a path that occurs twice."""
     from barbalat.open_numbers.path import FieldPath
     from barbalat.validate import InputError
 

@@ -28,7 +28,7 @@ def default_knobs(
     density  number of values of a knob that is combined with another one
 
     Gains go up to the largest that this step resolves, and time constants from five steps to the model's slowest one. The
-    sentences name omitted tunings, and schemes that do not support the problem. InputError if no scheme supports it.
+    sentences name omitted tunings, and schemes that do not support the problem. Raises InputError if no scheme supports it.
 
     own  controllers from outside; each takes part with its knobs if it declares some, or else unchanged, as one tuning
     """

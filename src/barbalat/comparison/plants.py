@@ -23,8 +23,8 @@ from barbalat.validate import Array, InputError
 def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
     """Return the case's plant, and others drawn from its known set and, if the input's gain is unknown, from its interval.
 
-    For a plant with physical parameters the others are drawn from their ranges. InputError for several plants if the truth is a
-    single one, see ``one_plant_because``.
+    For a plant with physical parameters the others are drawn from their ranges. Raises InputError for several plants if the truth
+    is a single one, see ``one_plant_because``.
     """
     if plants > 1 and (why := one_plant_because(problem)) is not None:
         raise InputError.of("plants", f"must be 1, because {why}; got {plants}")

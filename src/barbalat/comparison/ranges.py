@@ -33,7 +33,7 @@ class Range:
 
     @classmethod
     def parse(cls, text: str) -> Range:
-        """Parse a range such as START:STOP[:log]. InputError for a different text."""
+        """Parse a range such as START:STOP[:log]. Raises InputError for a different text."""
         parts = text.split(":")
         if len(parts) not in (2, 3) or (len(parts) == 3 and parts[2] != "log"):
             raise InputError(f"a range must be START:STOP or START:STOP:log, got {validate.show(text)}")
@@ -92,8 +92,8 @@ BEYOND_GRID = 100.0
 
 
 def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
-    """Return the scheme's knobs in the controller's table, each at the only place where its name occurs. InputError if there is
-    none."""
+    """Return the scheme's knobs in the controller's table, each at the only place where its name occurs. Raises InputError if
+    there is none."""
     found: dict[FieldPath, Range] = {}
     for name, values in knobs.values.items():
         places = list(_places(tables, name))

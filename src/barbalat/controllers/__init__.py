@@ -1,4 +1,4 @@
-"""The registry of schemes, one line for each, by their names in case files. The contract tests cover all of them."""
+"""The registry of schemes by their names in case files, one line for each scheme. The contract tests cover all of them."""
 
 from barbalat.controllers.adrc import Adrc as Adrc
 from barbalat.controllers.baseline import BaselineAlone as BaselineAlone

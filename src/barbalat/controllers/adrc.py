@@ -20,7 +20,7 @@ from barbalat.roles import Role
 from barbalat.validate import Array, InputError, Vector, show
 
 PLACEMENT_TOLERANCE = 1e-6
-"""Relative tolerance of the observer's characteristic polynomial; with a larger error, a state or the disturbance is hardly
+"""Relative tolerance of the observer's characteristic polynomial; a larger error means that a state or the disturbance is hardly
 observable."""
 
 
@@ -36,9 +36,9 @@ class Observer:
 
     @classmethod
     def of_state(cls, A: Array, b: Array, bandwidth: float) -> Observer:
-        """f_hat = bandwidth/(s + bandwidth) [f] from the whole state: f_hat = xi + bandwidth b^+ x, without x'; x_hat = x.
+        """f_hat = bandwidth/(s + bandwidth) [f] from the whole state: f_hat = xi + bandwidth b^+ x, which needs no x'; x_hat = x.
 
-        InputError if the columns of b are linearly dependent.
+        Raises InputError if the columns of b are linearly dependent.
         """
         n, m = b.shape
         if np.linalg.matrix_rank(b) < m:
@@ -56,7 +56,7 @@ class Observer:
     def of_output(cls, A: Array, b: Array, c: Array, bandwidth: float) -> Observer:
         """The extended-state observer: xi = (x_hat, f_hat), from c'x, with all n + 1 poles at -bandwidth, for one input.
 
-        InputError if a state or the disturbance is not observable from c'x: c'(sI - A)^-1 b must not vanish at s = 0.
+        Raises InputError if a state or the disturbance is not observable from c'x: c'(sI - A)^-1 b must not vanish at s = 0.
         """
         n, m = b.shape
         if m > 1:
@@ -102,7 +102,7 @@ def _ackermann(A: Array, c: Array, bandwidth: float) -> Array:
     """g with all eigenvalues of A - g c' at -bandwidth: (A + bandwidth I)^N O^-1 [0 ... 0 1]', O the observability matrix."""
     size, rows = len(A), [c]
     for _ in range(size - 1):
-        rows.append(rows[-1] @ A / bandwidth)  # scaled, so the rows have similar magnitudes
+        rows.append(rows[-1] @ A / bandwidth)  # scaled to give the rows similar magnitudes
     last = np.zeros(size)
     last[-1] = np.float64(bandwidth) ** -(size - 1)
     column = np.linalg.solve(np.array(rows), last)
@@ -124,7 +124,7 @@ class Equations:
     b_0: float
     k_0: Array | float
     x0: Array
-    limits: Array | None = None  # of the input, if the observer receives sat(u)
+    limits: Array | None = None  # limits of the input, if the observer receives sat(u)
 
     roles: ClassVar[Mapping[str, Role]] = {"xi": Role.predictor("state of the observer")}
 

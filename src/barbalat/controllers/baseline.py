@@ -1,4 +1,4 @@
-"""The baseline alone, without adaptation, with which every adaptive controller is compared."""
+"""The baseline alone, without adaptation: the reference with which every adaptive controller is compared."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class Equations:
 class BaselineAlone(Scheme):
     """u = k_0 r - theta_0'phi(x): the plant's baseline without adaptation; an unknown input gain is taken as 1.
 
-    nominal  theta_0, (p,): by default the baseline's own; without one that of the declared values of [parameters], or else the
-             middle of the known set, or zero
+    nominal  theta_0, (p,); its default is, in this order, the baseline's theta_0, that of the declared [parameters], the middle
+             of the known set, or zero
     """
 
     _: KW_ONLY

@@ -54,9 +54,9 @@ def feedforward_gain(settings: GainSettings) -> float:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlGains:
-    """Both gains for a plant: their initial values, the sets onto which they are projected, and the resulting control.
+    """Both gains for a plant: initial values, sets onto which the gains are projected, and the resulting control.
 
-    With m inputs and q commands k_x (p m,) and k_r (m q,) are stored row by row, and each input has its own omega.
+    With m inputs and q commands, k_x (p m,) and k_r (m q,) are stored row by row, and each input has its own omega.
     """
 
     matched: MatchedTerm
@@ -70,7 +70,7 @@ class ControlGains:
 
     @classmethod
     def of(cls, settings: GainSettings, known: Known) -> ControlGains:
-        """InputError if the settings don't fit the plant."""
+        """Raise InputError if the settings don't fit the plant."""
         projection_set(settings.projection, known)  # rejects a value that is not a boolean, and a projection without a set
         regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
@@ -108,7 +108,7 @@ class ControlGains:
         return np.concatenate([Phi, np.outer(of_r, np.eye(m).reshape(-1)).reshape(of_r.shape[0] * m, m)])
 
     def with_input(self, x: Value, u: Value) -> Value:
-        """phi(x) and u: if k_r_hat is not zero they span the same space as phi(x) and r, which excite the gains."""
+        """phi(x) and u. If k_r_hat is not zero, they span the same space as phi(x) and r, which excite the gains."""
         return np.concatenate([self.matched.phi(x), u.reshape(1)])
 
     def ideal(self, theta: Array, omega: Array) -> Array:

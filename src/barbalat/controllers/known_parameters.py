@@ -45,8 +45,8 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class KnownParameters(Scheme):
-    """u = k_0 r - theta'phi(x), divided by omega if the plant's input gain is unknown: the values to which estimates should
-    converge.
+    """u = k_0 r - theta'phi(x), divided by omega if the plant's input gain is unknown. The estimates of adaptive schemes should
+    converge to these values.
 
     With ``theta=problem.parameters`` the loop equals the reference model if no dynamics, limits or delay lie between controller
     and plant; it shows how a delay, a limit or noise alone affects the tracking.

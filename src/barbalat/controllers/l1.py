@@ -1,4 +1,4 @@
-"""L1 adaptive control for measured states: eqs (5)-(8), an MRAC whose control passes through a low-pass filter C(s)."""
+"""L1 adaptive control for measured states: eqs (5)-(8), MRAC with a low-pass filter C(s) on the control."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ from barbalat.validate import Array, InputError, Vector
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Predictor (8) and law (7) in one implicit step; with C = 1 MRAC.
+    """Predictor (8) and law (7) in one implicit step; with C = 1 this is MRAC.
 
     V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde decreases by at least T |x_tilde|^2 per sample, for every Gamma and
-    T. The predictor uses the estimate after projection onto the known set: with C = 1 it then follows the reference model.
+    T. The predictor uses the estimate after projection onto the known set: with C = 1, the predictor then follows the reference
+    model.
     """
 
     continuous: Equations
@@ -91,7 +92,7 @@ class Predictor:
         return replace(self, frozen=frozen)
 
     def _remembered(self, before: Any, memory: Any) -> Any:
-        """The memory with new data; if it is held, only the filters of the measurements continue."""
+        """The memory with new data; if the memory is held, only the filters of the measurements continue."""
         learning = self.continuous.modifications.learning
         return memory if self.frozen is None or learning is None else resting(self.frozen, learning.roles, before, memory)
 
@@ -107,7 +108,7 @@ class Predictor:
         return Unmoved(x_hat, error, phi)
 
     def _moved(self, state: State, memory: Any, unmoved: Unmoved, w: Value) -> Value:
-        """The estimate at the end of the sample, with the leakage w."""
+        """The estimate at the end of the sample under the leakage w."""
         c, T, learning = self.continuous, self.sample_time, self.continuous.modifications.learning
         pull = () if learning is None else (learning.gamma_c * memory.R, learning.gamma_c * memory.Q)
         gain, rest = implicit.at_rest(c.gamma, state.theta_hat, T, w, *pull)
@@ -148,8 +149,8 @@ class Equations:
     estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     enters: Array | None = None  # the matrix by which the command enters the state directly
-    theta_0: Array | None = None  # of a baseline, which is not filtered
-    limits: Array | None = None  # of the input, if the predictor receives sat(u)
+    theta_0: Array | None = None  # parameters of a baseline, which is not filtered
+    limits: Array | None = None  # limits of the input, if the predictor receives sat(u)
 
     @property
     def roles(self) -> dict[str, Role]:
@@ -208,12 +209,12 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class L1Adaptive(Scheme):
-    """u = C(s)[-theta_hat'x + k_0 r], predictor x_hat, law theta_hat' = proj(Gamma (x_tilde'P b) x).
+    """u = C(s)[-theta_hat'x + k_0 r], with the predictor x_hat and the law theta_hat' = proj(Gamma (x_tilde'P b) x).
 
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     filter      C(s): stable, strictly proper, C(0) = 1; starts at rest. ``None`` means C = 1, which is the standard MRAC
     theta_hat0  (p,), zero by default; inside the known set
-    projection  onto the known set; by default on if there is one. The estimate of an unknown input gain is always projected
+    projection  onto the known set; on by default if there is one. The estimate of an unknown input gain is always projected
     leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
     learning    a memory of past data; none by default
     saturated_predictor  against windup: the predictor receives sat(u), times omega_hat if the input gain is unknown, so the limit

@@ -1,4 +1,4 @@
-"""L1 adaptive control with the piecewise-constant law, the one used in flight: always sampled, without an adaptive gain.
+"""L1 adaptive control with the piecewise-constant law, which is used in flight: always sampled, without an adaptive gain.
 
 The law estimates no parameters; at every sample it estimates sigma, the uncertainty that acts on the plant. Because it is linear
 and has no memory beyond a sample, the whole controller is linear, time-invariant and sampled: see ``realisation``.
@@ -38,7 +38,7 @@ class State(NamedTuple):
     theta_hat: Value  # (0,)
     x_hat: Value  # (n,) predictor
     sigma_hat: Value  # (n,) estimated uncertainty: the first m entries at the input, the others unmatched
-    filter: Value  # (N,) states of C(s), and of the inverse if the unmatched part is compensated
+    filter: Value  # (N,) states of C(s), and of the inverse of the model if the unmatched part is compensated
     span: Value  # () samples over which x_hat - x accumulates: 1 unless measurements are missed
 
 
@@ -53,7 +53,7 @@ class Equations:
     k_0: Array  # (m, q)
     direct: Array | None  # theta_0 (p m,) of a baseline that acts unfiltered; None: the command passes the filter
     x0: Array
-    limits: Array | None = None  # of the input, if the predictor receives sat(u)
+    limits: Array | None = None  # limits of the input, if the predictor receives sat(u)
     frozen: Value = None  # where it is true, sigma_hat is held; None: never
 
     roles: ClassVar[Mapping[str, Role]] = {
@@ -86,7 +86,7 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """The signals that pass C(s): k_0 r - sigma_hat at the inputs, and the unmatched sigma_hat."""
+        """The signals that pass through C(s): k_0 r - sigma_hat at the inputs, and the unmatched sigma_hat."""
         m = self.matched.inputs
         wanted = -sigma_hat[:m] if self.direct is not None else self._commanded(r) - sigma_hat[:m]
         return np.concatenate([wanted, sigma_hat[m:]])
@@ -103,18 +103,19 @@ class L1PiecewiseConstant(Scheme):
     """u = C(s)[k_0 r - sigma_hat_m - H_m(s)^-1 H_um(s) sigma_hat_um], sigma_hat = -B^-1 Phi^-1 e^(A_m T) x_tilde at each sample.
 
     B = [b, b_um] with b'b_um = 0, Phi = A_m^-1 (e^(A_m T) - I), predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from
-    sample to sample, x_tilde = x_hat - x. The scheme is always sampled: it has no other discretization, no adaptive gain and no
-    known set.
+    sample to sample, x_tilde = x_hat - x. The scheme is always sampled: it has no alternative discretization, no adaptive gain
+    and no known set.
 
     sample_time  T [s]; a whole number of solver steps if these are fixed
-    filter       C(s): stable, strictly proper, C(0) = 1, by the trapezoidal rule; starts at rest. ``None`` means C = 1
+    filter       C(s): stable, strictly proper, C(0) = 1, discretised by the trapezoidal rule; starts at rest. ``None`` means C =
+                 1
     output       c, (n,), or (m, n) with m inputs: the effect of the unmatched sigma_hat_um on c'x is cancelled, by C H_m^-1 H_um
                  with H = c'(sI - A_m)^-1 [b, b_um]. By default it is only estimated
-    as_flown     the form of flight codes, with the baseline unfiltered; the exact form by default
+    as_flown     the form used in flight codes, with the baseline unfiltered; by default the exact form
     saturated_predictor  against windup: the predictor receives sat(u); off by default
 
-    Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3; the form as flown: Wu et al., L1Quad (2023), whose
-    code is not used here. That project names US patent 8,712,559: clarify the licence before you fly this law.
+    Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3; the flown form: Wu et al., L1Quad (2023), whose
+    code is not used here. That project refers to US patent 8,712,559, so clarify the licence before you fly this law.
     """
 
     sample_time: float
@@ -181,7 +182,7 @@ class L1PiecewiseConstant(Scheme):
 
 
 def input_directions(b: Array) -> Array:
-    """B = [b, b_um], (n, n), with an orthonormal basis of the complement of b; InputError if b's columns are linearly
+    """B = [b, b_um], (n, n), with an orthonormal basis of the complement of b; raises InputError if b's columns are linearly
     dependent."""
     columns = b.reshape(len(b), -1)
     m = columns.shape[1]
@@ -194,8 +195,8 @@ def input_directions(b: Array) -> Array:
 class Realisation(NamedTuple):
     """s[k+1] = A s[k] + B y[k], u[k] = C s[k] + D y[k] with y = (x, r), the measurement at sample k.
 
-    s = (x_hat, the filter's states before their sample); in the exact form x_hat is e^(A_m T) x + Phi b u of the last sample, so
-    the predictor does not depend on its previous state.
+    s = (x_hat, the filter's states before their sample); in the exact form, x_hat is e^(A_m T) x + Phi b u from the last sample,
+    so the predictor does not depend on its previous state.
     """
 
     A: Array

@@ -1,4 +1,4 @@
-"""A linear controller for the same problem: nominal state feedback, feedforward, and K(s) on the model-following error."""
+"""A linear controller for comparison: nominal state feedback, feedforward, and K(s) acting on the model-following error."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Equations:
     c: Array
     theta_0: Array
     K: StateSpace
-    L: Array  # (order of K,) gain with which K(s) receives the part of u beyond the limits; zero without anti_windup
+    L: Array  # (order of K,) gain on the part of u beyond the limits, fed to K(s); zero without anti_windup
     limits: Array | None = None
 
     roles: ClassVar[Mapping[str, Role]] = {"K": Role.other("state of the linear controller K(s)")}
@@ -63,16 +63,15 @@ class LinearFeedback(Scheme):
     controller  K(s), proper, a TransferFunction, StateSpace or python-control system; it may contain an integrator. Starts at
                 rest
     output      c, (n,): the combination of states that is fed back; P b by default
-    nominal     theta_0, (n,): the assumed parameters; by default a baseline's, or else those of the declared values of
-                [parameters], or else the middle of the known set, or zero
-                without one
+    nominal     theta_0, (n,): the assumed parameters; the default is, in this order, a baseline's theta_0, that of the declared
+                values of [parameters], the middle of the known set, or zero
     unmodelled  W(s), stable and proper: the size of the unmodelled dynamics for which mu is computed; none by default
     anti_windup  > 0 [u for each unit of c'e]: K(s) also receives L (sat(u) - u), where L is the gain of a Kalman filter that
-                 measures the output of K(s) with noise of this size, for an error of size 1; with a PI controller whose k_p has
-                 this value it is back-calculation with the time constant T_i. Off by default
+                 measures the output of K(s) with noise of this size, for an error of size 1. For a PI controller whose k_p has
+                 this value, this is back-calculation with the time constant T_i. Off by default
 
     Any linear controller of the measured states closes some loop L(s) at the plant's input. If c'(sI - A_m)^-1 b is minimum
-    phase, a scalar K(s) can give every such loop of its relative degree, so feeding back c'x is no restriction.
+    phase, a scalar K(s) can produce every such loop of the same relative degree, so feeding back c'x is no restriction.
     """
 
     controller: StateSpace | TransferFunction
@@ -135,7 +134,7 @@ class LinearFeedback(Scheme):
 
 
 def _learning(K: StateSpace, noise: float) -> Array:
-    """L of the Kalman filter for xi' = A xi + B w, y = C xi + noise v, such that A - L C is stable; InputError if there is
+    """L of the Kalman filter for xi' = A xi + B w, y = C xi + noise v, such that A - L C is stable; raises InputError if there is
     none."""
     from scipy.linalg import solve_continuous_are
 
@@ -147,5 +146,5 @@ def _learning(K: StateSpace, noise: float) -> Array:
 
 
 def require_linear_plant(known: Known) -> None:
-    """InputError for a plant with features that linear feedback does not support."""
+    """Raise InputError for a plant that has features not supported by linear feedback."""
     require_taken(LinearFeedback, known)

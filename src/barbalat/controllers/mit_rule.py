@@ -1,5 +1,5 @@
-"""The MIT rule, for teaching: a gradient descent of the squared error that treats the gains as constant; nothing is
-guaranteed."""
+"""The MIT rule, for teaching: a gradient descent of the squared error that treats the gains as constant; it guarantees
+nothing."""
 
 from __future__ import annotations
 
@@ -69,10 +69,9 @@ class Equations(GainEquations):
 class MitRule(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, with gains that descend the gradient of (c'e)^2/2: dk/dt = -gamma (c'e) d(c'e)/dk.
 
-    With G(s) = c'(sI - A_m)^-1 b, k_x_hat' = proj(Gamma (c'e) G[phi(x)]), k_r_hat' = proj(-gamma_r (c'e) G[r]); the input's gain
-    omega > 0 is absorbed into Gamma, as in the textbook. Its known limitation: the gradient assumes constant gains, so above
-    some adaptive gain, or some size of the command, the gains diverge from their ideal values; no Gamma is suitable for every
-    command.
+    With G(s) = c'(sI - A_m)^-1 b, k_x_hat' = proj(Gamma (c'e) G[phi(x)]), k_r_hat' = proj(-gamma_r (c'e) G[r]); the input gain
+    omega > 0 is absorbed into Gamma, as in the textbook. Known limitation: the gradient assumes constant gains, so above some
+    adaptive gain or command amplitude the gains diverge from their ideal values. No Gamma suits every command.
 
     gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     gamma_r     adaptive gain of the feedforward, > 0; by default gamma, if that is a number
@@ -81,8 +80,8 @@ class MitRule(Scheme):
     feedforward_only  hold k_x_hat at theta_hat0: for a plant k_p G(s), omega = k_p, and the model k_0 G(s), the rule is then the
                       textbook's theta' = -gamma e y_m, with gamma_r = gamma k_0; off by default
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
-    k_r0        k_r_hat(0), by default k_0, or the nearest value that the interval of the input's gain allows
-    projection  onto the known set divided by the input's gain; by default on if there is a known set
+    k_r0        k_r_hat(0), by default k_0, or the nearest value that the interval of the input gain allows
+    projection  onto the known set divided by the input gain; on by default if there is a known set
 
     Source: Astrom and Wittenmark, Adaptive Control, second edition, sections 5.2 and 5.3; the feedforward alone is example 5.1.
     """

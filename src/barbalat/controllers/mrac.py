@@ -30,7 +30,7 @@ class State(NamedTuple):
 
     theta_hat: Value  # (p,) estimate of theta, and of omega if the input gain is unknown
     memory: Any = ()  # of composite learning
-    e_d: Value = np.zeros(0)  # (n,) the error due to the input's limit; (0,) without the remedy against windup
+    e_d: Value = np.zeros(0)  # (n,) the error due to the input limit; (0,) without the windup remedy
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,7 +49,7 @@ class Equations:
     modifications: Modifications = field(default_factory=Modifications)
     enters: Array | None = None  # the matrix by which the command enters the state directly
     windup: ModifiedError | None = None
-    limits: Array | None = None  # of the input, if there is a remedy against windup
+    limits: Array | None = None  # limits of the input, with a windup remedy
 
     @property
     def roles(self) -> dict[str, Role]:
@@ -87,7 +87,7 @@ class Equations:
         return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> Predictor:
-        """Return the sampled form, which is L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` if
+        """Return the sampled form, which is that of L1-AC with C = 1. Its predictor is then the model, adapted to ``limits`` if
         there are any."""
         with_predictor = l1.Equations(
             A_m=self.A_m,
@@ -115,7 +115,7 @@ class Mrac(Scheme):
 
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     theta_hat0  (p,), zero by default; inside the known set
-    projection  onto the known set; by default on if there is one. The estimate of an unknown input gain is always projected
+    projection  onto the known set; on by default if there is one. The estimate of an unknown input gain is always projected
     leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
     learning    a memory of past data; none by default
     modified_error  against windup when the input saturates: see ``ModifiedError``; none by default

@@ -1,4 +1,4 @@
-"""MRAC with a closed-loop reference model, into which the error is fed back: its transients oscillate less at a high gain."""
+"""MRAC with a closed-loop reference model, into which the error is fed back. The transients oscillate less at high gain."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class MracClosedLoop(Scheme):
     gamma           adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     model_feedback  L, (n, n): A_m + L must be Hurwitz; L = 0 gives the standard MRAC
     theta_hat0      (p,), zero by default; inside the known set
-    projection      onto the known set; by default on if there is one
+    projection      onto the known set; on by default if there is one
 
     Source: Gibson, Annaswamy and Lavretsky, On adaptive control with closed-loop reference models, IEEE Access 1 (2013).
     """

@@ -1,4 +1,5 @@
-"""Direct MRAC, which also adapts its feedforward: only the sign of the input's gain is known, and no signal is divided by it."""
+"""Direct MRAC, which also adapts its feedforward gain. Only the sign of the input gain needs to be known, and no signal is
+divided by an estimate of it."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(GainEquations):
-    """The Lyapunov law of both gains, driven by the tracking error; omega > 0 of b omega u does not occur in it."""
+    """The Lyapunov law of both gains, driven by the tracking error; the gain omega > 0 in b omega u does not occur in the law."""
 
     b: Array
     P: Array
@@ -44,18 +45,16 @@ class DirectMrac(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, k_x_hat' = proj(Gamma (e'P b) phi(x)), k_r_hat' = proj(-gamma_r (e'P b) r).
 
     The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing else about it needs to be known.
-    The
-    estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat. With several inputs each
-    has its own omega, so the plant's input matrix is b diag(omega): factors may be unknown, but not a coupling of
-    inputs.
+    The estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat. With several inputs
+    each has its own omega, so the plant's input matrix is b diag(omega): factors may be unknown, but the coupling of inputs must
+    be known.
 
     gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p); with m inputs a
                 number or a diagonal (p m,)
     gamma_r     adaptive gain of the feedforward, > 0; by default gamma, if that is a number
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
-    k_r0        k_r_hat(0), with m inputs (m, q); by default k_0, or the nearest value that the interval of the input's gain
-                allows
-    projection  onto the known set divided by the input's gain; by default on if there is a known set
+    k_r0        k_r_hat(0), with m inputs (m, q); by default k_0, or the nearest value that the interval of the input gain allows
+    projection  onto the known set divided by the input gain; on by default if there is a known set
 
     Source: Ioannou and Sun, Robust Adaptive Control, section 6.2; Lavretsky and Wise, Robust and Adaptive Control, section 9.2;
     for first order Astrom and Wittenmark, Adaptive Control, example 5.7.

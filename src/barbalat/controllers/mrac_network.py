@@ -18,16 +18,16 @@ from barbalat.validate import Array, InputError, Vector
 
 DEFAULT_NEURONS = 10
 LEAKAGES = np.geomspace(1e-4, 1.0, 12)
-"""The trial values of sigma, from one with which the weights hardly decay to one with which they stay as small as e'P b."""
+"""The trial values of sigma, from one at which the weights hardly decay to one at which they stay as small as e'P b."""
 DOUBLE_BITS = 53
-"""The number of the 64 random bits that a number in [0, 1) uses."""
+"""How many of the 64 random bits a number in [0, 1) uses."""
 
 
 class State(NamedTuple):
     """The controller's states."""
 
-    theta_hat: Value  # ((1 + N) m,) W_hat, the outer weights row by row, with those of the constant 1 first
-    V_hat: Value  # (1 + n, N) the inner weights, with those of the constant 1 in the first row
+    theta_hat: Value  # ((1 + N) m,) W_hat, the outer weights row by row, with the weights of the constant 1 first
+    V_hat: Value  # (1 + n, N) the inner weights, with the weights of the constant 1 in the first row
 
 
 def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> Array:
@@ -44,7 +44,7 @@ def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> A
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """The gradient law of both layers, in which the outer layer subtracts the inner layer's linear part; this makes the pair
+    """The gradient law for both layers. The outer layer subtracts the linear part of the inner layer, which makes the pair
     passive."""
 
     B: Array  # (n, m)
@@ -110,7 +110,8 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class NetworkMrac(Scheme):
-    """u = -W_hat'h + k_0 r, h = (1, tanh(z)), z = V_hat'x_bar, x_bar = (1, x/scale): one hidden layer learns theta'phi(x).
+    """u = -W_hat'h + k_0 r, h = (1, tanh(z)), z = V_hat'x_bar, x_bar = (1, x/scale): a network with one hidden layer learns
+    theta'phi(x).
 
     With mu = b'P e, h' = (0, 1 - tanh^2(z)) and the leakage w, each neuron has W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
     V_i' = gamma_v (mu'W_i h_i' x_bar - w V_i), where W_i has a weight for each input: all inputs share the hidden layer. The
@@ -121,11 +122,10 @@ class NetworkMrac(Scheme):
                 decay at the rate gamma w; once the inner weights have decayed, only the constant can be learnt
     gamma_v     adaptive gain of the inner weights, > 0; by default gamma
     neurons     N, the neurons of the hidden layer; 10 by default
-    scale       (n,), typical magnitudes of the states, by which x is divided; 1 by default. tanh saturates for states far above
-                them
+    scale       (n,), typical magnitudes of the states, by which x is divided; 1 by default. For much larger states tanh saturates
     seed        determines the initial inner weights V_hat(0), uniform in [-spread, spread]; 0 by default
     spread      > 0; 1 by default
-    V_hat0      (1 + n, N), these weights instead of random ones; the weights of the constant come first
+    V_hat0      (1 + n, N), initial inner weights to use instead of random ones; the weights of the constant come first
 
     Source: Lewis, Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996, and the textbooks on the modifications.
     """

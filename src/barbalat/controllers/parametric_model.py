@@ -1,4 +1,5 @@
-"""The schemes on the parametric model (13): W_m(s), the filter Q(s) that inverts it, their equations and sampled form."""
+"""Parts of schemes that use the parametric model (13): W_m(s), the filter Q(s) that inverts it, the equations and the sampled
+form."""
 
 from __future__ import annotations
 
@@ -25,11 +26,11 @@ PARAMETRIC_MODEL = {
     "n_d": Role.filter("dynamic normalising signal of (16)"),
     "swapping": Role.filter("swapping term of the auxiliary input (14)"),
 }
-"""The states of schemes on the parametric model, other than the estimates and the law's memory."""
+"""The states of schemes that use the parametric model, other than the estimates and the law's memory."""
 
 
 def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
-    """W_m(s) = c_0'(sI - A_m)^-1 b; InputError if it has a zero in Re s >= 0 or is zero."""
+    """Return W_m(s) = c_0'(sI - A_m)^-1 b; raises InputError if it is zero or has a zero in Re s >= 0."""
     W_m = _model(c_0.tobytes(), known.A_m.tobytes(), known.b.tobytes())
     if not W_m.num.any():
         raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")
@@ -49,7 +50,8 @@ def _model(c_0: bytes, A_m: bytes, b: bytes) -> TransferFunction:
 
 @lru_cache(maxsize=64)  # keyed by the model object, which is the same for the same numbers
 def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
-    """Q(s) = W_m(s)^-1/(tau s + 1)^n*, n* the relative degree of W_m: proper, stable, of the order of the plant."""
+    """Return Q(s) = W_m(s)^-1/(tau s + 1)^n*, where n* is the relative degree of W_m. Q is proper, stable and of the order of the
+    plant."""
     lag = np.array([1.0])
     for _ in range(W_m.relative_degree):
         lag = np.polymul(lag, [tau, 1.0])
@@ -118,7 +120,7 @@ class OnParametricModel(ABC):
 
 
 class ParametricEquations(Equations, Protocol):
-    """The continuous equations that are advanced."""
+    """The continuous equations that a sampled form advances."""
 
     @property
     def normalization(self) -> Normalization: ...
@@ -141,8 +143,8 @@ class Learnt(NamedTuple):
 class Estimator(SampledForm):
     """The filters use the midpoint rule, and the law the step of ``adaptation.implicit``; docs/sampled.md has the guarantees.
 
-    A scheme's own ``advance`` computes the filters' middle values, then calls ``learnt``, ``swapped`` and ``filtered``, in this
-    order.
+    The ``advance`` of a scheme computes the midpoint values of the filters, then calls ``learnt``, ``swapped`` and ``filtered``,
+    in this order.
 
     model   of the filters xi and Xi
     filter  Q(s) of the auxiliary input; None without one

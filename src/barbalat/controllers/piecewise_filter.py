@@ -1,4 +1,4 @@
-"""The filters from the piecewise-constant law's estimates to u: C(s), and C(s) H_m^-1 H_um for the unmatched ones."""
+"""The filters from the estimates of the piecewise-constant law to u: C(s), and C(s) H_m^-1 H_um for the unmatched estimates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEPENDENCE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class FilterStep:
-    """z[k+1] = A z[k] + B (w[k] + w[k+1]), u = C z + D w: the trapezoidal rule; w (n,) has m matched channels first."""
+    """z[k+1] = A z[k] + B (w[k] + w[k+1]), u = C z + D w by the trapezoidal rule; the first m channels of w (n,) are matched."""
 
     A: Array
     B: Array
@@ -33,7 +33,8 @@ class FilterStep:
 
 
 def filter_step(A_m: Array, B: Array, m: int, C: TransferFunction | None, c: Array | None, T: float) -> FilterStep:
-    """The filter for samples of T [s]; ``c``, (m, n), is the output from which the unmatched part is removed, or ``None``."""
+    """The filter for samples of T [s]; ``c``, (m, n), is the output from which the unmatched part is to be removed, or
+    ``None``."""
     n = len(A_m)
     single, known = (StateSpace.gain(1.0), 0) if C is None else (C.realise(), C.relative_degree)
     order = single.order
@@ -52,9 +53,9 @@ def filter_step(A_m: Array, B: Array, m: int, C: TransferFunction | None, c: Arr
 def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Array) -> tuple[Array, Array, Array]:
     """-C(s) H_m(s)^-1 H_um(s): (A, B, C) from sigma_hat_um to u, where v keeps c'w zero in w' = A_m w + b v + b_um zeta.
 
-    zeta = C(s) sigma_hat_um. ``known`` contains as many of its derivatives, from the zeroth on, as the relative degree of C(s),
-    so nothing is differentiated. With r_i the relative degree of c_i, v is chosen such that (d/dt + a)^r_i c_i'w = 0, from zero:
-    c_i'w is zero; a, on which H_m^-1 H_um does not depend, only makes rounding errors decay.
+    zeta = C(s) sigma_hat_um. ``known`` contains as many of its derivatives, beginning with zeta itself, as the relative degree of
+    C(s), so nothing is differentiated. With r_i the relative degree of c_i, v is chosen such that (d/dt + a)^r_i c_i'w = 0,
+    starting from zero, so c_i'w is zero. The constant a, on which H_m^-1 H_um does not depend, only makes rounding errors decay.
     """
     b, b_um, k = B[:, :m], B[:, m:], len(A_m) - m
     A_z, B_z, C_z = (np.kron(np.eye(k), part) for part in (C.A, C.B[:, None], C.C[None, :]))

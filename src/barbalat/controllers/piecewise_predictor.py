@@ -1,4 +1,5 @@
-"""The predictor of the piecewise-constant law and its estimate, from sample to sample: exact, or in the form of flight codes."""
+"""The predictor and the estimate of the piecewise-constant law from sample to sample, in the exact form or in the form of flight
+codes."""
 
 from __future__ import annotations
 
@@ -14,12 +15,13 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
 SPAN = Role.other("samples over which the prediction error accumulates: 1 unless measurements are missed")
-"""The role of the sample counter; see ``next_span``."""
+"""The role of the sample counter (see ``next_span``)."""
 
 
 @dataclass(frozen=True, eq=False)
 class PredictorStep:
-    """x_hat[k+1] from x_hat, x and the inputs through B: sigma_hat, and the known input v (m,) through its first columns.
+    """x_hat[k+1] from x_hat, x and the inputs through B, which are sigma_hat and, through the first columns, the known input v
+    (m,).
 
     sigma_hat = -G x_tilde, x_tilde = x_hat - x.
     """
@@ -47,17 +49,18 @@ class PredictorStep:
         return -(self.G @ x_tilde)
 
     def measured_again(self, x_hat: Value, x: Value, sigma_hat: Value, span: Value) -> Value:
-        """x_hat at a measurement ``span`` samples after the last one, see ``shared``; sigma_hat was held in between."""
+        """x_hat at a measurement ``span`` samples after the last one, from ``shared``; sigma_hat was held in between."""
         return x + shared(x_hat - x, -(self.answered @ sigma_hat), span)
 
 
 def inverse(G: Array) -> Array:
-    """G^-1, or the pseudo-inverse if G is numerically singular, as for samples far longer than the loop's own time scale."""
+    """G^-1, or the pseudo-inverse if G is numerically singular, as for sample times far longer than the time scale of the
+    loop."""
     return np.linalg.pinv(G) if np.isfinite(G).all() else np.full_like(G, np.nan)
 
 
 LONGEST_SPAN = 1e4
-"""The count of samples stops at this number, so during a long freeze no number leaves an export's range, which is at least
+"""The sample count saturates at this number, so during a long freeze no number leaves the range of an export, which is at least
 1e6."""
 
 
@@ -69,9 +72,9 @@ def memory_of(A_m: Array, T: float) -> float:
 def shared(error: Value, answered: Value, span: Value) -> Value:
     """One sample's fraction of a prediction error that accumulated over ``span`` samples without a measurement.
 
-    The law treats the whole error as the effect of one sample. With an error of m samples it would compensate m times the
-    uncertainty, for several samples until the next measurement: a loop that misses two of three samples would diverge. Therefore
-    the part of the error that sigma_hat does not yet explain is divided by the number of samples.
+    The law treats the whole error as the effect of one sample. If the error accumulated over m samples, the law would compensate
+    m times the uncertainty for several samples until the next measurement, and a loop that misses two of three samples would
+    diverge. Therefore the part of the error that sigma_hat does not yet explain is divided by the number of samples.
     """
     return answered + (error - answered) / np.maximum(span, 1.0)
 
@@ -83,14 +86,14 @@ def next_span(frozen: Value, span: Value, memory: float) -> Value:
 
 @dataclass(frozen=True, eq=False)
 class AsFlown(Settings):
-    """x_hat[k+1] = x_hat + T [A_m x + b (theta_0'phi(x) + u) + B sigma_hat + A_s x_tilde], A_s = diag(a): Euler's step.
+    """x_hat[k+1] = x_hat + T [A_m x + b (theta_0'phi(x) + u) + B sigma_hat + A_s x_tilde], A_s = diag(a): an Euler step.
 
     sigma_hat = -B^-1 diag(a e^(aT)/(e^(aT) - 1)) x_tilde, each state separately, and u = k_0 r - theta_0'phi(x) +
     C(s)[-sigma_hat_m - ...]: the baseline is not filtered.
 
     predictor_poles      a [1/s], a number for all states or (n,), at most 0; with 0 the factor is 1/T
     nominal              theta_0, (p,) or (p m,): the baseline's parameters, which the predictor knows; zero by default
-    assumed_sample_time  T in these formulas [s], if it differs from the loop's real sample time; sample_time by default
+    assumed_sample_time  T in these formulas [s], if it differs from the real sample time of the loop; sample_time by default
 
     Source: Wu et al., L1Quad, arXiv 2302.07208, section III.
     """
@@ -126,7 +129,7 @@ class AsFlown(Settings):
     def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
         """The step from sample to sample, with the assumed T [s]."""
         a = self.poles(len(A_m))
-        with np.errstate(over="ignore"):  # for a T far longer than the loop's own time scale, the factor tends to 0
+        with np.errstate(over="ignore"):  # for T far longer than the time scale of the loop, the factor tends to 0
             decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
         factor = np.where(a == 0, 1 / T, a / np.where(a == 0, 1.0, decay))
         A_s, memory = np.diag(a), float(np.abs(1 + T * a).max())

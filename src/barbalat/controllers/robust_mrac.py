@@ -1,6 +1,6 @@
 """Robust MRAC with normalisation and an auxiliary input for the transient: eqs (13)-(16).
 
-The same equations without the auxiliary input are the normalised MRAC that Section II names.
+Without the auxiliary input, the same equations are the normalised MRAC mentioned in Section II.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Equations(OnParametricModel):
     theta_hat0: Array
     x0: Array
     estimate_set: EstimateSet | None
-    limits: Array | None = None  # of the input, if the parametric model receives sat(u)
+    limits: Array | None = None  # limits of the input, if the parametric model receives sat(u)
     enters: Array | None = None  # the matrix by which the command enters the state directly
 
     def estimation(self, state: State, x: Value) -> Estimation:
@@ -85,7 +85,7 @@ class Equations(OnParametricModel):
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """The input of -Q(s); the paper prints its second term with the opposite sign, an erratum: see RobustMrac."""
+        """The input of -Q(s); its second term has the opposite sign in the paper, which is an erratum (see RobustMrac)."""
         estimation = self.estimation(state, x)
         return estimation.epsilon * estimation.m_s_squared + self.c_0 @ state.swapping
 
@@ -119,11 +119,11 @@ class RobustMrac(Scheme):
     """u = -theta_hat'x + k_0 r + u_a with a law on the linear parametric model and the auxiliary input u_a.
 
     tau            time constant of the auxiliary input [s], > 0
-    law            LeastSquares (the paper's) or another of ``adaptation.laws``
+    law            LeastSquares, as in the paper, or another law of ``adaptation.laws``
     c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
-    normalization  of the estimation error: eq. (16)
+    normalization  normalisation of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
-    projection     onto the known set; by default on if there is one
+    projection     onto the known set; on by default if there is one
     saturated_predictor  against windup: the parametric model and n_d receive sat(u); off by default
 
     Erratum of (14). By the swapping lemma, without modelling error and with x_m(0) = x(0),
@@ -136,7 +136,8 @@ class RobustMrac(Scheme):
     the part of u beyond the limit affects e but not learning. With u instead, epsilon would contain W_m(s)[sat(u) - u], which
     no theta explains.
 
-    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). The treatment of windup is ours, from (13).
+    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). The treatment of windup is derived here from
+    (13).
     """
 
     tau: float
@@ -182,11 +183,11 @@ class RobustMrac(Scheme):
 class NormalizedMrac(Scheme):
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without an auxiliary input.
 
-    law            of ``adaptation.laws``
+    law            a law of ``adaptation.laws``
     c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
-    normalization  of the estimation error: eq. (16)
+    normalization  normalisation of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
-    projection     onto the known set; by default on if there is one
+    projection     onto the known set; on by default if there is one
     saturated_predictor  against windup: the parametric model and n_d receive sat(u); off by default
 
     Source: Section II; Ioannou and Sun, section 6.5.

@@ -28,7 +28,7 @@ from barbalat.validate import Array, InputError
 class AuxiliaryFilter:
     """Q(s) = W_m(s)^-1/(tau s + 1): q' = A q + B v, Q[v] = C q + D v.
 
-    C_0 q is v after the lag; the input is chosen so that C_0 q' = (v - C_0 q)/tau.
+    C_0 q is v filtered by the lag. The input is chosen so that C_0 q' = (v - C_0 q)/tau.
     """
 
     A: Array
@@ -51,7 +51,7 @@ class AuxiliaryFilter:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(OnParametricModel):
-    """The equations for several inputs: those for one input with a vector epsilon."""
+    """The equations for several inputs, which are those for one input with a vector epsilon."""
 
     A_m: Array
     B: Array  # (n, m)
@@ -64,7 +64,7 @@ class Equations(OnParametricModel):
     theta_hat0: Array
     x0: Array
     estimate_set: EstimateSet | None
-    limits: Array | None = None  # of the inputs, if the parametric model receives sat(u)
+    limits: Array | None = None  # limits of the inputs, if the parametric model receives sat(u)
     enters: Array | None = None  # (n, q), the matrix by which the commands enter the state directly
 
     def estimation(self, state: State, x: Value) -> Estimation:
@@ -111,7 +111,7 @@ def equations(
     estimate_set: EstimateSet | None,
     limits: Array | None,
 ) -> Equations:
-    """InputError if W_m does not have relative degree one for each input, or has a zero in Re s >= 0."""
+    """Raise InputError if W_m does not have relative degree one for each input, or has a zero in Re s >= 0."""
     if isinstance(law, ModifiedLaw) and law.leakage is not None and law.leakage.one_input_only:
         raise InputError(f"{type(law.leakage).__name__} supports only plants with one input, got {known.inputs}; give a sigma")
     C_0 = known.b.T @ known.P if c_0 is None else validate.array("c_0", c_0, (known.inputs, known.n))
@@ -135,7 +135,7 @@ def equations(
 
 
 def require_minimum_phase(C_0: Array, known: Known) -> None:
-    """Raise InputError unless C_0 B is regular and the zeros of W_m, the modes with C_0 x = 0, decay."""
+    """Raise InputError unless C_0 B is regular and the zeros of W_m, which are the modes with C_0 x = 0, decay."""
     CB = C_0 @ known.b
     if np.linalg.matrix_rank(CB) < known.inputs:
         raise InputError(f"c_0 must make c_0 b regular, with a row for each input, but c_0 b = {validate.show(CB)}")

@@ -1,4 +1,4 @@
-"""Any controller in the form for a flight computer: it measures at its sample times and holds its control in between."""
+"""Any controller in the form for a flight computer, which measures at sample times and holds the control in between."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Euler(SampledForm):
 
 
 def _moved(state: Any, rates: Any, T: float) -> Any:
-    """state + T rates, through nested NamedTuples."""
+    """Return state + T rates; nested NamedTuples are traversed."""
     if not isinstance(state, tuple):
         return state + T * rates
     parts = [_moved(old, rate, T) for old, rate in zip(state, rates, strict=True)]
@@ -40,12 +40,12 @@ def _moved(state: Any, rates: Any, T: float) -> Any:
 class Sampled(Scheme):
     """A controller that acts every ``sample_time`` and holds u in between.
 
-    controller      any of the schemes
+    controller      any scheme
     sample_time     [s]; a whole number of solver steps if these are fixed
     discretization  "midpoint", whose Lyapunov function does not grow for any gain or sample time (docs/sampled.md), or "euler"
 
-    MRAC's midpoint form has a predictor, like L1-AC, and is driven by the prediction error: in continuous time that predictor
-    is the model, and in sampled form it agrees with the model to the order of sample_time. Raises InputError.
+    The midpoint form of MRAC has a predictor, as in L1-AC, and is driven by the prediction error. In continuous time that
+    predictor is the model; in sampled form it agrees with the model to within an error of order sample_time. Raises InputError.
     """
 
     controller: Controller
@@ -66,7 +66,7 @@ class Sampled(Scheme):
 
     @property
     def feedback(self) -> str:
-        """The signal that is fed back: "state" or "output"."""
+        """The fed-back signal: "state" or "output"."""
         return feedback_of(self.controller)
 
     def bind(self, known: object) -> SampledEquations:

@@ -30,7 +30,7 @@ class Scheme(Settings, Controller):
 
 @runtime_checkable
 class PatentNamed(Protocol):
-    """A scheme whose law is claimed by a patent; users who export it are informed."""
+    """A scheme whose law is claimed by a patent; users who export it are told."""
 
     @property
     def patent(self) -> str:
@@ -39,7 +39,7 @@ class PatentNamed(Protocol):
 
 
 class Adaptive(Protocol):
-    """Settings that every adaptive controller has."""
+    """Settings common to all adaptive controllers."""
 
     @property
     def name(self) -> str: ...
@@ -68,7 +68,7 @@ def check_common(settings: Adaptive) -> None:
 def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None, known: Known) -> Array:
     """theta_hat(0), (p,), inside the known set if there is one.
 
-    The default is zero, or the centre of a set that does not contain zero; for an input gain 1, or the nearest bound. With a
+    The default is zero, or the centre of a set that does not contain zero; for an input gain, 1 or the nearest bound. With a
     baseline, the default is its theta_0 instead of zero, so the control starts as the baseline's.
     """
     gains = known.inputs if known.matched.gain_unknown else 0
@@ -144,13 +144,14 @@ def _listed(names: Sequence[str]) -> str:
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
     """The plant features that a scheme declares as not supported; for a class from outside the package they are unknown until it
-    is bound."""
+    is bound to a problem."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
 
 
 def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[str, Any]:
-    """The fields that the equations of L1-AC and of MRAC share, for a plant; InputError if the two don't fit."""
+    """The fields that the equations of L1-AC and MRAC share, for a plant. Raises InputError if the settings don't fit the
+    plant."""
     gamma, modifications = Gain(settings.gamma), Modifications.of(settings)
     if known.theta_0 is not None:
         require_separable(modifications)
@@ -185,7 +186,7 @@ def require_separable(modifications: Modifications) -> None:
 def projection_set(projection: bool | None, known: Known) -> EstimateSet | None:
     """The set to project onto: by default the known set, if there is one; unknown input gains are always projected.
 
-    u is divided by their estimates, which must stay away from zero.
+    The control is divided by their estimates, which must stay away from zero.
     """
     if projection is not None and not isinstance(projection, (bool, np.bool_)):
         raise InputError(f"projection must be true or false, got {validate.show(projection)}")

@@ -23,7 +23,7 @@ def half_step(A: Array, T: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LinearStep:
-    """x' = A x + forcing over one sample with the forcing held at its middle value."""
+    """x' = A x + forcing over one sample, with the forcing held at its midpoint value."""
 
     half: Array  # (I - T/2 A)^-1
     T: float
@@ -56,7 +56,7 @@ class Filter:
 
 
 class Unmoved(NamedTuple):
-    """The end of the sample if the estimates were zero or did not change."""
+    """The values at the end of the sample if the estimates were zero or did not change."""
 
     x_hat: Value  # (n,) predictor with zero estimates
     error: Value  # x_tilde'P b with the present estimates; (m,) with m inputs
@@ -90,7 +90,7 @@ class Still(SampledForm):
 
 @dataclass(frozen=True, eq=False)
 class Tustin(SampledForm):
-    """A linear controller on the output or on the state, whose NamedTuple contains the state of its linear system."""
+    """A linear controller that acts on the output or on the state. Its NamedTuple contains the state of its linear system."""
 
     continuous: Equations
     sample_time: float
@@ -99,6 +99,6 @@ class Tustin(SampledForm):
     explicit: ClassVar[bool] = False
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
-        rest = type(state)(np.zeros(state[0].shape))  # at the origin the derivative is only the forcing
+        rest = type(state)(np.zeros(state[0].shape))  # at the origin, the derivative is just the forcing
         forcings = [self.continuous.derivative(rest, *sample, u)[0] for sample in (before, now)]
         return type(state)(self.step.end(state[0], (forcings[0] + forcings[1]) / 2))

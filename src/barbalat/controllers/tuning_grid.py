@@ -1,4 +1,4 @@
-"""A scheme's knobs: the settings that a trade-off varies, and their ranges for a case. A scheme declares its own knobs."""
+"""The knobs of a scheme: the settings that a trade-off varies and their ranges for a case. Each scheme declares its knobs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from barbalat.protocols import Controller
 from barbalat.validate import Array, Vector
 
 SLOW_SLOPE = 10.0
-"""Multiple of the slowest time constant: |s kappa_2/(s kappa_2 + 1)| of a second slope is 0.995 or more for everything faster."""
+"""Second slope kappa_2 as a multiple of the slowest time constant: |s kappa_2/(s kappa_2 + 1)| is 0.995 or more for all faster
+dynamics."""
 SLOWNESS_RATIO = 100.0
-"""Ratio to the model's slowest rate below which dynamics have no effect within a run."""
+"""Ratio to the model's slowest rate below which dynamics are too slow to matter within a run."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,8 +27,8 @@ class TuningGrid:
     """A scheme and the settings that are varied, in all combinations; ``make`` builds the controller.
 
     traded  whether trade-offs include it by default; contests include all schemes
-    open    settings whose range has arbitrary ends that do not follow from the step or the model: a search may leave it
-    whole   settings whose values already cover their whole range
+    open    settings whose range has arbitrary ends, not derived from the step or the model; a search may leave this range
+    whole   settings whose listed values already cover their whole range
     aims    keys of its certificate that matter to designers: its guarantees and their conditions
     """
 
@@ -49,14 +50,14 @@ class TuningScale:
     """The ranges of knobs for a case.
 
     highest_gain  the highest gain that the step resolves
-    highest_square  the highest product, that the step resolves, of a gain and the squared norm of its regressor: the same as
-                    highest_gain for a different regressor
-    times         time constants [s], from five steps to the model's slowest; ``sampled`` has others
-    density       number of values of a knob in combination with another one
+    highest_square  the highest product of a gain and the squared norm of its regressor that the step resolves: highest_gain for a
+                    different regressor
+    times         time constants [s], from five steps to the slowest one of the model; different in ``sampled``
+    density       number of values of a knob that is combined with another knob
     known         the known part of the plant
     sample_time   of a scheme that is always sampled [s]
-    saturated     whether schemes with a remedy against windup use it
-    theta_hat0    the initial estimates; None leaves them to each scheme
+    saturated     whether schemes with a windup remedy use it
+    theta_hat0    the initial estimates; with None each scheme uses its default
     """
 
     highest_gain: float
@@ -70,7 +71,7 @@ class TuningScale:
 
     def sampled(self, sample_time: float, beyond: float) -> TuningScale:
         """The ranges for a contest of sampled controllers: gains ``beyond`` times as large, time constants from half a sample to
-        ten times the slowest.
+        ten times the slowest one.
 
         The midpoint form of a lag has its pole at zero if the time constant is half a sample, and oscillates if it is shorter.
         """
@@ -88,7 +89,7 @@ class TuningScale:
 
     @property
     def nominal(self) -> Array | None:
-        """The parameters that a scheme without estimates assumes, (n m,), as in linear designs: those of the declared values of
+        """The parameters that a scheme without estimates assumes, (n m,), as in linear designs: theta at the declared values of
         [parameters], or else the middle of the known set."""
         if self.known.nominal is not None:
             return self.known.nominal
@@ -111,10 +112,10 @@ class TuningScale:
 class OutputTuningScale:
     """The ranges of knobs for a case with output feedback.
 
-    times        time constants [s], from five steps to the model's slowest
+    times        time constants [s], from five steps to the slowest one of the model
     known        the known part of the plant
     sample_time  of a scheme that is always sampled [s]
-    saturated    whether schemes with a remedy against windup use it
+    saturated    whether schemes with a windup remedy use it
     """
 
     times: Array
@@ -134,7 +135,7 @@ class OutputTunable(Protocol):
 
 @runtime_checkable
 class Tunable(Protocol):
-    """A scheme's class that declares which of its settings trade tracking for robustness. Other schemes enter trade-offs only
+    """A scheme class that declares which of its settings trade tracking against robustness. Other schemes enter trade-offs only
     with fixed settings."""
 
     def knobs(self, reach: TuningScale) -> TuningGrid:

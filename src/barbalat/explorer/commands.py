@@ -58,7 +58,7 @@ def is_computed(signal: Signal) -> bool:
 def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
     """Return the points of a record for a page's JSON, up to the first after ``longest`` [s]; None for any other signal.
 
-    InputError if there are more points than a page can contain.
+    Raises InputError if there are more points than a page can contain.
     """
     if not isinstance(signal, InterpolatedSignal):
         return None
@@ -132,7 +132,7 @@ class Grid:
     def of(cls, signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool = False) -> Grid:
         """Return the grid of a simulation.
 
-        InputError if a signal that a page does not compute has more different rows than a page can contain.
+        Raises InputError if a signal that a page does not compute has more different rows than a page can contain.
 
         whole  steps are not split at breaks, as for steps with a memory
         """
@@ -164,7 +164,7 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
     The kernel either splits steps into pieces or, with ``whole``, does not.
 
-    InputError if the run's own grid has too many rows.
+    Raises InputError if the run's own grid has too many rows.
     """
     simulation = replace(simulation, solver=RK4)  # RK4's nodes include those of all methods
     own = Grid.of(signals, simulation, whole=whole)

@@ -54,7 +54,7 @@ class Filtered:
     def read(self, cases: Sequence[Case]) -> Numbers:
         """Read the numbers of several cases.
 
-        InputError if a case has none.
+        Raises InputError if a case has none.
         """
         columns = []
         for case in cases:

@@ -45,7 +45,7 @@ class PageContents:
     lessons: tuple[Lesson, ...]
 
     def page(self, claims: Sequence[Claim]) -> str:
-        """Return the whole page, with the findings of these claims. InputError if it would be too large."""
+        """Return the whole page, with the findings of these claims. Raises InputError if it would be too large."""
         lessons = [lesson.as_data(self.names, claims) for lesson in self.lessons]
         return html(self.data | {"lessons": lessons}, self.certificates)
 
@@ -59,7 +59,7 @@ class Explorer:
 
     @cached_property
     def html(self) -> str:
-        """The page. InputError if a page cannot simulate the case."""
+        """The page. Raises InputError if a page cannot simulate the case."""
         return self.contents.page(())
 
     @cached_property
@@ -78,8 +78,8 @@ class Explorer:
     def at(
         self, numbers: Mapping[str, float], *, projection: Mapping[int, bool] | None = None, solver: str | None = None
     ) -> Case:
-        """Return the case with a page's numbers, as *copy as Python* writes them. InputError for numbers that the page cannot
-        have."""
+        """Return the case with a page's numbers, as *copy as Python* writes them. Raises InputError for numbers that the page
+        cannot have."""
         toggled = [i for i, on in (projection or {}).items() if on != self.source.projected(i)]
         case = self.source.at({FieldPath.parse(path): value for path, value in numbers.items()}, toggled)
         if solver is None:
@@ -159,7 +159,7 @@ PAGE_FILES = (
 
 
 def html(data: dict[str, Any], certificates: str) -> str:
-    """Return the whole page. InputError if it would be too large to be sent."""
+    """Return the whole page. Raises InputError if it would be too large to be sent."""
     parts = {
         "TITLE": escape(str(data["case"])),
         "VERSION": escape(barbalat.__version__),

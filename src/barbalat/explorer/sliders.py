@@ -197,8 +197,8 @@ class Sliders:
     def _case(self, numbers: Mapping[FieldPath, float], toggled: tuple[int, ...]) -> Case:
         """Return the case with other numbers.
 
-        InputError if its known set makes the estimates start at the set's centre instead. Such a start depends on all bounds at
-        once, so that no slider of a single bound could tabulate it.
+        Raises InputError if its known set makes the estimates start at the set's centre instead. Such a start depends on all
+        bounds at once, so that no slider of a single bound could tabulate it.
         """
         case = self.source.at(numbers, toggled)
         if any(path.keys[0] == "uncertainty" for path in numbers) and not _alike(_starts(case), self._starts[bool(toggled)]):

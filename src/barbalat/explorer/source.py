@@ -33,8 +33,8 @@ class Source(ABC):
 
     @abstractmethod
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        """Return the case with other numbers and with the projection of some controllers switched. InputError if the case is
-        not valid."""
+        """Return the case with other numbers and with the projection of some controllers switched. Raises InputError if the case
+        is not valid."""
 
     @abstractmethod
     def projected(self, i: int) -> bool:

@@ -23,7 +23,7 @@ FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
 
 
 def require_compiler(purpose: str = "the exported C must run on this machine", remedy: str = "") -> list[str]:
-    """The command of a C compiler, from CC if that is set; InputError, stating the purpose, if this machine has none."""
+    """The command of a C compiler, from CC if that is set; raises InputError, stating the purpose, if this machine has none."""
     chosen = _chosen()
     names = [chosen[0]] if chosen else list(COMPILERS)
     found = next(filter(None, map(shutil.which, names)), None)
@@ -49,7 +49,7 @@ def _chosen() -> list[str]:
 
 
 def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: str, ending: str = ".so") -> bytes:
-    """Sources by their names, compiled to one library; InputError if the compiler fails."""
+    """Sources by their names, compiled to one library; raises InputError if the compiler fails."""
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made)
         for name, text in texts.items():

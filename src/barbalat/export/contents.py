@@ -78,7 +78,7 @@ class Contents:
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real, *, opened: Opened | None = None
     ) -> Contents:
-        """InputError for a continuous controller, and for one that diverges before the vectors end."""
+        """Raise InputError for a continuous controller, and for one that diverges before the vectors end."""
         surrounded, problem = problem, problem.nominal
         loop = ClosedLoop.of(problem, controller)
         require_sampled(controller.name, sampled=loop.sampled)

@@ -166,7 +166,7 @@ MEMBERS = frozenset(
 def prefix_of(name: str) -> str:
     """The prefix of an export's names: the controller's name in lower case, with ``_`` for characters that C does not allow.
 
-    "Robust MRAC, T = 1 ms" becomes robust_mrac_t_1_ms. InputError if the result is empty or too long.
+    "Robust MRAC, T = 1 ms" becomes robust_mrac_t_1_ms. Raises InputError if the result is empty or too long.
     """
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     found = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
@@ -183,7 +183,7 @@ def prefix_of(name: str) -> str:
 
 
 def require_prefix(name: str) -> str:
-    """A user's prefix, unchanged; InputError if no identifier of C can begin with it."""
+    """A user's prefix, unchanged; raises InputError if no identifier of C can begin with it."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or identifier(name) != name:
         raise InputError(f"name must be a letter, then letters, digits and _, and not a keyword of C, got {validate.show(name)}")
     if len(name) > LONGEST_PREFIX:

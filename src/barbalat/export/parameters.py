@@ -99,7 +99,7 @@ class Opened:
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, tunable: bool, place: int = 0
     ) -> Opened:
-        """InputError if the controller does not fit the problem; without ``tunable`` every number is compiled in.
+        """Raise InputError if the controller does not fit the problem; without ``tunable`` every number is compiled in.
 
         place  index of the controller in its case, for the paths
         """

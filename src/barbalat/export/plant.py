@@ -34,7 +34,7 @@ class PlantContents:
 
     @classmethod
     def of(cls, problem: TrackingProblem, opened: Opened) -> PlantContents:
-        """InputError for a plant whose equations contain t."""
+        """Raise InputError for a plant whose equations contain t."""
         EXPORTED_LOOP.require(problem)
         loop = opened.members.loop
         at = loop.unpack(np.arange(loop.size))

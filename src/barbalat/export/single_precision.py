@@ -66,7 +66,7 @@ def precision_limit(
 ) -> PrecisionLimit:
     """Simulate at increasing gains, both with the 32-bit export in the loop and as usual.
 
-    InputError for a controller without a gain, and as in ``simulate_export``.
+    Raises InputError for a controller without a gain, and as in ``simulate_export``.
     """
     found = next((one for one in in_object(controller, ()) if one[0][-1] in GAINS), None)
     if found is None:
@@ -143,7 +143,7 @@ def with_float32_gains(
     *,
     progress: Progress | None = None,
 ) -> Certificates:
-    """The certificates of the sampled controllers with ``gamma_float32``; InputError if there is no C compiler or no such
+    """The certificates of the sampled controllers with ``gamma_float32``; raises InputError if there is no C compiler or no such
     controller."""
     require_compiler("a float32 export must run on this machine")
     sampled = [one for one in controllers if ClosedLoop.of(problem, one).sampled]

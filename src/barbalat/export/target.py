@@ -68,7 +68,7 @@ class Target:
 
 
 def targets() -> dict[str, Target]:
-    """All targets by their names; InputError for an entry point that can't be imported."""
+    """All targets by their names; raises InputError for an entry point that can't be imported."""
     return {one.name: one for found in slices("barbalat.export", GROUP, "target") for one in found.TARGETS}
 
 

@@ -188,7 +188,7 @@ class Neighbourhood:
 
         bounds  (2, d) the ends between which derived numbers are computed; near an end the slope is that one step inside
 
-        InputError for a number from which others do not follow smoothly.
+        Raises InputError for a number from which others do not follow smoothly.
         """
         count, own = len(rows), self.setting.numbers(rows)
         zeros = [Direction(np.zeros_like(one.parameters), np.zeros_like(one.states), _no_history(one)) for one in own]

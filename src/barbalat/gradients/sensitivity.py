@@ -87,7 +87,7 @@ class Sensitivities:
         return f"<Sensitivities {self.case!r}: {validate.counted(len(self.derivatives), 'derivative')}{said}>"
 
     def of(self, controller: str, figure: str) -> dict[str, Derivative]:
-        """The derivatives of one metric by the numbers' paths, in order; InputError for unknown names."""
+        """The derivatives of one metric by the numbers' paths, in order; raises InputError for unknown names."""
         if controller not in self.controllers:
             raise validate.unknown_name("controller", controller, self.controllers)
         found = {str(one.path): one for one in self.derivatives if (one.controller, one.figure) == (controller, figure)}
@@ -202,7 +202,7 @@ class _Runs:
         return self.near.setting.simulation
 
     def require(self, which: Sequence[int]) -> None:
-        """InputError for runs that exceed the budget."""
+        """Raise InputError for runs that exceed the budget."""
         loops = [self.near.setting.families[i].reader.loop for i in which]
 
         def cost(numbers: float) -> budget.Estimate:
@@ -298,7 +298,7 @@ def require_figures(figures: Sequence[str], case: Case) -> None:
 
 
 def chosen(figures: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The metrics with these names, or with all their components; InputError for an unknown one."""
+    """The metrics with these names, or with all their components; raises InputError for an unknown one."""
     found: list[str] = []
     for figure in figures:
         named = [name for name in known if figure in (name, name.split("[")[0])]

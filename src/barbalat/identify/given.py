@@ -64,7 +64,7 @@ class Structure:
         derivatives: Mapping[str, str],
         within: Mapping[tuple[str, str], tuple[float, float]],
     ) -> Structure:
-        """The structure of these rows; InputError for names and bounds that are wrong."""
+        """The structure of these rows; raises InputError for names and bounds that are wrong."""
         names = (*recording.output_names, *recording.input_names)
         n, p = len(recording.output_names), len(names)
         given, start = np.zeros(n, dtype=bool), np.zeros((n, p))

@@ -124,7 +124,7 @@ def _inside(a: Array, box: Array) -> bool:
 
 
 def _enclosed(name: str, every: Windows, structure: Structure, i: int, other: Alternative | None) -> Enclosure | None:
-    """The known set of a row, None for a given row; InputError if no row explains the data."""
+    """The known set of a row, None for a given row; raises InputError if no row explains the data."""
     hint = "" if other is None else f"; {other.sentence}"
     if structure.given[i]:
         if not every.explained_by(structure.start[i]).all():
@@ -228,7 +228,7 @@ def _correlation(values: Array, size: float) -> float:
 
 
 def _require_affordable(n: int, p: int, samples: int) -> None:
-    """InputError if the fit and the linear programmes for this number of states exceed the budget."""
+    """Raise InputError if the fit and the linear programmes for this number of states exceed the budget."""
     each = 2.0 ** min(n, 6) * (2 * p + 1) * MOST_WINDOWS * 8
     budget.require(
         "outputs", n, lambda count: WINDOW.times(each * count / 50) + VALUE.times(samples * count * n * p),

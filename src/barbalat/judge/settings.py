@@ -58,8 +58,8 @@ class Judge(Settings):
         object.__setattr__(self, "closely", bool(self.closely))
 
     def named(self, problem: TrackingProblem) -> Judge:
-        """Return the same settings with each band under its component's label. InputError for a component that the problem does
-        not have.
+        """Return the same settings with each band under its component's label. Raises InputError for a component that the problem
+        does not have.
 
         Components may be named by their labels, or as x_1, x_2, ..., or y with output feedback.
         """

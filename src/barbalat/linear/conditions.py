@@ -48,7 +48,7 @@ def largest_real_part(A: Array) -> tuple[float, bool]:
 
 
 def require_controllable(fields: str, A: Array, b: Array) -> None:
-    """InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus)."""
+    """Raise InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus)."""
     unit, half = scaled(A)
     balanced, scale = balance(unit)
     column = scaled(b)[0] / (scale if b.ndim == 1 else scale[:, None])

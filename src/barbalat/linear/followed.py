@@ -68,7 +68,7 @@ class Followed(NamedTuple):
 
 
 def followed(motion: Motion) -> Followed:
-    """Compute the response; InputError if it takes too many steps."""
+    """Compute the response; raises InputError if it takes too many steps."""
     bits = FIRST_BITS
     while bits <= MOST_BITS:
         with ctx.workprec(bits):

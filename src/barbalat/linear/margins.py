@@ -45,8 +45,8 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
 
     loop   L(s): a StateSpace, a TransferFunction or a SISO python-control system
 
-    InputError if it is not stable, with the closed loop's largest real part, or with the delay that it tolerates. A loop with
-    |L(infinity)| >= 1 tolerates none.
+    Raises InputError if it is not stable, with the closed loop's largest real part, or with the delay that it tolerates. A loop
+    with |L(infinity)| >= 1 tolerates none.
     """
     loop, delay = StateSpace.accept("loop", loop), validate.not_negative("delay", delay)
     closed = sensitivity(loop).A

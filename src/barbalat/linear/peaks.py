@@ -35,7 +35,7 @@ class Peak(NamedTuple):
 
 
 def peak_gain(system: StateSpace) -> Peak:
-    """sup over w of |G(j w)| of a stable system, to ``PEAK_PRECISION``; InputError for an unstable one."""
+    """sup over w of |G(j w)| of a stable system, to ``PEAK_PRECISION``; raises InputError for an unstable one."""
     poles = np.linalg.eigvals(system.A) if system.order else np.array([-1.0])
     if poles.real.max() >= 0:
         raise InputError(f"a peak gain needs a stable system, but a pole has real part {poles.real.max():.6g}")
@@ -65,7 +65,7 @@ class Peaks(NamedTuple):
 def delayed_peaks(loop: StateSpace, delay: float) -> Peaks:
     """sup |1/(1 + L e^(-j w d))| and sup |L/(1 + L e^(-j w d))| of a loop that is stable with the delay d > 0 [s].
 
-    InputError for a loop that is not strictly proper: its peaks recur up to infinite frequency.
+    Raises InputError for a loop that is not strictly proper: its peaks recur up to infinite frequency.
     """
     if loop.D != 0:
         raise InputError(f"peaks with a delay need a strictly proper loop, but L(infinity) = {loop.D:.6g}")

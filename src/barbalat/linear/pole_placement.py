@@ -60,7 +60,7 @@ def observer_gain(A: Array, C: Array, wanted: list[complex], field: str) -> Arra
 
 
 def wanted_poles(poles: Iterable[Any], n: int, field: str) -> list[complex]:
-    """Both poles of each pair; InputError unless there are n, in Re s < 0."""
+    """Both poles of each pair; raises InputError unless there are n, in Re s < 0."""
     wanted = _wanted(poles, n, field)
     unstable = [pole for pole in wanted if not pole.real < 0]
     if unstable:
@@ -69,7 +69,7 @@ def wanted_poles(poles: Iterable[Any], n: int, field: str) -> list[complex]:
 
 
 def _wanted(poles: Iterable[Any], n: int, field: str) -> list[complex]:
-    """Both poles of each pair; InputError unless there are n."""
+    """Both poles of each pair; raises InputError unless there are n."""
     given, wanted = list(poles), []
     for pole in _once_each(given):
         parts = np.atleast_1d(pole)

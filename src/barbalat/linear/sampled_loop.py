@@ -186,7 +186,7 @@ def gain_margins(loop: SampledLoop, delay: float) -> tuple[float, float]:
     """The factors closest to 1, below and above it, that destabilise the loop if they multiply all inputs; 0 and infinite if
     there are none.
 
-    Factors up to ``LARGEST_FACTOR`` are examined. InputError if the loop is unstable.
+    Factors up to ``LARGEST_FACTOR`` are examined. Raises InputError if the loop is unstable.
     """
     search = _GainSearch(_stable(loop, delay), delay)
     return search.margin(-1), search.margin(1)

@@ -79,7 +79,7 @@ class SampledNorms:
 
 
 def _contraction(M: Array) -> tuple[Array, float]:
-    """A root with root'root = P, and a lower bound of 1 - beta; InputError if this P shows none."""
+    """A root with root'root = P, and a lower bound of 1 - beta; raises InputError if this P shows none."""
     from scipy.linalg import LinAlgError, LinAlgWarning, cholesky, solve_discrete_lyapunov
 
     try:
@@ -98,7 +98,8 @@ def _contraction(M: Array) -> tuple[Array, float]:
 
 
 def contraction_witness(M: Array, samples: int) -> dict[str, Any]:
-    """P and a share with M'PM < (1 - share) P, and a number of samples well beyond ``samples``; InputError if there are none."""
+    """P and a share with M'PM < (1 - share) P, and a number of samples well beyond ``samples``; raises InputError if there are
+    none."""
     from scipy.linalg import matrix_balance
 
     balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)

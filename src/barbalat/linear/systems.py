@@ -382,7 +382,7 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
 
 
 def sensitivity(loop: StateSpace) -> StateSpace:
-    """S = 1/(1 + L); InputError if 1 + L(infinity) = 0."""
+    """S = 1/(1 + L); raises InputError if 1 + L(infinity) = 0."""
     return_difference = 1 + loop.D
     if abs(return_difference) < 1e-12:
         raise InputError(f"the closed loop is not well posed: 1 + L(infinity) = {return_difference:.3g}")

@@ -92,8 +92,8 @@ class OnLoop:
 
     @classmethod
     def of(cls, fault: Fault, names: tuple[str, ...], T: float, measured: int) -> OnLoop:
-        """InputError for a time that does not fit the sample time. ``where`` selects the measured channels; without a channel a
-        fault affects all of them."""
+        """Raise InputError for a time that does not fit the sample time. ``where`` selects the measured channels; without a
+        channel a fault affects all of them."""
         on = np.array([fault.channels == name or (not fault.channels and i < measured) for i, name in enumerate(names)])
         samples = 0
         if isinstance(fault, Latency):
@@ -150,7 +150,7 @@ class Around:
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
-        """The shell and the faults; None without both; InputError for times that do not fit the sample time T [s]."""
+        """The shell and the faults; None without both; raises InputError for times that do not fit the sample time T [s]."""
         shell = problem.shell
         if shell is None and not problem.faults:
             return None
@@ -197,7 +197,7 @@ class Around:
         return None if problem.shell is None or T is None else cls.of(replace(problem, faults=()), T)  # type: ignore[type-var]
 
     def require_taken(self, measured: Array, commands: Array, problem: TrackingProblem) -> None:
-        """InputError if a sample of a run without faults, of which (K, y) was measured, with (K, q) ``commands``, is not
+        """Raise InputError if a sample of a run without faults, of which (K, y) was measured, with (K, q) ``commands``, is not
         accepted."""
         names = problem.handed_names
         of_commands = self.command_low, self.command_high, self.command_rate
@@ -243,7 +243,7 @@ class Around:
         return np.array(found)
 
     def require_steps(self, dt: float) -> None:
-        """InputError for a jitter below the solver's step dt [s], which would have no effect."""
+        """Raise InputError for a jitter below the solver's step dt [s], which would have no effect."""
         for one in self.faults:
             if one.kind == Jitter.kind and one.time < dt * (1 - 1e-9):
                 raise InputError(f"a jitter's time must be at least simulation.dt = {dt:g} s, got {one.time:g} s")

@@ -33,8 +33,8 @@ _checked: set[Hashable] = set()
 
 
 def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
-    """The controller's equations for this problem; InputError for an object that is not a controller, or for a controller that
-    needs a different measurement.
+    """The controller's equations for this problem; raises InputError for an object that is not a controller, or for a controller
+    that needs a different measurement.
 
     Equations that involve a class from outside are checked once for each structure, see ``check_controller``. The package's
     tests apply the same checks to its own equations.
@@ -120,7 +120,7 @@ def ports_of(problem: TrackingProblem) -> Ports:
 
 
 def require_controllers(controllers: Sequence[Any]) -> None:
-    """InputError for an object that is not a controller, and for two controllers with the same name."""
+    """Raise InputError for an object that is not a controller, and for two controllers with the same name."""
     for controller in controllers:
         if not validate.is_instance(controller, Controller) or isinstance(controller, type):
             raise InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
@@ -134,7 +134,7 @@ def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller
     """Any collection of controllers, or a single one, as a tuple. If several have the same name, all but the first get a
     number: MRAC, MRAC 2.
 
-    InputError for an object that is not a controller, and for a duplicate name if the class has no field for it.
+    Raises InputError for an object that is not a controller, and for a duplicate name if the class has no field for it.
     """
     given: Any = (controllers,) if isinstance(controllers, Controller) else controllers
     if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):

@@ -70,7 +70,7 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
 
 
 def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
-    """InputError for roles of fields that the state lacks, and if the names and the estimates differ in number."""
+    """Raise InputError for roles of fields that the state lacks, and if the names and the estimates differ in number."""
     declared: Any = declared_roles(equations)
     whose = whose.part(".roles")
     if declared is None:
@@ -106,7 +106,7 @@ def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Arr
 
 
 def _require_methods(equations: Any, whose: Subject) -> None:
-    """InputError for an object without a method that a loop calls."""
+    """Raise InputError for an object without a method that a loop calls."""
     wanted = SAMPLED if isinstance(equations, SampledEquations) else CONTINUOUS
     missing = [name for name in wanted if name not in dir(equations)]
     if missing or isinstance(equations, type):

@@ -55,7 +55,7 @@ class ClosedLoop:
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, *, bind: Bind = bound) -> ClosedLoop:
-        """The loop; InputError if the controller does not fit the problem."""
+        """The loop; raises InputError if the controller does not fit the problem."""
         validate.instance("problem", problem, TrackingProblem)
         equations = bind(problem, controller)
         around, noise, fixed = problem.surroundings, problem.noise, problem.fixed_observer

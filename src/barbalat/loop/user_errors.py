@@ -47,7 +47,7 @@ class Subject:
 
 
 def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None) -> None:
-    """InputError if ``initial`` returns no NamedTuple of arrays, or one without declared estimates."""
+    """Raise InputError if ``initial`` returns no NamedTuple of arrays, or one without declared estimates."""
     if not isinstance(state, tuple) or type(state) is tuple:
         raise what.error(f" must return a NamedTuple of arrays, got {validate.show(state)}")
     if "theta_hat" not in names_of(state) and declared is None:
@@ -63,7 +63,8 @@ def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None
 
 
 def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) -> None:
-    """InputError for an object that is not a number or array of this shape; a number is accepted for an array with one entry."""
+    """Raise InputError for an object that is not a number or array of this shape; a number is accepted for an array with one
+    entry."""
     given = shape_of(found)
     if given is None:
         raise what.error(f": {name} must be {_named(shape)}, got {_shown(found)}")
@@ -72,7 +73,7 @@ def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) 
 
 
 def require_like(found: Any, state: Any, what: Subject) -> None:
-    """InputError for a state whose form differs from that of the initial one."""
+    """Raise InputError for a state whose form differs from that of the initial one."""
     if not isinstance(found, tuple):
         raise what.error(f": it must return the state, a {type(state).__name__}, got {_shown(found)}")
     expected, given = list(leaves(state)), list(leaves(found))

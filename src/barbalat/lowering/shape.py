@@ -68,8 +68,8 @@ MOST_STEPS = 2**63 - 1
 
 
 def require_count(name: str, count: int, least: int) -> None:
-    """ValueError for a number of steps that machine code can't represent, or that is too small: a division by 0 would end the
-    process."""
+    """Raise ValueError for a number of steps that machine code can't represent, or that is too small: a division by 0 would end
+    the process."""
     if not least <= count <= MOST_STEPS:
         raise ValueError(f"{name} must be from {least} to {MOST_STEPS}, got {count}")
 

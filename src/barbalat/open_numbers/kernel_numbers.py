@@ -79,7 +79,7 @@ class Family:
     def of(
         cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0, watched: Watched | None = None
     ) -> Family:
-        """InputError if an example can't be used; ``watched`` as in ``Members``."""
+        """Raise InputError if an example can't be used; ``watched`` as in ``Members``."""
         reader = Reader.of(examples[0][:2], simulation, adjustable=False, watched=watched)
         for problem, controller, *_ in examples[1:]:
             reader.add(problem, controller)
@@ -97,7 +97,7 @@ class Family:
         return _numbers(self.reader, self.reader.chosen(self.differs, self.rounding), 0)
 
     def read(self, members: Sequence[Member]) -> Numbers:
-        """The numbers of members that differ from the examples only in the same numbers; InputError for others."""
+        """The numbers of members that differ from the examples only in the same numbers; raises InputError for others."""
         first = self.reader.problem, self.reader.controller
         if all(one is other for member in members for one, other in zip(member[:2], first, strict=True)):
             return self._first.of(np.zeros(len(members), dtype=int))

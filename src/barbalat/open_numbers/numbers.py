@@ -29,7 +29,7 @@ LINEAR_STEPS = 40
 SPECIAL_VALUES = (-1.0, 0.0, 1.0)
 """Values on which a structure may depend: a zero determines which states are coupled, and a gain of one is omitted."""
 At = Callable[[FieldPath, float], Case]
-"""The case with a different number at one place; InputError if it can't be used."""
+"""The case with a different number at one place; raises InputError if it can't be used."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -33,7 +33,7 @@ class FieldPath:
 
     @classmethod
     def parse(cls, text: str) -> FieldPath:
-        """InputError for an invalid path."""
+        """Raise InputError for an invalid path."""
         keys: list[Key] = []
         for part in text.split("."):
             found = _KEY.match(part)
@@ -74,7 +74,8 @@ class FieldPath:
         return FieldPath((*self.keys, index))
 
     def of(self, tables: Tables) -> Any:
-        """The value at this path; None if a table lacks the key, which may have a default. InputError for a wrong index."""
+        """The value at this path; None if a table lacks the key, which may have a default. Raises InputError for a wrong
+        index."""
         here: Any = tables
         for position, key in enumerate(self.keys):
             if isinstance(key, int):
@@ -94,7 +95,7 @@ class FieldPath:
 
         said  the path that a user gave, for the error if a formula or a text is there; by default this path
 
-        InputError if there is a list or a table: its entries are the numbers.
+        Raises InputError if there is a list or a table: its entries are the numbers.
         """
         here: Any = tables
         for position, key in enumerate(self.keys[:-1]):

@@ -127,7 +127,7 @@ class DelayEffect:
         return cls(simulation, copied, rows, entries, first)
 
     def put(self, numbers: Numbers, values: Array) -> None:
-        """Insert the effects of delays ``values`` (M,); the arrays are modified. InputError for a different structure."""
+        """Insert the effects of delays ``values`` (M,); the arrays are modified. Raises InputError for a different structure."""
         assert numbers.lags is not None
         lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
         others = np.delete(np.arange(self.first.size), self.entries)
@@ -179,7 +179,7 @@ class Tried:
 
 
 def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
-    """The kind of the number at each path; InputError if a value that was tried gives no valid case."""
+    """The kind of the number at each path; raises InputError if a value that was tried gives no valid case."""
     base = varied.at(tried.middle)
     found = []
     for column in range(len(varied.paths)):
@@ -236,7 +236,7 @@ class Readable(Protocol):
     """Anything that reads numbers from a case."""
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """The numbers for each of these cases; InputError if one has a different structure."""
+        """The numbers for each of these cases; raises InputError if one has a different structure."""
         ...
 
 
@@ -255,7 +255,7 @@ class Target:
         return cls(index, family, family.read([member]))
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """The arguments for each of these cases; InputError if one has a different structure."""
+        """The arguments for each of these cases; raises InputError if one has a different structure."""
         return self.family.read([case.member(self.index) for case in cases])
 
 

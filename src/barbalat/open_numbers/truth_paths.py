@@ -123,7 +123,7 @@ def _require_declared(tables: Tables, path: FieldPath) -> None:
 
 
 def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
-    """InputError for a name that no parameter of the case has."""
+    """Raise InputError for a name that no parameter of the case has."""
     name = str(path.keys[-1])
     if name not in known:
         there = f"the parameters are {', '.join(known)}" if known else "the case has no [parameters]"

@@ -38,7 +38,7 @@ class Varied(ABC):
 
     @abstractmethod
     def at(self, values: Sequence[float] | Array) -> Case:
-        """The case with these numbers, checked like any other; InputError if it can't be used."""
+        """The case with these numbers, checked like any other; raises InputError if it can't be used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +102,8 @@ Place = tuple[FieldPath, tuple[Key, ...], float]
 
 
 def _put(part: Any, places: Sequence[Place]) -> Any:
-    """A copy of a part with other numbers at some places, made by its constructors with all of them at once; InputError if there
-    is no number at one of these places."""
+    """A copy of a part with other numbers at some places, made by its constructors with all of them at once; raises InputError if
+    there is no number at one of these places."""
     if not places:
         return part
     for path, keys, value in places:
@@ -170,14 +170,14 @@ class VariedCase(Varied):
         return tables_with(self.text, self.paths) if self.tables is None else self.tables
 
     def tables_at(self, values: Sequence[float] | Array) -> Tables:
-        """The file's tables with these numbers; InputError for a path that leads nowhere."""
+        """The file's tables with these numbers; raises InputError for a path that leads nowhere."""
         return self._with(dict(zip(self.paths, map(float, values), strict=True)))
 
     def at(self, values: Sequence[float] | Array) -> Case:
         return self.with_numbers(dict(zip(self.paths, map(float, values), strict=True)))
 
     def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
-        """The case with these numbers, checked like any other; InputError if it can't be used."""
+        """The case with these numbers, checked like any other; raises InputError if it can't be used."""
         if (moved := self._moved(numbers)) is not None:
             return moved
         if not self._variants:  # its first numbers are in tables that the file lacks

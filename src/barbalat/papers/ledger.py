@@ -172,7 +172,7 @@ def measure(
 
 
 def part_with(name: str) -> tuple[Paper, Measurement]:
-    """Return the paper and the measurement of a row. InputError if no row, or rows of several papers, have the name."""
+    """Return the paper and the measurement of a row. Raises InputError if no row, or rows of several papers, have the name."""
     found = [(paper, part) for paper in papers().values() for part in paper.ledger if name in part.names]
     if not found:
         names = [own for paper in papers().values() for part in paper.ledger for own in part.names]

@@ -28,7 +28,7 @@ LISTINGS = """for listing in claim.listings:
 def notebook(name: str) -> str:
     """Return the notebook of a row, in the format of .ipynb files.
 
-    One code cell contains the whole file that measures the row. Change a number there and run all cells. InputError for an
+    One code cell contains the whole file that measures the row. Change a number there and run all cells. Raises InputError for an
     unknown name.
     """
     paper, part = part_with(name)

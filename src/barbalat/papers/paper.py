@@ -92,7 +92,7 @@ class Paper:
 
 @cache
 def papers() -> dict[str, Paper]:
-    """Return all papers by name, the default one first. InputError if two have the same name, or if an entry point's paper
+    """Return all papers by name, the default one first. Raises InputError if two have the same name, or if an entry point's paper
     cannot be imported."""
     found: dict[str, Paper] = {}
     for module in slices(__package__, GROUP, "paper"):
@@ -104,7 +104,7 @@ def papers() -> dict[str, Paper]:
 
 
 def paper_of(name: str) -> Paper:
-    """Return the paper with this name. InputError if there is none."""
+    """Return the paper with this name. Raises InputError if there is none."""
     if name not in papers():
         raise InputError(f"PAPER must be one of {', '.join(papers())}, got {name!r}{hint(name, papers())}")
     return papers()[name]

@@ -99,7 +99,7 @@ class Panel:
 
 
 def chosen(panels: Sequence[Panel], names: str | Iterable[str]) -> list[Panel]:
-    """Return the panels that have one of these names, in the order of the names. InputError for an unknown name."""
+    """Return the panels that have one of these names, in the order of the names. Raises InputError for an unknown name."""
     known = list(dict.fromkeys(name for panel in panels for name in panel.names))
     found: list[Panel] = []
     for name in [names] if isinstance(names, str) else names:

@@ -26,8 +26,8 @@ class PlantInput(Settings):
                     steps are fixed
     actuator        G_a(s) = 1 + Delta_m(s), proper and stable: eq. (11)
     multiplicative  Delta_m(s) itself, proper and stable; with an actuator the two are in series
-    gain            the effectiveness omega > 0; 1 unless given
-    delay           [s], exact; 0 by default; with fixed steps, if not 0, at least one solver step
+    gain            the effectiveness omega > 0; 1 by default
+    delay           exact delay [s]; 0 by default. With fixed steps a delay must be at least one solver step
     history         the constant value that reaches the plant until t = delay; 0 by default; without a delay it has no effect
 
     The dynamics start at rest. A delay commutes with all other time-invariant parts of the path. Raises InputError.
@@ -93,7 +93,7 @@ class PlantInput(Settings):
 
     @cached_property
     def path_of_unknown_gain(self) -> InputPath:
-        """The path's equations including the gain even if it is 1, so plants with any gain have the same structure."""
+        """The path's equations, which contain the gain even if it is 1, so plants with any gain have the same structure."""
         return self._path_through(self.dynamics or TransferFunction([1.0], [1.0]))
 
     def _path_through(self, dynamics: TransferFunction | None) -> InputPath:
@@ -124,7 +124,7 @@ class InputPath:
 
     @property
     def linear(self) -> InputPath | None:
-        """The linear part of the path: its dynamics; None if there are none."""
+        """The linear part of the path: its dynamics; None without dynamics."""
         return None if self.dynamics is None else InputPath(None, None, None, self.dynamics)
 
     def initial(self) -> InputState:

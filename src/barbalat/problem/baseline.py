@@ -1,17 +1,17 @@
 """The existing fixed controller, u_baseline = k_r r - K z. An adaptive law adds to it, and its closed loop is the reference
 model.
 
-z = [x; xi] contains the plant's state and the controller's own, xi' = F xi + G (r - H x), which may be the integral of the error
-or the states of a PID or of any linear system. On the nominal plant x' = A x + b u the loop is
+z = [x; xi] contains the plant's state and the controller's state, xi' = F xi + G (r - H x), which may be the integral of the
+error or the states of a PID or of any linear system. On the nominal plant x' = A x + b u the loop is
 
     z' = A_m z + B_m r,    A_m = A_z - b_z K,    A_z = [A 0; -G H F],    b_z = [b; 0],    B_m = [0; G] + b_z k_r,
 
-and on another plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta = K' for the nominal plant. Therefore every statement
-about the plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
+and on a different plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta = K' for the nominal plant. Therefore every
+statement about the plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
 
 If the input is limited, v = sat(u), anti-windup by back-calculation is available (Astrom and Murray, Feedback Systems, section
-11.4), with which xi' also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the control's part
--K_i xi changes at the rate (v - u)/T_t, so the excess beyond the limits decays with the time constant T_t.
+11.4), with which xi' also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the part -K_i xi of
+the control changes at the rate (v - u)/T_t, so the excess beyond the limits decays with the time constant T_t.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, freeze
 
 RESTS_AT_ZERO = 1e-12
-"""Fraction of the largest state's gain at rest below which an output's gain is rounding, so the output comes to rest at 0."""
+"""Fraction of the largest steady-state gain of a state below which the gain of an output is rounding error, so the output settles
+at 0."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +45,7 @@ class FixedController:
 
     W         (l, m) back-calculation gain of the integrals at the limits; None without anti-windup
     limits    (2, m) limits of v, infinite for an input without limits; None if no input has limits
-    external  whether other code computes its u, which a sampled controller then receives in addition to the measurements
+    external  whether external code computes its u, which a sampled controller then receives in addition to the measurements
     on_error  whether it acts only on r - H x, as a PID controller does
     """
 
@@ -71,7 +72,7 @@ class FixedController:
 
     @property
     def feedforward(self) -> Array | float:
-        """k_r in the form of the model's k_0, which is a number for one input."""
+        """k_r in the form of the model's k_0: a number for one input."""
         return float(self.k_r[0, 0]) if len(self.K) == 1 else self.k_r
 
     @property
@@ -82,7 +83,7 @@ class FixedController:
 
     @property
     def theta(self) -> Array:
-        """theta ((n + l) m,) of the nominal plant, row by row. The baseline is u = k_r r - theta'z."""
+        """theta, ((n + l) m,), of the nominal plant, row by row. The baseline is u = k_r r - theta'z."""
         return self.K.T.reshape(-1)
 
     def around(self, A: Array, b: Array) -> tuple[Array, Array]:
@@ -127,12 +128,13 @@ class FixedController:
             raise InputError.of("baseline.anti_windup", f"must be at least the sample time of {T:g} s, got {1 / fastest:.6g}")
 
     def _cut(self, u: Value) -> Value:
-        """Return v - u, the part of u that the limits cut off."""
+        """Return v - u, the part of u that the limits remove."""
         assert self.limits is not None
         return np.clip(u.reshape(-1), self.limits[0], self.limits[1]) - u.reshape(-1)
 
     def around_nominal(self, departure: KnownSet) -> KnownSet:
-        """Return the known set of theta from that of the plant's deviation from nominal, x' = A x + b (deviation'x + u)."""
+        """Return the known set of theta from the known set of the plant's deviation from nominal, x' = A x + b (deviation'x +
+        u)."""
         zeros = np.zeros(self.order * len(self.K))
         if isinstance(departure, ParameterBall):
             if self.order:
@@ -151,7 +153,7 @@ class Baseline(ABC, Settings):
 
     @abstractmethod
     def controller(self, A: Array, b: Array) -> FixedController:
-        """Return the controller for the nominal plant x' = A x + b u. InputError if the two do not fit."""
+        """Return the controller for the nominal plant x' = A x + b u. Raises InputError if the two do not fit."""
 
     def on(self, A: Array, b: Array) -> FixedController:
         """Return the controller with its external flag and its anti-windup."""
@@ -188,7 +190,7 @@ def _tracking(fixed: FixedController, T_t: float) -> Array:
 
 def _at_rest(A: Array, B: Array, H: Array, K: Array) -> Array:
     """Return the k_r with which H x settles at a constant command."""
-    states = np.linalg.solve(B @ K - A, B)  # x at rest, for a constant addition of 1 to each input
+    states = np.linalg.solve(B @ K - A, B)  # steady-state x for a constant 1 added to each input
     gains = H @ states
     if np.linalg.svd(gains, compute_uv=False).min() <= RESTS_AT_ZERO * np.abs(H).max() * np.abs(states).max():
         raise InputError.of(
@@ -222,7 +224,7 @@ class StateBaseline(Baseline):
     K            (n,), with m inputs (m, n)
     feedforward  a number, with m inputs (m, m); by default such that the output settles at a constant command
     output       (n,), with m inputs (m, n): the output that is to follow the command
-    external     whether other code computes it: an exported controller then receives its u at each sample; false by default
+    external     whether external code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     K: Array
@@ -245,7 +247,7 @@ class LqrBaseline(Baseline):
     Q       weights of the states, (n,), or a matrix
     R       weights of the inputs: a number, (m,), or a matrix
     output  (n,), with m inputs (m, n): the output that is to follow the command
-    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
+    external  whether external code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     Q: Array
@@ -267,7 +269,7 @@ class LqiBaseline(Baseline):
     R       weights of the inputs: a number, (m,), or a matrix
     output  (n,), with m inputs (m, n): H, the output that is to follow the command
     anti_windup  > 0, T_t: time constant with which the integral unwinds the excess beyond the input's limits [s]
-    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
+    external  whether external code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     Q: Array
@@ -286,7 +288,7 @@ class LqiBaseline(Baseline):
 
 
 def _optimal(A: Array, B: Array, Q: Any, R: Any) -> Array:
-    """Return K of the linear quadratic regulator. InputError for weights of a different size, or if the plant cannot be
+    """Return K of the linear quadratic regulator. Raises InputError for weights of a different size, or if the plant cannot be
     stabilised."""
     n, m = B.shape
     weights, costs = _weights("baseline.Q", Q, n), _weights("baseline.R", R, m)
@@ -340,7 +342,7 @@ class PiBaseline(OnTheError):
     k_i     integral gain [u per unit of y and s]
     output  (n,): H, the output that is to follow the command
     anti_windup  > 0, T_t: time constant with which the integral unwinds the excess beyond the input's limits [s]
-    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
+    external  whether external code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     k_p: float
@@ -367,7 +369,7 @@ class PidBaseline(OnTheError):
     T_f     > 0, time constant of the derivative's filter [s]
     output  (n,): H, the output that is to follow the command
     anti_windup  > 0, T_t: time constant with which the integral unwinds the excess beyond the input's limits [s]
-    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
+    external  whether external code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     k_p: float
@@ -396,7 +398,7 @@ class SystemBaseline(OnTheError):
 
     system  a TransferFunction or StateSpace, or one of python-control or SciPy
     output  (n,): H, the output that is to follow the command
-    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
+    external  whether external code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     system: Any

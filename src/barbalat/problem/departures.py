@@ -19,7 +19,7 @@ from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
 
 SAME_TO = 1e-9
-"""Differences below this fraction of the largest number are attributed to a different order of computation."""
+"""Differences below this fraction of the largest number are attributed to the order of computation."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def sets_and_truth(problem: TrackingProblem) -> dict[str, Any]:
 def true_parameters(problem: Problem) -> Array | None:
     """Return theta (p,) of the simulated plant, by the weighted projection, followed by the input gains if they are unknown.
 
-    The result is None if the simulated plant has other states.
+    The result is None if the states of the simulated plant differ.
     """
     simulated = problem.simulated
     if simulated is None:
@@ -109,10 +109,11 @@ def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departu
 
 
 def _of_the_parameters(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
-    """Yield the parameters that are outside their ranges and, if theta cannot be compared because the states differ, also the
-    changed ones inside.
+    """Yield the parameters that are outside their ranges. If theta cannot be compared because the states differ, also yield the
+    parameters that changed within their ranges.
 
-    theta alone does not show the former, because the known box also contains plants that no parameters in the ranges give.
+    theta alone does not reveal parameters outside their ranges, because the known box also contains plants that cannot result
+    from parameters within them.
     """
     for one in () if problem.plant.physical is None else problem.plant.physical.parameters:
         value, (low, high) = simulated.values[one.name], one.range
@@ -140,7 +141,7 @@ def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
 
 
 def same_values(one: Array, own: Array) -> bool:
-    """Return whether theta, with or without the input's gains, is that of the plant, up to rounding errors."""
+    """Return whether theta, with or without the input's gains, equals that of the plant up to rounding errors."""
     return bool(np.abs(one - own).max() <= SAME_TO * max(1.0, float(np.abs(own).max())))
 
 
@@ -205,7 +206,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
 
 
 def _apart(true: object, own: object) -> str:
-    """Return both values with few digits, or with all digits if they differ only there."""
+    """Return both values with few digits, or with all digits if they would otherwise look the same."""
     short = [_of(true), _of(own)]
     return ", not ".join(short if short[0] != short[1] else [validate.show(true), validate.show(own)])
 

@@ -22,7 +22,7 @@ GRID = 1e-9
 """Resolution of times [s], which is far below any sample time and far above the rounding of a time of hours."""
 LARGEST_SEED = 2**64 - 1
 COMMAND = "command"
-"""The name of the command's channel, for dropouts."""
+"""The channel name of the command, for dropouts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class Fault(Settings):
 
     @property
     def channels(self) -> str:
-        """The channel that the fault affects; empty for all measured channels."""
+        """The channel that the fault affects; an empty name means all measured channels."""
         return str(getattr(self, "channel", ""))
 
     @abstractmethod
@@ -105,7 +105,8 @@ class OnChannel:
 class Dropout(OnChannel, Fault):
     """A measurement, or a command, that is lost.
 
-    channel  a measured one, "command", or by default all measured ones. If one entry is lost, the whole measurement is lost
+    channel  a measured channel, "command", or by default all measured channels. If one entry is lost, the whole measurement is
+             lost
     """
 
     channel: str = ""
@@ -128,7 +129,7 @@ class Dropout(OnChannel, Fault):
 class Spike(OnChannel, Fault):
     """A measurement with an error of a given size and a random sign at each sample.
 
-    channel  the measured one; all by default
+    channel  the measured channel; all by default
     size     [the channel's unit]
     """
 
@@ -151,7 +152,7 @@ class Spike(OnChannel, Fault):
 class Stuck(OnChannel, Fault):
     """A sensor that repeats its last value.
 
-    channel  the measured one; all by default
+    channel  the measured channel; all by default
     """
 
     channel: str = ""
@@ -162,7 +163,7 @@ class Stuck(OnChannel, Fault):
 class Bias(OnChannel, Fault):
     """A measurement with a constant error while the fault is present.
 
-    channel  the measured one; all by default
+    channel  the measured channel; all by default
     size     [the channel's unit], of either sign
     """
 
@@ -183,8 +184,8 @@ class Bias(OnChannel, Fault):
 class Latency(OnChannel, Fault):
     """A late measurement: at each sample the controller receives the measurement of some samples earlier.
 
-    channel  the measured one; all by default
-    time     [s], a whole number of sample times. Always present unless share or times are given
+    channel  the measured channel; all by default
+    time     [s], a whole number of sample times. The fault is always present unless share or times are given
     """
 
     time: float
@@ -203,7 +204,7 @@ class Jitter(Fault):
 
     time  the largest deviation [s] of a call: at least one solver step if steps are fixed, and at most a quarter of the sample
           time for all jitters of a case together. The time between two calls deviates by up to twice as much, which
-          `shell.jitter` bounds. Always present unless share or times are given
+          `shell.jitter` bounds. The fault is always present unless share or times are given
     """
 
     time: float
@@ -231,7 +232,7 @@ SIGNS = 1 << 32
 
 @dataclass(frozen=True)
 class FaultSignal:
-    """A fault as one of the functions of time that drive a loop, which evaluates it only at samples."""
+    """A fault as a function of time that drives the loop. The loop evaluates it only at samples."""
 
     fault: Fault
     place: int

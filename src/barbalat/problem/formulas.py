@@ -22,7 +22,7 @@ FUNCTION_NAMES = tuple(_FUNCTIONS)
 
 
 BEND_OF_ABS = "the zero of an abs(...) or sqrt(...) in a formula"
-"""The words with which runs report this corner of a rate."""
+"""How runs name this corner of a rate."""
 
 _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
     ast.Add: lambda a, b: a + b,
@@ -33,7 +33,7 @@ _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
 }
 
 Evaluation = Callable[[Mapping[str, Value]], Value]
-"""A function of the variables' values by name, which is evaluated in the arithmetic of their type."""
+"""A function of the variables' values by name, evaluated in the arithmetic of their type."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class FormulaNames:
 
 
 DEEPEST_NESTING = 400
-"""Deepest nesting of a formula. Python's limit is 1000 nested calls, of which the rest is left to the caller."""
+"""Deepest nesting of a formula. Python allows 1000 nested calls; the rest is left to the caller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,8 @@ class Formula:
 
 
 def formula(field: str, text: Any, variables: FormulaNames) -> Formula:
-    """Parse the text of a formula. InputError, with the field, if it is not a formula or uses anything that is not admitted."""
+    """Parse the text of a formula. Raises InputError, with the field, if it is not a formula or uses anything that is not
+    admitted."""
     if not isinstance(text, str):
         raise _refusal(field, text, variables)
     return _parsed(field, text, variables)
@@ -109,7 +110,7 @@ class _Reader:
         return (lambda _: value), True
 
     def _combined(self, node: ast.expr, depth: int) -> tuple[Evaluation, list[tuple[Evaluation, bool]]]:
-        """Return the function that combines a part's own parts, and these parts."""
+        """Return the operands of a part and the function that combines them."""
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 return (lambda _: float(value)), []

@@ -5,10 +5,11 @@ With b = b(nominal), the model's A_m and weights W = diag(1/scale^2) of the stat
     A(p) = A_m + b theta'(p) + rest_A(p),      theta' = g (A(p) - A_m),
     b(p) gain(p) = b omega(p) + rest_b(p),     omega = g b(p) gain(p),
 
-with g = (b'W b)^-1 b'W. Of all theta and omega, these leave the smallest remainders in the weighted norm. Both equations hold
-exactly for the computed g, despite its rounding errors. A wide enclosure is refined with the quantity's fraction of polynomials
-(``rational.py``). The ranges are subdivided, into 3000 cells at most, until the width of every enclosure is within 1.05 times
-the width observed at points. With several inputs omega is the diagonal, and the off-diagonal entries belong to the remainder.
+with g = (b'W b)^-1 b'W. This choice of theta and omega leaves the smallest remainders in the weighted norm. Both equations hold
+exactly for the computed g, despite its rounding errors. A wide enclosure is refined by writing the quantity as a fraction of
+polynomials (``rational.py``). The ranges are subdivided, into 3000 cells at most, until the width of every enclosure is within
+1.05 times the width observed at points. With several inputs omega is the diagonal, and the off-diagonal entries belong to the
+remainder.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from barbalat.problem.rational import Rational
 from barbalat.validate import Array, InputError, show
 
 TIGHTNESS = 1.05
-"""The width of an enclosure is at most this multiple of the observed width, unless that would need more than MOST_CELLS."""
+"""The width of an enclosure is at most this multiple of the observed width, unless that would need more than MOST_CELLS cells."""
 MOST_CELLS = 3000
 """Largest number of cells of the ranges. The enclosure is valid for any number of cells."""
 MOST_CORNERS = 256
@@ -43,10 +44,10 @@ centre is used."""
 DRAWN = 2000
 """Number of points of the ranges at which the quantities are evaluated before the first cut."""
 SMALLEST_PART = 2.0**-20
-"""Fraction of a parameter's range below which it is not cut further."""
+"""Fraction of a parameter's range below which the range is not cut further."""
 SAME_TO = 1e-9
-"""Relative difference up to which a bound of the user's own set counts as the derived one, which may have been copied by hand or
-computed in a different way."""
+"""Relative difference up to which a bound that the user gave counts as equal to the derived bound: it may have been copied by
+hand or computed in a different way."""
 BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
 
 
@@ -69,7 +70,7 @@ class FromRanges:
 
     theta           box that contains theta(p) for all parameters in the ranges
     input_gain      pairs (lower, upper) that contain omega_i(p); None if b and the gains do not depend on uncertain parameters
-    rest_A, rest_b  (n, n) and (n, m): bounds on the magnitudes of the entries that no theta and no omega match
+    rest_A, rest_b  (n, n) and (n, m): bounds on the magnitudes of the entries that theta and omega cannot match
     scale           (n,) scales of the states, whose inverse squares are their weights; ``scale_from`` states their origin
     shares          the unmatched fraction of the change of A and of b over the range of each uncertain parameter, in the weighted
                     norm, |rest|/sqrt(|rest|^2 + |matched|^2); None if they do not change
@@ -77,8 +78,8 @@ class FromRanges:
     cells           the number of cells into which the ranges were cut
     quantities, ranges  theta and omega as functions of the parameters, and their ranges, for ``members``
     physical        the plant, without a baseline's states
-    used            whether this is the known set of the problem; otherwise the user gave another one
-    outside         a text on the part of this set that the user's own set does not contain; empty if it contains all of it
+    used            whether this is the known set of the problem; otherwise the user gave a different set
+    outside         a text on the part of this set that the user's set does not contain; empty if that set contains all of it
     """
 
     theta: ParameterBox
@@ -121,7 +122,7 @@ class FromRanges:
 
     @property
     def is_matched(self) -> bool:
-        """Whether theta and omega match everything."""
+        """Whether theta and omega leave no remainder."""
         return not self.rest_A.any() and not self.rest_b.any()
 
     @cached_property
@@ -141,7 +142,7 @@ class FromRanges:
 
     @property
     def sizes(self) -> tuple[float, float]:
-        """Bounds of the spectral norms of both remainders, which are the norms of the matrices of bounds on the entries."""
+        """Bounds on the spectral norms of both remainders, which are the norms of the matrices of bounds on the entries."""
         return tuple(float(np.linalg.norm(one, 2)) * (1 + 1e-12) for one in (self.rest_A, self.rest_b))  # type: ignore[return-value]
 
     @property
@@ -157,7 +158,7 @@ class FromRanges:
 
     @property
     def too_wide(self) -> str | None:
-        """A sentence if an enclosure is wider than TIGHTNESS allows, else None."""
+        """A sentence if an enclosure is wider than TIGHTNESS allows; otherwise None."""
         if self.width_ratio <= TIGHTNESS:
             return None
         return (
@@ -301,7 +302,7 @@ class _Quantities:
 
     def enclosed(self, low: Box, high: Box, least: Array, most: Array) -> tuple[Array, Array, list[Box]]:
         """Return lower and upper bounds (quantities,) over a box of parameters, refined for quantities outside ``least`` and
-        ``most``, and points of the box at which refined quantities are large or small."""
+        ``most``. Also return points of the box at which the refined quantities are large or small."""
         values = {name: Ball(arb(low[name]).union(arb(high[name]))) for name in low}
         each = [as_arb(value_of(product, values)) for product in self.products]
         found = [sum((factor * each[place] for place, factor in one), arb(0)) for one in self._exact]
@@ -353,7 +354,8 @@ class _Enclosure:
 
     @property
     def ratio(self) -> float:
-        """The largest ratio of an enclosure's width to the observed width, or to rounding if a quantity varies by no more."""
+        """The largest ratio of an enclosure's width to the observed width, or to rounding error if a quantity varies by no more
+        than that."""
         rounding = np.maximum(self.floor, MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high)))
         widths, seen = self.high - self.low, np.maximum(self.seen_high - self.seen_low, rounding)
         known = seen > 0
@@ -361,7 +363,7 @@ class _Enclosure:
 
 
 _found: dict[Hashable, _Enclosure] = {}
-"""Enclosures by their inputs. They are kept because most members of a study share them, and some take half a second."""
+"""Cached enclosures by their inputs. Most members of a study share them, and some take half a second to compute."""
 MOST_KEPT = 64
 
 
@@ -455,8 +457,8 @@ def _widest(
     concerned: frozenset[str],
     quantity: int,
 ) -> str:
-    """Return the parameter along which a quantity changes most in a cell, among those whose part of the range is not small
-    yet."""
+    """Return the parameter along which a quantity changes most in a cell, among those whose part of the range is still large
+    enough to cut."""
     own = [name for name in names if name in concerned]
     centre = np.array([(low[name] + high[name]) / 2 for name in names])
     points = np.repeat(centre[None], 2 * len(own), axis=0)
@@ -465,7 +467,7 @@ def _widest(
     values = found.at(_columns(points, names, ranges))[:, quantity].reshape(-1, 2)
     change = np.abs(values[:, 1] - values[:, 0])
     share = np.array([(high[name] - low[name]) / (ranges[name][1] - ranges[name][0]) for name in own])
-    # a quantity that changes little may still have a wide enclosure; then the widest part of a range is cut
+    # a quantity that changes little may still have a wide enclosure; in that case the widest part of a range is cut
     return own[
         int(np.argmax(np.where(np.isfinite(change), change, 0.0) / (change.max(initial=0.0) or 1.0) * share + 0.25 * share))
     ]
@@ -491,7 +493,7 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
     _require_finite(plant, found)
     nominal = quantities.at({name: np.array([value]) for name, value in plant.nominal.items()} or {"": np.zeros(1)})[0]
     gains = evaluated("plant.input.gain", plant.gains(m), plant.nominal)
-    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # rounded as the plant's own
+    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # rounded like the plant's numbers
     moves = np.array([any(low < high for low, high in (plant.ranges[name] for name in names)) for names in quantities.names])
     low, high = (np.where(moves, end(one, nominal), nominal) for end, one in ((np.minimum, found.low), (np.maximum, found.high)))
     ends = np.cumsum(quantities.sizes)
@@ -526,8 +528,8 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
 
 
 def _roundings(of_A: Array, of_b: Array, b_bar: Array, g: Array) -> Array:
-    """Return the size up to which each quantity is rounding (quantities,), for numbers of these sizes in A - A_m (n, n) and in b
-    (n, m)."""
+    """Return the size (quantities,) up to which each quantity is rounding error, for numbers of these sizes in A - A_m (n, n) and
+    in b (n, m)."""
     theta = MATCHED_TO * (np.abs(g) @ of_A).T
     rests = rounding_of_rest(of_A, b_bar, g), rounding_of_rest(of_b, b_bar, g)
     found = np.concatenate([theta.reshape(-1), np.full(len(g), MATCHED_TO), *(one.reshape(-1) for one in rests)])
@@ -567,8 +569,8 @@ def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict
 def _share(rest: Array, matched: Array) -> float | None:
     """Return the fraction of the remainder; None without a change.
 
-    With one input the two parts are orthogonal, and the root is the size of the whole change. With several inputs those of b are
-    not, and the remainder may be larger than the change.
+    With one input the two parts are orthogonal, and the root is the size of the whole change. With several inputs the two parts
+    of b are not orthogonal, and the remainder may be larger than the change.
     """
     size = math.hypot(float(np.linalg.norm(rest)), float(np.linalg.norm(matched)))
     return float(np.linalg.norm(rest)) / size if size > 0 else None

@@ -1,7 +1,7 @@
 """Formulas as sums of products, so common terms cancel before any range is substituted.
 
--k/J - k/L and k/J have the products k J^-1 and k L^-1. A factor is a variable or, if a formula is not a sum of products, the
-text of a part: a function, a denominator that is a sum, or a power that is not whole.
+-k/J - k/L and k/J have the products k J^-1 and k L^-1. A factor is a variable or, if a formula is not a sum of products, the text
+of a part: a function, a denominator that is a sum, or a non-integer power.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ANY = FormulaNames(NAMES, "parameters")
 
 @cache
 def products_of(text: str) -> Sum:
-    """Return a formula that has been parsed before as a sum of products."""
+    """Return a parsed formula as a sum of products."""
     return MappingProxyType(_sum(ast.parse(text.strip(), mode="eval").body))
 
 
@@ -112,7 +112,8 @@ def _sum(node: ast.expr) -> dict[Product, Fraction]:
 
 
 def _inverse(node: ast.expr) -> dict[Product, Fraction]:
-    """Return the reciprocal of a part. For a single product it is that of the factors; any other part becomes one factor."""
+    """Return the reciprocal of a part. For a single product it is the product of the inverted factors; any other part becomes one
+    factor."""
     found = _sum(node)
     if len(found) == 1:
         ((product, factor),) = found.items()

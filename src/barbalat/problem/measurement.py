@@ -16,7 +16,7 @@ LARGEST_SEED = 2**64 - 1
 
 
 def nearest_multiple(value: Value, step: Value) -> Value:
-    """Return a quantised value, which is the nearest multiple of ``step``, or the upper one of two."""
+    """Return a quantised value, which is the nearest multiple of ``step``; a tie is rounded up."""
     return step * np.floor(value / step + 0.5)
 
 
@@ -30,7 +30,7 @@ class Noise(Settings):
     seed         determines every value, together with the member's number (``simulate_ensemble``), independently of threads and
                  lanes
 
-    Source of the numbers: Philox counters (Salmon et al., 2011), made Gaussian by the inverse distribution function.
+    Source of the random numbers: Philox counters (Salmon et al., 2011), made Gaussian by the inverse distribution function.
     """
 
     std: float | Vector
@@ -58,9 +58,9 @@ class Sensor(Settings):
 
     lag           [s], 0 for none; the sensor starts settled on the initial value
     noise         see Noise; no noise by default
-    quantization  resolution, as of an encoder: what is measured becomes the nearest multiple of it; one number for all
-                  measured quantities, or one for each, 0 for those that are not quantised [their units]. Sampled
-                  controllers only: a continuous one would have to switch infinitely fast
+    quantization  resolution, as of an encoder: measured values are rounded to the nearest multiple. One number for all measured
+                  quantities, or one for each, with 0 for quantities that are not quantised [their units]. Only for sampled
+                  controllers: a continuous controller would have to switch infinitely fast
     """
 
     lag: float = 0.0
@@ -75,7 +75,7 @@ class Sensor(Settings):
             validate.freeze(self, quantization=_resolution(self.quantization))
 
     def require(self, measured: int) -> None:
-        """Raise InputError unless the settings for each measured quantity fit their number."""
+        """Raise InputError unless the settings fit the number of measured quantities."""
         given = {"noise.std": None if self.noise is None else self.noise.std, "quantization": self.quantization}
         for name, each in given.items():
             if each is not None and np.size(each) > 1:

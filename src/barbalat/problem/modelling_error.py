@@ -20,11 +20,12 @@ class ModellingError(Protocol):
     """A family of modelling errors Delta_m, each given by its size > 0. A size of 0 means no error."""
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
-        """Return the plant's input with the error added. InputError if both cannot be combined."""
+        """Return the plant's input with the error added. Raises InputError if both cannot be combined."""
         ...
 
     def allowed(self, w: Array, gain: Array) -> Array:
-        """Return at each frequency (K,) the size up to which |Delta_m(j w)| gain < 1, which also holds for all smaller sizes."""
+        """Return, for each frequency (K,), the size up to which |Delta_m(j w)| gain < 1, which also holds for all smaller
+        sizes."""
         ...
 
     def limit(self, loop: StateSpace) -> float:
@@ -60,7 +61,7 @@ class GainError:
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         gain = path.gain / (1 + size) if self.downwards else path.gain * (1 + size)
-        # an effectiveness of exactly one is omitted from the path's equations; then the run could not be computed together with
+        # an effectiveness of exactly one is omitted from the path's equations; the run could then not be computed together with
         # the others
         return replace(path, gain=gain if gain != 1 else float(np.nextafter(1.0, 2.0)))
 
@@ -100,7 +101,7 @@ class ScaledError:
             return np.asarray(1 / (np.abs(self.shape.at(1j * w)) * gain))
 
     def limit(self, loop: StateSpace) -> float:
-        """Return the gain margin of the loop that Delta_m closes around shape T, relative to a size well below it."""
+        """Return the gain margin of the loop that Delta_m closes around shape T, relative to a size well below the margin."""
         T = complementary_sensitivity(loop)
         w = frequency_grid(T)
         small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # otherwise ``margins`` rejects an unstable loop

@@ -14,9 +14,9 @@ After a lost sample nothing is corrected, and x_hat[k] = x_bar[k]. Filtered deri
 states continue at that rate. The sampled prediction contains the delay of the plant's input: z consists of x_hat and of those
 v[k-1], v[k-2], ... that have not arrived yet. The continuous observer ignores the delay.
 
-A PI controller, like every baseline that acts only on the error of a measured state, does not depend on the observer. x_hat then
-contains the measured value of this state, by rows of H and D. In sampled form z[k] contains y[k], or its prediction at a lost
-sample.
+Like every baseline that acts only on the error of a measured state, a PI controller does not depend on the observer. x_hat then
+contains the measured value of this state, by means of rows of H and D. In sampled form z[k] contains y[k], or its prediction at a
+lost sample.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ class FixedObserver(Settings):
     design  the observer's settings
     A, b    the nominal plant, (n, n) and (n,) or (n, m)
     C       (p, n) matrix of the measurement
-    direct  the measured quantities that are states on whose error a baseline acts; x_hat contains their measured values, and
+    direct  the measured quantities that are states on whose errors a baseline acts; x_hat contains their measured values, and
             after a lost sample their predictions
-    delay   delay of the plant's input [s], which a sampled observer contains
+    delay   delay of the plant's input [s], included in a sampled observer
     """
 
     design: Observer
@@ -112,7 +112,8 @@ class FixedObserver(Settings):
     def of(
         cls, design: Observer, A: Array, b: Array, names: Sequence[str], delay: float = 0.0, compared: Array | None = None
     ) -> FixedObserver:
-        """Return the observer for x' = A x + b u(t - delay) with states called ``names``. InputError if the two do not fit.
+        """Return the observer for x' = A x + b u(t - delay) with states called ``names``. Raises InputError if the two do not
+        fit.
 
         compared  (n,) whether a baseline compares this state with the command and uses no other state; None without a baseline
         """
@@ -132,7 +133,7 @@ class FixedObserver(Settings):
 
     @property
     def places(self) -> tuple[int | None, ...]:
-        """The index of the state that each measured quantity equals; None for one that is not a single state."""
+        """The index of the state that each measured quantity equals; None for a quantity that is not a single state."""
         return tuple(int(np.argmax(row)) if np.count_nonzero(row) == 1 and row.max() == 1 else None for row in self.C)
 
     def first(self, x0: Array) -> Array:
@@ -202,7 +203,8 @@ class Observer(ABC, Settings):
 
 
 def measured_rows(given: Any, names: Sequence[str]) -> Array:
-    """Return C (p, n) from labels of states or from a matrix. InputError for unknown labels or a wrong number of columns."""
+    """Return C (p, n) from labels of states or from a matrix. Raises InputError for unknown labels or a wrong number of
+    columns."""
     field, n = f"{FIELD}.measured", len(names)
     if given is None:
         raise InputError.of(field, "is missing: give plant.C, or the labels of the states that are measured")
@@ -227,7 +229,8 @@ def measured_rows(given: Any, names: Sequence[str]) -> Array:
 
 
 def _covariance(name: str, given: Any, size: int, what: str) -> Array:
-    """Return a covariance matrix from one number for all, from its diagonal, or from a symmetric matrix."""
+    """Return a covariance matrix from one number for all entries of its diagonal, from its diagonal, or from a symmetric
+    matrix."""
     field = f"{FIELD}.{name}"
     if validate.dimensions(given) == 2:
         matrix = validate.square_matrix(field, given, size)
@@ -260,7 +263,7 @@ def _current(plant: FixedObserver, M: Array, T: float) -> dict[str, Any]:
 
 
 MOST_ON_THEIR_WAY = 1000
-"""Largest delay in samples. The observer stores one control for each of them."""
+"""Largest delay in samples. The observer stores one control value for each sample of delay."""
 
 
 def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
@@ -297,8 +300,8 @@ def _predicted(plant: FixedObserver, T: float) -> tuple[Array, Array]:
 class LuenbergerObserver(Observer):
     """x_hat' = A x_hat + b u + L (y - C x_hat), where L places the poles of A - L C.
 
-    poles     one for each state of the plant, in Re s < 0 [1/s]; a complex pole is given once, as [real, imaginary]. A sampled
-              controller's observer has them at exp(pole T)
+    poles     one for each state of the plant, in Re s < 0 [1/s]; a complex pole is given once, as [real, imaginary]. In the
+              observer of a sampled controller the poles are at exp(pole T)
     measured  y = C x: the labels of the states that are measured, or C, (p, n), which a case file may give as `plant.C`
     """
 
@@ -341,7 +344,7 @@ class KalmanObserver(Observer):
 
     Q         intensity of w [state^2/s]: one number for all states, (n,), or a symmetric matrix (n, n)
     R         intensity of v [unit^2 s]: one number, (p,), or a matrix (p, p). A sensor with standard deviation sigma and a new
-              value every T_n s has sigma^2 T_n. A sampled controller's filter takes R/T and the integral of Q over T
+              value every T_n s has R = sigma^2 T_n. The filter of a sampled controller uses R/T and the integral of Q over T
     measured  y = C x: the labels of the states that are measured, or C, (p, n), which a case file may give as `plant.C`
     """
 

@@ -51,7 +51,7 @@ class Nonlinearity:
         return self._parsed.evaluate({"y": y, "t": t})
 
     def __call__(self, y: Value, *t: Value) -> Value:
-        """Return f, a scalar. t is given if the formula contains it."""
+        """Return f, a scalar. t must be given if the formula contains it."""
         return self.at(y, *(t or (None,))) + 0 * y
 
 
@@ -67,7 +67,8 @@ class OutputDynamics:
     """The number of measured quantities."""
 
     def derivative(self, x: Value, v: Value, *t: Value) -> Value:
-        """Return x' for the input v, which is the plant's actual input plus d, or the model's command; t [s] if f contains it."""
+        """Return x' for the input v, which is the plant's actual input plus d, or the model's command; t [s] is needed if f
+        contains it."""
         if self.nonlinear is not None:
             v = v + self.nonlinear(self.output(x), *t)
         return self.system.derivative(x, v)
@@ -90,8 +91,8 @@ class OutputDynamics:
 class OutputPlant(Settings):
     """y = G(s)[u + d + f(t, y)], from rest: (18).
 
-    transfer_function  G(s), strictly proper: what is simulated, including unmodelled dynamics; also a system of python-control or
-                       SciPy
+    transfer_function  G(s), strictly proper: the simulated system, including unmodelled dynamics; a system of python-control or
+                       SciPy is accepted too
     nonlinear          f, a formula in y and t such as "(0.5 + 0.1*cos(t))*sin(y)"; none by default
     input              limits, further unmodelled dynamics and delay before G; none by default
 
@@ -176,7 +177,7 @@ class OutputProblem(TrackingProblem, Settings):
     output_disturbance      added to the output; none by default
     sensor                  the path from y to the measurement; exact by default
     labels                  name and unit of the output, unit of the input, for pictures; none by default
-    shell                   code around sampled controllers: which samples are used, and what acts without any
+    shell                   code around sampled controllers: it decides which samples are used and what acts without a sample
     faults                  faults between the plant and sampled controllers; none by default
 
     ``output_disturbance`` is part of y, and so of e = y - y_m and of the measurement, but not of f(t, y).
@@ -196,7 +197,7 @@ class OutputProblem(TrackingProblem, Settings):
 
     feedback: ClassVar[str] = "output"
     uncertainty: ClassVar[None] = None
-    """None. The known set belongs to the controller, because it depends on the parametrisation."""
+    """None. The known set belongs to the controller, because the set depends on the parametrisation."""
 
     def __post_init__(self) -> None:
         validate.line("name", self.name)

@@ -117,8 +117,8 @@ class Parameter(Symbolic, Settings):
     between       [lower, upper], which contains the value; without ``between`` and ``tolerance`` the parameter is known exactly
     tolerance     instead of ``between``: the range is value (1 - tolerance) to value (1 + tolerance), 0 < tolerance < 1
     unit          such as "N m/rad"
-    distribution  in studies, over the range: "uniform", "loguniform", or "normal", which is centred in the range, has half of the
-                  range as three standard deviations, and is cut off at its ends
+    distribution  in studies, over the range: "uniform", "loguniform", or "normal", which is centred in the range and truncated at
+                  its ends, with half of the range as three standard deviations
     """
 
     name: str
@@ -191,7 +191,7 @@ def require_parameter_name(name: object) -> None:
 
 
 def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
-    """Parse a formula of parameters. InputError, with the field, if it is not a formula or contains names that are not
+    """Parse a formula of parameters. Raises InputError, with the field, if it is not a formula or contains names that are not
     ``known``."""
     shown = f"the parameters ({', '.join(known)})" if known else "parameters, of which there are none"
     found = formula(field, text.text if isinstance(text, Symbolic) else text, FormulaNames(NAMES, shown))

@@ -28,7 +28,7 @@ class PhysicalPlant(Settings):
     parameters  the parameters that occur in formulas as text; those in expressions are found there
     x0          initial state, n entries; zero by default
     input       keywords of PlantInput, in which any number may be a formula: dict(gain=..., delay=..., actuator=dict(num=,
-                den=)); with several inputs one for all, or a list
+                den=)); with several inputs, one set for all inputs, or a list
     sensor      keywords of Sensor in the same form: dict(lag=..., noise=dict(std=..., sample_time=...))
 
     Raises InputError for unknown names and for formulas without a finite value at the nominal parameters.
@@ -61,7 +61,7 @@ class PhysicalPlant(Settings):
         return {one.name: one.range for one in self.parameters}
 
     def with_values(self, changed: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of all parameters, with some changed from nominal. InputError for an unknown name."""
+        """Return the values of all parameters, with some changed from nominal. Raises InputError for an unknown name."""
         for name in changed:
             if name not in self.nominal:
                 known = ", ".join(self.nominal) or "none"
@@ -90,7 +90,7 @@ class PhysicalPlant(Settings):
         return None if self.sensor is None else sensor_at("sensor", self.sensor, values)
 
     def around(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Return everything but A, b and the inputs' gains at these values, by its path in a case file."""
+        """Return everything at these values except A, b and the input gains, by its path in a case file."""
         several = isinstance(self.input, (list, tuple))
         inputs: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}]
         given = {f"plant.input[{i}]" if several else "plant.input": one for i, one in enumerate(inputs)}
@@ -139,7 +139,8 @@ def _parameters_in(part: Any) -> Iterator[Parameter]:
 
 
 def names_in(part: Any) -> set[str]:
-    """Return the names in formulas, as text or as expressions, of nested lists and dictionaries; with those of functions."""
+    """Return the names in the formulas (text or expressions) of nested lists and dictionaries, including the names of
+    functions."""
     if isinstance(part, Symbolic):
         return set(part.parameters)
     if isinstance(part, str):
@@ -180,6 +181,6 @@ computed, or below the second fraction of the largest number."""
 
 
 def rounding_of_rest(sizes: Array, b: Array, g: Array) -> Array:
-    """Return the size up to which the entries of D - b g D are rounding (n, k), with b (n, m) and g (m, n). D has entries of
-    these ``sizes`` (n, k), or is a difference of such numbers. The result does not depend on the units of states and input."""
+    """Return the size (n, k) up to which the entries of D - b g D are rounding errors, with b (n, m) and g (m, n). D has entries
+    of these ``sizes`` (n, k), or is a difference of such numbers. The result does not depend on the units of states and input."""
     return np.asarray(MATCHED_TO * (sizes + np.abs(b) @ (np.abs(g) @ sizes)) + LEAST_ROUNDING * sizes.max())

@@ -31,20 +31,21 @@ class Plant(Settings):
 
     A_m        (n, n)  known, Hurwitz, [1/s]
     b          (n,)    known, or (n, m) for m inputs; (A_m, b) controllable
-    theta      (p,)    the true parameters, or (p, m), stored row by row as (p m,); unknown to every controller
+    theta      (p,)    the true parameters, or (p, m), stored row by row as (p m,); controllers do not know them
     x0         (n,)    initial state, measured; zero by default
     input              the path before the input: limits, unmodelled dynamics, delay, eq. (11); none by default. With several
-                       inputs one PlantInput for all of them, or a list of one for each, with one delay
+                       inputs, one PlantInput for all inputs, or a list with one for each; all have the same delay
     regressor          phi(x), (p,), known: x by default
 
-    Alternatively x' = A x + b (u + d): from A and b, and A_m or the ``poles`` that state feedback assigns to it, theta solves the
-    matching condition A = A_m + b theta'; phi(x) = x. A complex pole is given once, as [real, imaginary].
+    Alternatively, give x' = A x + b (u + d) by A and b, with A_m or the ``poles`` that state feedback assigns to it. theta then
+    solves the matching condition A = A_m + b theta', and phi(x) = x. A complex pole is given once, as [real, imaginary].
 
-    Alternatively x' = A x + b (u + d) with a ``baseline``, a fixed controller such as an ``LqiBaseline``: A_m is the closed loop
-    of the baseline and this plant, and the state in A_m, b, theta and x0 is x followed by the baseline's own states, [x; xi].
+    Alternatively, give x' = A x + b (u + d) with a ``baseline``, a fixed controller such as an ``LqiBaseline``: A_m is the closed
+    loop of the baseline and this plant, and the state in A_m, b, theta and x0 is x followed by the states of the baseline, [x;
+    xi].
 
-    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and, with the unmatched remainder, if no theta
-    satisfies the matching condition.
+    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and if no theta satisfies the matching
+    condition; the message then gives the unmatched remainder.
     """
 
     A_m: Matrix
@@ -58,7 +59,7 @@ class Plant(Settings):
     scale_from: str = field(default="as given", repr=False)
     baseline: FixedController | None = field(default=None, repr=False)
     nominal_A: Matrix | None = field(default=None, repr=False)  # (n, n) of the plant's own states: plant.A as given
-    declared: bool = field(default=False, repr=False)  # whether parameters' values declare it, apart from the simulated plant
+    declared: bool = field(default=False, repr=False)  # whether the parameters declare it, apart from the simulated plant
     __repr__ = one_line
 
     def __init__(
@@ -139,7 +140,7 @@ class Plant(Settings):
         _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
 
     def _whole(self, field: str, given: Any, own: float) -> Array:
-        """Return (n,) from n numbers, or from those of the plant's states, with ``own`` for the baseline's states."""
+        """Return (n,) from n numbers, or from the numbers of the plant's states followed by ``own`` for the baseline's states."""
         n, xi = len(self.A_m), 0 if self.baseline is None else self.baseline.order
         if xi and np.size(given) == n:
             return validate.vector(field, given, n)
@@ -186,22 +187,23 @@ class Plant(Settings):
 
     @property
     def n(self) -> int:
-        """The dimension of the state, including a baseline's own states."""
+        """The dimension of the state, including the states of a baseline."""
         return len(self.b)
 
     @property
     def states(self) -> int:
-        """The number of the plant's own states, which are measured."""
+        """The number of the plant's states, without those of a baseline. They are measured."""
         return self.n if self.baseline is None else self.n - self.baseline.order
 
     @property
     def open_loop(self) -> tuple[Array, Array]:
-        """A and b of the plant's own states."""
+        """A and b of the plant without the states of a baseline."""
         return self.A[: self.states, : self.states], self.b[: self.states]
 
     @property
     def enters(self) -> Array | None:
-        """The matrix by which the command enters a baseline's own states: (n,), with m inputs (n, q); None without one."""
+        """The matrix by which the command enters the states of a baseline: (n,), with m inputs (n, q); None without a
+        baseline."""
         return None if self.baseline is None or not self.baseline.order else self.baseline.enters
 
     @property
@@ -262,7 +264,7 @@ def _of_ranges(
     if baseline is None:
         return from_ranges(physical, matrix, entries, sizes, said)
     found = from_ranges(baseline.around_formulas(physical), matrix, entries, sizes, said)
-    nominal = baseline.theta  # its gains on its own states are known, up to the rounding errors of A_m
+    nominal = baseline.theta  # the baseline's gains on its own states are known, up to the rounding errors of A_m
     hull = ParameterBox(lower=np.minimum(found.theta.lower, nominal), upper=np.maximum(found.theta.upper, nominal))
     return replace(found, theta=hull, physical=physical)
 
@@ -288,7 +290,7 @@ def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles:
 
 
 def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
-    """Return the theta (n m,) for which A = A_m + b theta'. InputError, with the unmatched remainder, if there is none."""
+    """Return the theta (n m,) for which A = A_m + b theta'. Raises InputError, with the unmatched remainder, if there is none."""
     n = A_m.shape[0]
     A = validate.square_matrix("plant.A", A, n)
     b = input_matrix("plant.b", b, n)
@@ -341,7 +343,7 @@ def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array
 def _nominal(
     physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any, baseline: Any
 ) -> tuple[Array, Array, Array, Any, Any, FixedController | None]:
-    """Return A_m, b, theta, x0 and input of the plant at its nominal parameters. theta is that of the weighted projection."""
+    """Return A_m, b, theta, x0 and input of the plant at its nominal parameters. theta results from the weighted projection."""
     if baseline is not None:
         _require_alone(A_m, None, None, poles)
         at = physical.nominal
@@ -385,7 +387,7 @@ class Model:
     k_0: Array | float
     x0: Array
     enters: Array | None = None  # the matrix by which the command enters the state directly
-    states: int | None = None  # the number of the plant's own states, if a baseline's states follow them
+    states: int | None = None  # the number of the plant's states, if a baseline's states follow them
 
     def derivative(self, x_m: Value, r: Value) -> Value:
         rate = self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
@@ -441,7 +443,7 @@ class ReferenceModel(Settings):
             freeze(self, follow=validate.line(name, self.follow))
 
     def gain(self, plant: Plant, states: Sequence[str]) -> Array | float:
-        """Return k_0 as given, or computed so that the chosen ``states`` of the plant settle at a constant command.
+        """Return k_0 as given, or compute it so that the chosen ``states`` of the plant settle at a constant command.
 
         Raises InputError for an unknown state, for a number of states other than the number of inputs, and for states that cannot
         settle at arbitrary constant commands.

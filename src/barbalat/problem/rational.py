@@ -29,7 +29,8 @@ MOST_POWER = 200
 """Largest power of a factor, and of a parameter."""
 EPS = float(np.finfo(float).eps)
 ENTRY_ROUNDINGS = 16
-"""A bound of the rounding errors in the entries of both matrices of an axis, in addition to one for each power of its width."""
+"""A bound on the rounding errors in the entries of both matrices of an axis, in addition to one rounding error for each power of
+the width."""
 SAFE = 1e-250, 1e250
 """Range of the sizes of coefficients in which no product underflows or overflows."""
 
@@ -138,7 +139,8 @@ class _TooLarge(Exception):
 
 
 def _fraction(one: Sum) -> tuple[Sum, Sum]:
-    """Return numerator and denominator, both sums of products of positive powers of parameters and of functions of them.
+    """Return the numerator and the denominator, which are sums of products of positive powers of parameters and of functions of
+    them.
 
     A factor f = N/D whose powers e range from lo <= 0 to hi >= 0 over the products is f^e = N^(e - lo) D^(hi - e) / (N^-lo D^hi).
     """
@@ -162,8 +164,8 @@ def _fraction(one: Sum) -> tuple[Sum, Sum]:
 
 @cache
 def _parts(factor: str) -> tuple[Sum, Sum]:
-    """Return numerator and denominator of a factor: a parameter, a sum, a whole power of a sum, or a function, which is not
-    divided."""
+    """Return the numerator and the denominator of a factor: a parameter, a sum, a whole power of a sum, or a function, which is
+    not divided."""
     whole = {frozenset({(factor, 1)}): Fraction(1)}
     found = products_of(factor)
     if found != whole:
@@ -193,7 +195,7 @@ def _power(one: Sum, exponent: int) -> Sum:
 
 
 def _without_common(above: Sum, below: Sum) -> tuple[Sum, Sum]:
-    """Return both without the monomial that divides all their terms."""
+    """Return both polynomials divided by the monomial that all their terms have in common."""
     products = [dict(product) for product in (*above, *below)]
     common = {name: min(one.get(name, 0) for one in products) for name in products[0]}
     inverse: Product = frozenset((name, -power) for name, power in common.items() if power)

@@ -21,7 +21,7 @@ class Regressor(Protocol):
     """phi(x), which the designer knows. It is written with NumPy functions, so that it can also be evaluated with symbols."""
 
     def size(self, n: int) -> int:
-        """Return the number of components of phi for n states. InputError if it does not fit them."""
+        """Return the number of components of phi for n states. Raises InputError if it does not fit them."""
         ...
 
     def __call__(self, x: Value) -> Value:
@@ -115,7 +115,7 @@ class Terms(Settings):
 
     terms  the formulas, such as ["x1", "x2", "abs(x1)*x2"]
 
-    Raises InputError for anything else in a formula.
+    Raises InputError if a formula contains anything else.
     """
 
     terms: tuple[str, ...]

@@ -27,26 +27,25 @@ OF_COMMANDS = ("range", "rate")
 
 @dataclass(frozen=True, kw_only=True)
 class Shell(Settings):
-    """Which measurements, commands and sample times a controller accepts, and what acts after an outage; every key may be left
-    out.
+    """Which measurements, commands and sample times a controller accepts, and what acts after an outage. Every key is optional.
 
     range    for each measured channel, the accepted [lowest, highest] value, in the channel's unit. A value outside is a miss.
-             The command's name is command, or command_1, command_2, ...; a command outside its range is replaced by the last
-             good one
+             The command channel is called command, or command_1, command_2, ...; a command outside its range is replaced by the
+             last good command
     rate     for each measured channel, the fastest accepted change since the last good sample, in the channel's unit per second;
              for a command, since the last good command
     stuck    for each measured channel, how long it may repeat exactly the same value [s]; after that it is a miss until it
              changes. Off by default, because a quantised sensor repeats its value at a standstill
-    jitter   largest deviation of the time between two calls from the sample time, as a fraction of it. Within it a call is
-             punctual; after a whole number of sample times each missing call is a miss; after any other time the fallback acts.
-             Requires longest_outage. Without jitter a wrong time is only reported in the status
+    jitter   largest deviation of the time between two calls from the sample time, as a fraction of it. A call within this
+             tolerance is punctual. If a call comes after a whole number of sample times, each missing call is a miss; after any
+             other time the fallback acts. Requires longest_outage. Without jitter a wrong time is only reported in the status
     longest_outage  how long consecutive misses may last before the fallback acts [s]; no limit by default. In the exported C a
              sample whose result is out of range is a miss as well
     fallback  what acts then: "hold", the last control; "zero"; "fade", from the last control to zero; or "baseline", the case's
-              fixed controller alone, with the last good measurement, the present command and its own states held
+              fixed controller alone, with the last good measurement, the present command and held states
     fade     duration of that fade, of the transition to the baseline, and of the bumpless return of the control after a fallback
-             [s]; by default the longest outage. A fade of the return waits while samples are lost. After calls at wrong times for
-             at most the longest outage, the return takes no longer than these calls
+             [s]; by default the longest outage. The return fade pauses while samples are lost. If calls came at wrong times for
+             at most the longest outage, the return takes no longer than these calls did
 
     On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
     continue; an observer predicts the state without the measurement. Raises InputError.
@@ -92,8 +91,8 @@ class Shell(Settings):
                     raise InputError.of(f"shell.{name}", "needs shell.longest_outage, which is missing")
 
     def require(self, names: tuple[str, ...], commands: tuple[str, ...], *, without_baseline: str | None) -> None:
-        """Raise InputError for a missing baseline, and for a channel that is neither among the measured ``names`` nor, if
-        commands may be given, among the ``commands``."""
+        """Raise InputError for a missing baseline, and for a channel that is not among the measured ``names`` or, where commands
+        are allowed, the ``commands``."""
         if self.fallback == "baseline" and without_baseline is not None:
             raise InputError.of("shell.fallback", f"= 'baseline' {without_baseline}: hold, zero or fade")
         for field_name in CHECKS:
@@ -111,7 +110,7 @@ class Shell(Settings):
     def repeats(self, name: str, T: float) -> int | None:
         """Return the number of successive samples of length T [s] in which a channel may repeat its value; None for any number.
 
-        InputError for a time below T.
+        Raises InputError for a time below T.
         """
         if name not in self.stuck:
             return None
@@ -121,7 +120,7 @@ class Shell(Settings):
         return found
 
     def samples(self, T: float) -> tuple[int, int]:
-        """Return the longest outage and the fade in samples of length T [s]. InputError if there are too many to count."""
+        """Return the longest outage and the fade in samples of length T [s]. Raises InputError if there are too many to count."""
         assert self.longest_outage is not None
         fade = self.longest_outage if self.fade is None else self.fade
         return _samples("longest_outage", self.longest_outage, T), _samples("fade", fade, T)

@@ -31,16 +31,16 @@ from barbalat.validate import Array, InputError, freeze
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Known:
-    """The knowledge about the problem that a controller may use: everything but theta and d."""
+    """The knowledge about the problem that a controller may use: everything except theta and d."""
 
     A_m: Array  # (n, n)
     b: Array  # (n,), or (n, m)
     k_0: Array | float
     x0: Array  # (n,) the initial state, which is measured; with an observer, the observer's initial state
-    estimate_set: EstimateSet | None  # of all estimates: theta, and the input gains if they are unknown
+    estimate_set: EstimateSet | None  # known set of all estimates: theta, and the input gains if they are unknown
     matched: MatchedTerm = MatchedTerm(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None without limits
-    enters: Array | None = None  # (n,), or (n, q): the matrix by which the command enters the state directly; None if it does not
+    enters: Array | None = None  # (n,), or (n, q): the matrix by which the command enters the state directly, if it does
     nominal: Array | None = None  # theta at the declared values of the parameters; None without any
     theta_0: Array | None = None  # the baseline is u = k_0 r - theta_0'x, to which the adaptive part is added; None without one
 
@@ -118,8 +118,8 @@ class Problem(TrackingProblem, Settings):
 
     plant, reference_model             equations (1) and (2)
     reference                          the command r(t); a list of commands if k_0 is a matrix
-    uncertainty                        the known set Omega; for a plant with physical parameters it follows from their ranges
-                                       unless it is given, and input_gain unless one of the two is given
+    uncertainty                        the known set Omega; for a plant with physical parameters, it follows from their ranges
+                                       unless it is given; so does input_gain, unless it or the set is given
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          other disturbances, each with its own direction
     input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
@@ -127,11 +127,12 @@ class Problem(TrackingProblem, Settings):
                                        known set
     sensor                             the path from the plant's state to the measurement; exact by default
     labels                             names and units of states and inputs, for pictures; none by default
-    shell                              code around sampled controllers: which samples are used, and what acts without any
+    shell                              code around sampled controllers: it decides which samples are used and what acts without a
+                                       sample
     faults                             faults between the plant and sampled controllers; none by default
     truth                              the simulated plant, if it differs from the plant for which controllers are designed
-    observer                           estimates a state that is not measured, such as a ``KalmanObserver``: a part of the
-                                       controller, designed for the nominal plant; none by default
+    observer                           estimates a state that is not measured, such as a ``KalmanObserver``. It is part of the
+                                       controller and designed for the nominal plant; none by default
     """
 
     plant: Plant
@@ -234,8 +235,8 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def nominal_matrices(self) -> tuple[Array, Array]:
-        """A and b of the plant's own states as known to a designer: plant.A as given, or A_m + b theta' at the middle of the
-        known set.
+        """A and b of the plant (without a baseline) as a designer knows them: plant.A as given, or A_m + b theta' at the middle
+        of the known set.
 
         The true theta is not used, because controllers do not know it. Without a known set A is A_m.
         """
@@ -296,7 +297,7 @@ class Problem(TrackingProblem, Settings):
         for command in commands:
             require_signal("reference", command)
         self.reference_model.require_commands(self.plant, self.k_0, len(commands))
-        freeze(self, reference=commands if self.plant.inputs > 1 else commands[0])  # several inputs: a list of one
+        freeze(self, reference=commands if self.plant.inputs > 1 else commands[0])  # several inputs: a list with one command
 
     @cached_property
     def k_0(self) -> Array | float:
@@ -343,7 +344,7 @@ class Problem(TrackingProblem, Settings):
         return replace(found, used=self._has(found), outside=found.beyond(own, pairs) if fits else "")
 
     def _has(self, found: FromRanges) -> bool:
-        """Return whether the known set is the derived one, as in a copy with other fields."""
+        """Return whether the known set is the derived set, as in a copy in which other fields changed."""
         gains = None if self.input_gain is None else np.broadcast_to(self.input_gain, (self.plant.inputs, 2)).tolist()
         own, derived = self.uncertainty, None if found.input_gain is None else [list(pair) for pair in found.input_gain]
         if not isinstance(own, ParameterBox) or own.size != found.theta.size or gains != derived:
@@ -426,16 +427,16 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def true_parameters(self) -> Array | None:
-        """The true values for the simulated plant, by the weighted projection; None if it has other states."""
+        """The true values for the simulated plant, by the weighted projection; None if its states differ."""
         from barbalat.problem.departures import true_parameters
 
         return self.parameters if self.simulated is None else true_parameters(self)
 
     @property
     def outside_known_set(self) -> str | None:
-        """A sentence if the plant's own values are outside the known set; otherwise None.
+        """A sentence if the true values of the plant are outside the known set; otherwise None.
 
-        The departures of a truth contain the sentence if the truth has other values.
+        If a truth has different values, its departures contain the sentence.
         """
         from barbalat.problem.departures import contains_up_to_rounding, same_values
 

@@ -1,4 +1,4 @@
-"""The common base of tracking problems with any measurement: commands, disturbances, sensor, and the signals that drive the
+"""The common base of tracking problems, whatever is measured: commands, disturbances, sensor, and the signals that drive the
 loop."""
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class ModelDynamics(Dynamics, Protocol):
 
     def remedy(self, gain: float) -> str | None:
         """Return a change with which the model would settle at the command, if it now settles at ``gain`` times the command; None
-        if none is known."""
+        if no such change is known."""
         ...
 
 
@@ -81,7 +81,7 @@ class Surroundings(NamedTuple):
 
 
 class TrackingProblem:
-    """The attributes of a problem that a loop, a simulation and an ensemble use, with any measurement."""
+    """The attributes of a problem that loops, simulations and ensembles use, whatever is measured."""
 
     plant: Actuated
     reference: Signal | tuple[Signal, ...]
@@ -144,7 +144,7 @@ class TrackingProblem:
 
     @property
     def fixed(self) -> FixedController | None:
-        """The existing baseline with its own states; None without one."""
+        """The existing baseline with its states; None without a baseline."""
         return None
 
     @property
@@ -199,7 +199,7 @@ class TrackingProblem:
 
     @property
     def history(self) -> Array:
-        """The constant control (m,) that was applied before the run and leaves each input's delay first."""
+        """The constant control (m,) applied before the run, which leaves the delay of each input first."""
         return np.array([path.history for path in self.surroundings.paths])
 
     @property
@@ -272,7 +272,7 @@ class TrackingProblem:
 
     @property
     def nominal(self) -> Self:
-        """The same problem without faults and without a shell that could reject a sample."""
+        """This problem without faults and without a shell that could reject a sample."""
         if self.shell is None and not self.faults:
             return self
         return replace(self, shell=None, faults=())  # type: ignore[type-var]
@@ -294,7 +294,7 @@ class TrackingProblem:
 
     @property
     def _without_fallback(self) -> str | None:
-        """The reason why no baseline can act after an outage; None if one can."""
+        """The reason why no baseline can act after an outage; None if a baseline can act."""
         if self.fixed is None:
             return "needs a case with a baseline controller, and this one has none"
         if self.fixed.external:

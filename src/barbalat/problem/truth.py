@@ -27,7 +27,7 @@ class Friction(Settings):
 
     state    the state, by its name, in whose rate the friction acts
     coulomb  >= 0, the deceleration at large rates [unit of the state per s]
-    width    > 0, of the state around zero [its unit]: at that rate 76 % of the friction acts
+    width    > 0, width of the transition around zero [unit of the state]: at that rate 76 % of the friction acts
     """
 
     state: str
@@ -45,23 +45,24 @@ class Friction(Settings):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth(Settings):
-    """The simulated plant. Anything that is not given is the same as in the plant for which controllers are designed.
+    """The simulated plant. Anything not given is as in the plant for which controllers are designed.
 
     parameters   physical parameters whose values differ from the nominal ones, by name
-    A            (N, N); for more states than the plant has, or other dynamics. Its entries, and those of b and x0, may be
+    A            (N, N), for more states than the plant has or for different dynamics. Its entries, and those of b and x0, may be
                  formulas of the parameters
     b            (N,), or (N, m)
-    C            (p, N) what is measured of its states, in place of the observer's C: an encoder's scale, or a sensor at a
-                 different place; only with an observer
+    C            (p, N) the measurement of the truth's states, in place of the observer's C; for example, for a wrong encoder
+                 scale or a sensor at a different place. Only with an observer
     x0           (N,) initial state
-    input        the path before the input, as ``plant.input``, which it replaces as a whole; with several inputs one for all, or
-                 a list; with formulas as keywords of PlantInput
-    disturbance  matched: enters with u
+    input        the path before the input, in the form of ``plant.input``, which it replaces as a whole; with several inputs, one
+                 path for all inputs, or a list. With formulas, give keywords of PlantInput
+    disturbance  matched: it enters with u
     unmatched    other disturbances: direction (N,) times the signal is added to x'; they replace the plant's
-    sensor       the path from the plant's state to the measurement, in place of the case's own sensor; with formulas as keywords
+    sensor       the path from the plant's state to the measurement, in place of the case's sensor. With formulas, give keywords
                  of Sensor
-    states       names of its states; the first ones may be sufficient. The plant's states are those of the same names. Or a
-                 matrix (n, N) that computes the plant's states from them. Needed if N differs from the plant's n
+    states       names of the truth's states, or of the first of them; states with the names of the plant's states are the plant's
+                 states. Alternatively a matrix (n, N) that computes the plant's states from them. Needed if N differs from the
+                 plant's n
     friction     smooth Coulomb friction in the rates of states
     terms        by a state's name, a formula that is added to its rate, in x1, x2, ... of the truth, in u (u1, u2, ... with
                  several inputs) as it reaches the plant, and in the parameters: for example a saturating spring or a dead zone
@@ -103,8 +104,8 @@ class TruePlant:
     terms      (row, formula) for each term
     values     values of the parameters in the formulas
     C          (p, N) the measurement for an observer; None if it is the observer's own measurement of S x
-    nonlinear  the plant, if its regressor is not the state; its uncertainty b theta'phi(x) then acts in addition to A, which is
-               its A_m, and B
+    nonlinear  the plant, if its regressor is not the state. Its uncertainty b theta'phi(x) then acts in addition to B and to A,
+               which is the plant's A_m
     """
 
     A: Array
@@ -173,7 +174,7 @@ def own_states(plant: Plant) -> TruePlant:
 
 
 def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
-    """Return the dynamics of a truth for a plant whose states are called ``labels``. InputError if the two do not fit."""
+    """Return the dynamics of a truth for a plant whose states are called ``labels``. Raises InputError if the two do not fit."""
     values = _values(truth, plant)
     if plant.physical is None and truth.parameters:
         raise InputError.of("truth.parameters", f"needs [parameters]; got {', '.join(truth.parameters)}")
@@ -313,11 +314,11 @@ def _values(truth: Truth, plant: Plant) -> Mapping[str, float]:
 
 
 WITH_FORMULAS = ("A", "b", "x0", "input", "sensor")
-"""What the simulated plant takes from the design plant, with its formulas, unless [truth] has its own."""
+"""What the simulated plant takes from the design plant, including formulas, unless [truth] defines it."""
 
 
 def names_simulated(plant: Mapping[str, Any], truth: Mapping[str, Any]) -> set[str]:
-    """Return the names in the formulas of the simulated plant: in those of the truth, and of the plant where the truth has none.
+    """Return the names in the formulas of the simulated plant: the truth's formulas and, where the truth has none, the plant's.
 
     plant, truth  the keys of [plant] with ``sensor``, and of [truth], or the fields of a PhysicalPlant and of a Truth
     """

@@ -1,4 +1,4 @@
-"""Signals with jumps: the value at a jump is the value after it, and ``before`` gives the value before it."""
+"""Signals with jumps. The value at a jump is the value just after it, and ``before`` gives the value just before it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from barbalat.signals.smooth import Resting, Swinging, outward, store_numbers
 from barbalat.validate import Array, InputError
 
 MOST_BREAKS = 10_000_000
-"""The largest number of breaks returned for an interval, of which the first are returned: all breaks of a signal with a million
-in each step would fill the memory."""
+"""The largest number of breaks returned for an interval; further ones are omitted, because all breaks of a signal with a million
+breaks in each step would fill the memory."""
 
 
 def between(start: float, stop: float, instants: Array) -> Array:
@@ -22,7 +22,7 @@ def between(start: float, stop: float, instants: Array) -> Array:
 
 
 def rounding_of(t: Array) -> Array:
-    """A few rounding errors of a time: a jump this close to a time of the grid counts as being at that time."""
+    """A few rounding errors of a time. A jump this close to a grid time counts as being at that time."""
     return 4 * np.finfo(float).eps * np.abs(np.asarray(t, dtype=float))
 
 
@@ -32,7 +32,7 @@ class Step(Resting, Settings):
 
     amplitude  height of the step
     start      [s]
-    constant   the value before
+    constant   the value before the step
     """
 
     amplitude: float
@@ -61,8 +61,8 @@ class Steps(Resting, Settings):
     """values[i] from times[i] on, ``initial`` before times[0].
 
     times    [s], increasing
-    values   as many as times
-    initial  the value before the first
+    values   values, as many as times
+    initial  the value before the first time
     """
 
     times: tuple[float, ...]
@@ -100,7 +100,7 @@ class Steps(Resting, Settings):
 class Square(Swinging, Settings):
     """constant + amplitude for the first half of each period 2 pi / frequency, constant - amplitude for the second.
 
-    amplitude  of the swing
+    amplitude  amplitude of the swing
     frequency  [rad/s], > 0
     phase      [rad]
     constant   the mean value
@@ -126,7 +126,7 @@ class Square(Swinging, Settings):
     def breaks(self, start: float, stop: float) -> Array:
         first, last = ((self.frequency * t + self.phase) / np.pi for t in (start, stop))
         if not np.isfinite(last):
-            return np.zeros(0)  # not a number either; the value reports it
+            return np.zeros(0)  # not a number either; the check of the value reports it
         halves = np.floor(first) + np.arange(min(last - first + 3, MOST_BREAKS))
         return between(start, stop, (halves * np.pi - self.phase) / self.frequency)
 

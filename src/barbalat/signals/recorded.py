@@ -1,4 +1,4 @@
-"""Measured data as a signal, from text files and from MATLAB's."""
+"""Measured data as a signal, from text files and MATLAB files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class Recorded(Continuous, Settings):
-    """Linear interpolation of (times, values); the first and last value are held outside. Times in s, increasing."""
+    """Linear interpolation of (times, values); outside, the first or last value is held. Times in s, increasing."""
 
     times: Array
     values: Array
@@ -46,8 +46,8 @@ class Recorded(Continuous, Settings):
     def from_csv(cls, file: str | Path, *, separator: str | None = None) -> Recorded:
         """Read a column of times [s] and a column of values, after an optional header and an optional line of units.
 
-        separator  the separator of the columns: a comma, a semicolon, a tab or spaces, detected by default With any separator but
-                   the comma, numbers may have a decimal comma
+        separator  the separator of the columns: a comma, a semicolon, a tab or spaces, detected by default. Unless the separator
+                   is a comma, numbers may have a decimal comma
 
         Raises InputError with the file and, if known, the line.
         """
@@ -87,9 +87,11 @@ class Recorded(Continuous, Settings):
     def from_mat(cls, file: str | Path, *, times: str = "t", values: str | None = None) -> Recorded:
         """Read a MATLAB file (up to version 7.2): a vector of times [s] and one of values, by the variables' names.
 
-        times   if there is no variable of this name, the only one called t, time, times or tout is taken, also within a structure
-        values  by default the only other variable with as many numbers; in a matrix with two columns or rows, which is named here
-                or is the only variable, the first contains the times. A field of a structure is named with a dot: "out.time"
+        times   name of the times. If there is no such variable, the only one called t, time, times or tout is taken, even inside
+                a structure
+        values  by default the only other variable with as many numbers. In a matrix with two columns or rows that is named here
+                or is the only variable, the first column or row contains the times. A field of a structure is named with a dot:
+                "out.time"
 
         Raises InputError with the file and the variables in it.
         """
@@ -137,7 +139,7 @@ class MatFile(Settings):
 
     file    relative to the case file
     times   the variable with the times [s]
-    values  the variable with the values; by default the only other one with the same number of entries
+    values  the variable with the values; by default the only other variable with the same number of entries
     """
 
     makes: ClassVar[type] = Recorded
@@ -162,7 +164,7 @@ SEPARATOR_SAID = re.compile(r"sep=([,;\t])", re.IGNORECASE)
 
 
 def _text(content: bytes) -> str:
-    """Decode as UTF-8, or else as Latin-1: numbers are the same in both, and headers are not used."""
+    """Decode as UTF-8, or else as Latin-1: numbers read the same in both, and headers are not used."""
     if b"\0" in content:
         raise ValueError("not a text")
     try:
@@ -172,7 +174,8 @@ def _text(content: bytes) -> str:
 
 
 def _separator(lines: list[str]) -> str:
-    """The separator of two numbers, from the first line that begins with a number, or else from the first with a digit."""
+    """The separator between two numbers, from the first line that begins with a number, or else from the first line with a
+    digit."""
     numbers = [line.strip() for line in lines if re.match(r'[\s"]*[-+.]?\d', line)]
     first = next((line.strip() for line in [*numbers, *lines] if any(map(str.isdigit, line))), "")
     for sign in ("\t", ";"):
@@ -199,11 +202,12 @@ def _is_number(cell: str) -> bool:
 
 
 TIMES = ("t", "time", "times", "tout")
-"""The names of the times in MATLAB files, including Simulink's."""
+"""The usual names of the times in MATLAB files, including those of Simulink."""
 
 
 def variables(path: Path) -> dict[str, Array]:
-    """The numbers in a file by their names, a field of a structure as "name.field"; InputError if it is not a MATLAB file."""
+    """The numbers in a file by their names, a field of a structure as "name.field"; raises InputError if it is not a MATLAB
+    file."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -212,7 +216,7 @@ def variables(path: Path) -> dict[str, Array]:
         size, name = _unpacked(packed), f"the data file {validate.show(str(path))}"
         fits = lambda most: f"at most {most} bytes"  # noqa: E731
         budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=fits)
-        found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # SciPy's stubs do not know it
+        found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # missing in SciPy's stubs
     except InputError:
         raise
     except (MemoryError, OverflowError):
@@ -230,8 +234,8 @@ def variables(path: Path) -> dict[str, Array]:
 
 
 FILE_BYTE = Estimate(memory=20.0, seconds=2e-7)
-"""The cost of each unpacked byte of a MATLAB file: a single number in a cell takes 56 bytes there and some 20 times as much
-here."""
+"""The cost of each unpacked byte of a MATLAB file: a single number in a cell takes 56 bytes in the file and about 20 times as
+much in memory."""
 HEADER_BYTES, TAG_BYTES, COMPRESSED = 128, 8, 15
 """Bytes of a version 5 file's header and of the tag before each element, and the type of a compressed element."""
 SHAPE_AT = 16
@@ -257,7 +261,7 @@ def _unpacked(packed: bytes) -> int:
 
 
 def _inflated(part: bytes) -> tuple[bytes, int]:
-    """The beginning of a compressed variable, after its tag, and the number of all its bytes."""
+    """The beginning of a compressed variable, after its tag, and its total number of bytes."""
     stream, total, head = zlib.decompressobj(), 0, b""
     while part and not stream.eof:
         piece = stream.decompress(part, PIECE_BYTES)
@@ -268,7 +272,7 @@ def _inflated(part: bytes) -> tuple[bytes, int]:
 
 
 def _claimed(head: bytes, order: str) -> int:
-    """The bytes of as many floats as a variable's shape declares."""
+    """The number of bytes of as many floats as the shape of a variable declares."""
     if len(head) < SHAPE_AT + TAG_BYTES:
         return 0
     _, size = struct.unpack_from(f"{order}II", head, SHAPE_AT)
@@ -288,7 +292,7 @@ def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:
 
 
 def times_and_values(path: Path, found: dict[str, Array], times: str, values: str | None) -> tuple[Array, Array]:
-    """Return the variables that are named, or the only possible ones; InputError, with the names, if there are none or
+    """Return the variables that are named, or the only possible ones; raises InputError, with the names, if there are none or
     several."""
     there = f"its variables are: {', '.join(sorted(found)) or 'none'}"
     if times not in found and times == TIMES[0]:

@@ -86,7 +86,7 @@ class Constant(Resting, Continuous, Settings):
 class Sine(Swinging, Continuous, Settings):
     """constant + amplitude sin(frequency t + phase).
 
-    amplitude  of the swing
+    amplitude  amplitude of the swing
     frequency  [rad/s], > 0
     phase      [rad]
     constant   the mean value
@@ -117,7 +117,7 @@ class Sine(Swinging, Continuous, Settings):
 class Sines(Continuous, Settings):
     """constant + sum of amplitudes[i] sin(frequencies[i] t + phases[i]).
 
-    amplitudes   of the swings
+    amplitudes   amplitudes of the swings
     frequencies  [rad/s], > 0, one for each amplitude
     phases       [rad], one for each amplitude; zeros by default
     constant     the mean value
@@ -161,9 +161,10 @@ class Sines(Continuous, Settings):
 
 @dataclass(frozen=True)
 class Chirp(Swinging, Continuous, Settings):
-    """A sine whose frequency runs linearly from ``frequency_start`` to ``frequency_end`` in ``duration``, then stays.
+    """A sine whose frequency changes linearly from ``frequency_start`` to ``frequency_end`` in ``duration`` and then stays
+    constant.
 
-    amplitude        of the swing
+    amplitude        amplitude of the swing
     frequency_start  [rad/s], >= 0
     frequency_end    [rad/s], >= 0
     duration         of the sweep [s], > 0

@@ -1,6 +1,6 @@
 """Integration methods: fixed-step Runge-Kutta methods as tableaux.
 
-``Simulation`` takes one, or its name; ``SOLVERS`` maps their names in case files to them.
+``Simulation`` takes a method or its name; ``SOLVERS`` maps the names in case files to the methods.
 """
 
 from barbalat.public_names import public

@@ -8,7 +8,7 @@ from barbalat.solvers.tableau import EULER, HEUN, RK4, Tableau
 from barbalat.validate import InputError, hint, is_instance, show
 
 SOLVERS = {tableau.name: tableau for tableau in (EULER, HEUN, RK4)}
-"""Each name in case files with its method."""
+"""The methods by their names in case files."""
 
 
 def solver_of(field: str, given: Any) -> Tableau:

@@ -24,7 +24,7 @@ the error estimate is meaningless."""
 
 
 def _require_steps(t_end: float, dt: float) -> None:
-    """InputError for more steps than any run can have within the budget; each run checks its own cost later."""
+    """Raise InputError for more steps than any run can have within the budget; each run checks its own cost later."""
     steps = t_end / dt
     budget.require(
         "simulation.dt", int(min(steps, 1e30)), STEP.times,
@@ -48,9 +48,10 @@ class Simulation(Settings):
     t_end          horizon [s]
     dt             step [s]; it divides t_end
     solver         the method, by its name; in Python also a Tableau. rk4 with dt; with a tolerance only auto
-    tolerance      instead of dt: the error that a step may make in each state, relative to the state's largest magnitude so far
+    tolerance      instead of dt: the error allowed per step in each state, relative to the largest magnitude of the state so far
     record_points  approximate number of recorded instants of a trajectory; metrics are computed over every step
-    fused          use fused multiply-adds; without them a step takes longer, and exported C and pages agree bit for bit
+    fused          use fused multiply-adds; without them steps take longer, but exported C and pages agree with the run bit for
+                   bit
 
     Raises InputError if dt does not divide t_end, or unless exactly one of dt and tolerance is given. With a tolerance ``dt`` is
     None, and only ``grid`` has a number of steps.
@@ -135,7 +136,7 @@ class Simulation(Settings):
         )
 
     def require_steps(self, what: str) -> None:
-        """InputError if there are no fixed steps; the message says that ``what`` needs them."""
+        """Raise InputError if there are no fixed steps; the message says that ``what`` needs them."""
         if self.tolerance is not None:
             raise InputError.of(
                 "simulation.tolerance", f"= {self.tolerance:g} does not fix a step, and {what} needs one: give simulation.dt"
@@ -181,7 +182,7 @@ class Simulation(Settings):
         return {"dt": self.dt} if self.tolerance is None else {"dt": None, "tolerance": self.tolerance}
 
     def as_json(self) -> dict[str, str | float | bool | None]:
-        """Its block in the JSON contract; ``tolerance`` and ``fused`` appear only if they are given."""
+        """The settings as a block of the JSON contract; ``tolerance`` and ``fused`` appear only if they are given."""
         said: dict[str, str | float | bool | None] = {"t_end": self.t_end, "dt": self.dt, "solver": self.solver.name}
         if self.tolerance is not None:
             said |= {"tolerance": self.tolerance}

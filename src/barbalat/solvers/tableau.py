@@ -29,7 +29,7 @@ class Tableau:
 
     @property
     def nodes(self) -> tuple[float, ...]:
-        """The distinct fractions of a step at which the signals are needed, in order."""
+        """The distinct fractions of a step at which signals are needed, in increasing order."""
         return tuple(sorted(set(self.c)))
 
     def advance(
@@ -40,7 +40,7 @@ class Tableau:
         signals: dict[float, Value],
         h: float,
     ) -> Value:
-        """One step. ``limit`` acts on every stage value and on the result, so a limited integrator is part of the method."""
+        """Take one step. ``limit`` acts on every stage value and on the result, so a limited integrator is part of the method."""
         slopes = [derivative(state, signals[self.c[0]])]
         for row, node in zip(self.a[1:], self.c[1:], strict=True):
             slopes.append(derivative(limit(_combine(state, h, row, slopes)), signals[node]))
@@ -69,7 +69,7 @@ class Tableau:
 
     @property
     def reach(self) -> float:
-        """The |z| above which |R(z)| <= 1 never holds: Cauchy's bound of the roots of R - c, |c| <= 1."""
+        """The |z| above which |R(z)| <= 1 never holds: Cauchy's bound on the roots of R - c, |c| <= 1."""
         smaller, leading = self.stability_polynomial[:-1].copy(), self.stability_polynomial[-1]
         smaller[0] += 1
         return 1 + float(np.abs(smaller).max() / abs(leading))

@@ -45,7 +45,7 @@ class FixedSteps:
 
 
 def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> FixedSteps:
-    """The simulation itself if its steps are fixed; InputError if no run of up to ``MOST_STEPS`` steps agrees with its
+    """The simulation itself if its steps are fixed; raises InputError if no run of up to ``MOST_STEPS`` steps agrees with its
     tolerance."""
     if simulation.tolerance is None:
         return FixedSteps(simulation)

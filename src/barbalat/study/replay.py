@@ -43,7 +43,7 @@ class Replay:
 def replay_case(
     problem: Problem, controllers: Sequence[Controller], times: Array, measured: Array, inputs: Array, commands: Array
 ) -> dict[str, Replay]:
-    """The replay for each sampled controller of a case that estimates something, by name; InputError if there is none."""
+    """The replay for each sampled controller of a case that estimates something, by name; raises InputError if there is none."""
     validate.instance("problem", problem, Problem)
     loops = {one: ClosedLoop.of(problem.nominal, one) for one in controllers}
     able = [one for one, loop in loops.items() if loop.sampled and loop.parameters]

@@ -200,7 +200,7 @@ class Scheduler:
 
 @contextlib.contextmanager
 def connected(scheduler: Scheduler) -> Iterator[Client]:
-    """A client; InputError if no scheduler answers."""
+    """A client; raises InputError if no scheduler answers."""
     validate.require_extra("distributed", "study", "--scheduler")
     import logging
 

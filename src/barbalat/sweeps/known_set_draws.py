@@ -26,7 +26,7 @@ GAIN = "gain"
 
 
 def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping[FieldPath, Distribution]:
-    """A distribution for each entry of the vector at ``path``, or for the input gain there; InputError if none fits."""
+    """A distribution for each entry of the vector at ``path``, or for the input gain there; raises InputError if none fits."""
     problem = case.problem
     if path.keys[:2] == ("plant", "input") and path.keys[-1] == GAIN:
         return {path: _of_gain(problem, path)}
@@ -101,7 +101,8 @@ def _new(found: Mapping[FieldPath, Distribution], drawn: Mapping[FieldPath, Dist
 
 
 def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
-    """A distribution for the parameter at ``path``, or for ``parameters`` one for each uncertain one; InputError for others."""
+    """A distribution for the parameter at ``path``, or for ``parameters`` one for each uncertain one; raises InputError for
+    others."""
     physical = case.problem.plant.physical if isinstance(case.problem, Problem) else None
     known = {} if physical is None else {one.name: one for one in physical.parameters}
     if path.keys == (PARAMETERS,):

@@ -45,7 +45,7 @@ def members_of(given: int | None, design: Design, *, drawn: bool) -> int:
 
 
 def design_of(name: str | Design) -> Design:
-    """The design with this name; InputError for an unknown one."""
+    """The design with this name; raises InputError for an unknown one."""
     try:
         return Design(name)
     except ValueError:

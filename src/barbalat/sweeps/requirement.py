@@ -32,7 +32,7 @@ class Requirement:
 
     @classmethod
     def parse(cls, text: str) -> Requirement:
-        """Parse a requirement; InputError for an invalid text."""
+        """Parse a requirement; raises InputError for an invalid text."""
         found = _FORM.match(text)
         limit = None if found is None else _number(found["limit"])
         if found is None or not found["figure"] or limit is None:
@@ -51,7 +51,7 @@ class Requirement:
         ]
 
     def require_known(self, names: list[str], controllers: tuple[str, ...]) -> None:
-        """InputError if no controller has the metric."""
+        """Raise InputError if no controller has the metric."""
         if not any(self.columns(names, controller) for controller in controllers):
             figures = sorted({name.split("/", 1)[1] for name in names if "/" in name})
             raise InputError(f"the requirement {validate.show(str(self))} does not name a figure; known are {', '.join(figures)}")

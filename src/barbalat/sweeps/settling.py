@@ -131,7 +131,8 @@ class Settling:
         return self._finer[step]
 
     def work(self, numbers: Array) -> Work:
-        """All columns of the members with these numbers, (K,); InputError, with its number, for one that gives no valid case."""
+        """All columns of the members with these numbers, (K,); raises InputError, with its number, for one that gives no valid
+        case."""
         parts = list(self.study.parts_for(numbers))
         found = self.study.columns_for(numbers, parts, (yield parts))
         reruns = list(self._reruns(found)) if self.settles else []

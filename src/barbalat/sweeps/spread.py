@@ -39,7 +39,7 @@ class Axis:
 
     @classmethod
     def parse(cls, text: str) -> Axis:
-        """An axis as START:STOP:COUNT[:log]; InputError for a different text."""
+        """An axis as START:STOP:COUNT[:log]; raises InputError for a different text."""
         parts = text.split(":")
         if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] != "log"):
             raise InputError(f"a range must be START:STOP:COUNT or START:STOP:COUNT:log, got {validate.show(text)}")

@@ -239,7 +239,8 @@ def opened(
 
     grows  whether it may have fewer members than are now requested: the first ones of the same plan
 
-    InputError for a folder that can't be written, that another process writes, or that contains another sweep or other files.
+    Raises InputError for a folder that can't be written, that another process writes, or that contains another sweep or other
+    files.
     """
 
     folder = validate.local_path("the store", folder)
@@ -271,7 +272,7 @@ def opened(
 
 
 def require_place(folder: Path) -> None:
-    """InputError for a folder that ``opened`` would reject in any case, and if a store's dependencies are missing.
+    """Raise InputError for a folder that ``opened`` would reject in any case, and if a store's dependencies are missing.
 
     A command calls this before it computes anything. The test leaves no files behind and does not write to a complete store.
     """
@@ -285,7 +286,7 @@ def require_place(folder: Path) -> None:
 
 
 def _require_empty(folder: Path) -> None:
-    """InputError if the folder contains other files."""
+    """Raise InputError if the folder contains other files."""
     ours = (LOCK_FILE, WRITING_DIR)
     if foreign := sorted(one.name for one in folder.iterdir() if one.name not in ours and not _ours(one)):
         raise InputError(f"the store {str(folder)!r} contains other files, such as {foreign[0]!r}: choose another folder")

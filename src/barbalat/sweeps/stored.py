@@ -68,13 +68,13 @@ def name_of(chunk: Chunk) -> str:
 
 
 def require_parquet(purpose: str = "a store") -> None:
-    """InputError if the packages for reading and writing it are missing."""
+    """Raise InputError if the packages for reading and writing it are missing."""
     for module in ("pyarrow", "filelock"):
         validate.require_extra(module, "study", purpose)
 
 
 def read_index(folder: Path) -> StoreIndex | None:
-    """The index of a folder; None if there is none; InputError if it can't be read."""
+    """The index of a folder; None if there is none; raises InputError if it can't be read."""
     from pyarrow import ArrowException
 
     try:
@@ -118,7 +118,7 @@ def checksum(text: bytes, schema: pa.Schema) -> bytes:
 
 
 def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
-    """A member's row, also from a store that is being written; InputError if it belongs to a different sweep or lacks the
+    """A member's row, also from a store that is being written; raises InputError if it belongs to a different sweep or lacks the
     member."""
     index = read_index(folder)
     if index is None:

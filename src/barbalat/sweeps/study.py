@@ -194,13 +194,14 @@ class Study:
         return self.plan.values(first, count)
 
     def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """All columns of these members, each with the case's own step; InputError, with its number, for one that gives no
+        """All columns of these members, each with the case's own step; raises InputError, with its number, for one that gives no
         valid case."""
         parts = list(self.parts(first, count))
         return self.columns(first, count, parts, run_here(parts, threads=threads, progress=progress))
 
     def parts(self, first: int, count: int) -> Iterator[StudyPart]:
-        """Members that run together, ready for their kernels; InputError, with its number, for one that gives no valid case."""
+        """Members that run together, ready for their kernels; raises InputError, with its number, for one that gives no valid
+        case."""
         return self.parts_for(np.arange(first, first + count))
 
     def parts_for(self, numbers: Array) -> Iterator[StudyPart]:

@@ -74,7 +74,7 @@ class SearchedSet:
 
     @classmethod
     def of(cls, given: Sequence[tuple[FieldPath, Axis | Distribution]]) -> SearchedSet:
-        """InputError for a distribution without ends."""
+        """Raise InputError for a distribution without ends."""
         ends, log, balls = [], [], dict[tuple[Any, ...], list[int]]()
         for i, (path, one) in enumerate(given):
             if isinstance(one, Axis):
@@ -285,7 +285,8 @@ def search_worst(
 
 
 def known_set_of(source: CaseText | Case) -> list[tuple[FieldPath, Axis | Distribution]]:
-    """The ranges of the case's parameters, or else its known set of theta and of the input's gain; InputError if it has none."""
+    """The ranges of the case's parameters, or else its known set of theta and of the input's gain; raises InputError if it has
+    none."""
     case = source if isinstance(source, Case) else source.case()
     problem = case.problem
     found: dict[FieldPath, Distribution] = {}
@@ -321,7 +322,7 @@ class _Search:
         self.near = Neighbourhood(study.varied, tuple(moved), setting, study.tried.middle)
 
     def require(self, starts: int) -> None:
-        """InputError for a search that exceeds the budget."""
+        """Raise InputError for a search that exceeds the budget."""
         loops = [family.reader.loop for family in self.near.setting.families]
         width, steps = len(self.region.low), self.near.setting.simulation.steps
 

@@ -115,7 +115,7 @@ class FlightComparison:
         return self.figure(self.failure_of(failure), shown=True)
 
     def plot_paths(self, failure: str | None = None) -> Figure:
-        """Draw the paths of all controllers through one failure in space. InputError if the records have no path."""
+        """Draw the paths of all controllers through one failure in space. Raises InputError if the records have no path."""
         from barbalat.vehicles.picture import paths_figure
 
         return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)
@@ -137,7 +137,7 @@ class FlightComparison:
         return found
 
     def failure_of(self, name: str | None) -> Failing:
-        """Return the failure with this name, or the last one for None. InputError for one that was not flown."""
+        """Return the failure with this name, or the last one for None. Raises InputError for one that was not flown."""
         found = [one for one in self.failures if name in (None, one.name)]
         if not found:
             raise InputError(

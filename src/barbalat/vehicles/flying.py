@@ -76,14 +76,15 @@ def fly(
 
 
 def chosen_schemes(vehicle: AnyVehicle, names: Sequence[str] | None) -> list[str]:
-    """Return each scheme once, by default all that can be designed here. InputError for one that the vehicle does not offer."""
+    """Return each scheme once, by default all that can be designed here. Raises InputError for one that the vehicle does not
+    offer."""
     wanted = list(dict.fromkeys(available(vehicle.schemes) if names is None else names))
     require_offered(wanted, vehicle.schemes)
     return wanted
 
 
 def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[Failing, ...]:
-    """Return the failures, by default all. InputError for one that the vehicle does not have."""
+    """Return the failures, by default all. Raises InputError for one that the vehicle does not have."""
     known = {one.name: one for one in vehicle.failures}
     unknown = [one for one in names or () if one not in known]
     if unknown:
@@ -103,8 +104,8 @@ def aboard(
     controllers: Sequence[Controller] = (),
     maker: Maker = SampledList.of,
 ) -> list[Aboard]:
-    """Return the controllers to be flown: first the schemes, then your own. InputError for one that does not fit the vehicle's
-    computer."""
+    """Return the controllers to be flown: first the schemes, then your own. Raises InputError for one that does not fit the
+    vehicle's computer."""
     found = [
         *(scheme_aboard(vehicle, model, name, maker) for name in schemes),
         *(_own(vehicle, model, one, maker) for one in controllers),

@@ -150,8 +150,8 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def nominal(self, condition: Any = None, equipment: Any = None) -> Model:
-        """Return the trimmed vehicle with its linear model, computed by the simulator in its own process. InputError if the
-        simulator is not installed."""
+        """Return the trimmed vehicle with its linear model, computed by the simulator in its own process. Raises InputError if
+        the simulator is not installed."""
 
     @abstractmethod
     def loops(self, model: Model) -> Sequence[Loop]:
@@ -216,8 +216,8 @@ GROUP = "barbalat.vehicles"
 
 @cache
 def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
-    """Return all vehicles by their names on the command line. InputError if two have the same name, or if an entry point cannot
-    be imported."""
+    """Return all vehicles by their names on the command line. Raises InputError if two have the same name, or if an entry point
+    cannot be imported."""
     found: dict[str, Vehicle[Any, Any, Any]] = {}
     for module in slices(__package__, GROUP, "vehicle"):
         for vehicle in module.VEHICLES:
@@ -228,7 +228,7 @@ def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
 
 
 def vehicle_of(name: str) -> Vehicle[Any, Any, Any]:
-    """Return the vehicle with this name. InputError for an unknown one."""
+    """Return the vehicle with this name. Raises InputError for an unknown one."""
     if name not in vehicles():
         raise InputError(f"NAME must be one of {', '.join(vehicles())}, got {show(name)}")
     return vehicles()[name]

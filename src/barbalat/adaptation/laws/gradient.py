@@ -22,8 +22,8 @@ class Gradient(ModifiedLaw, Settings):
     """theta_hat' = proj(Gamma (epsilon phi - w theta_hat)): steepest descent of (z - theta_hat'phi)^2/(2 m_s^2).
 
     gamma      Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
-    leakage    w; none by default
-    dead_zone  on epsilon m_s; none by default
+    leakage    the leakage w; none by default
+    dead_zone  acts on epsilon m_s; none by default
 
     V = theta_tilde'Gamma^-1 theta_tilde/2: V' = -epsilon^2 m_s^2, or less with projection. Convergence is exponential if phi/m_s
     is persistently exciting. Source: Ioannou and Sun, sections 4.3.5 and 8.5.2; Ioannou and Fidan, section 3.6.1.
@@ -67,7 +67,7 @@ class Gradient(ModifiedLaw, Settings):
 
     @property
     def fastest_rate(self) -> float | None:
-        """Gamma; None with a leakage, which adds a rate of its own, as in the other laws."""
+        """Gamma; None with a leakage, which adds another rate, as in the other laws."""
         return None if self.leakage is not None else self.metric.largest
 
     def gain_of_rate(self, rate: float) -> float | None:

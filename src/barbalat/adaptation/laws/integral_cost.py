@@ -32,7 +32,7 @@ class IntegralCost(Settings):
     """theta_hat' = proj(Gamma (Q - R theta_hat - w theta_hat)): steepest descent of the integral
     of e^{-beta(t-s)} (z(s) - theta_hat(t)'phi(s))^2/(2 m_s^2(s)).
 
-    R' = -beta R + phi phi'/m_s^2, Q' = -beta Q + z phi/m_s^2, both from zero (Q has the opposite sign in the source).
+    R' = -beta R + phi phi'/m_s^2, Q' = -beta Q + z phi/m_s^2, both from zero (in the source, Q has the opposite sign).
 
     gamma       Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
     forgetting  beta > 0 [1/s]; |R| stays below 1/beta
@@ -41,8 +41,8 @@ class IntegralCost(Settings):
     Without modelling error Q = R theta, and V = theta_tilde'Gamma^-1 theta_tilde/2 has V' = -theta_tilde'R theta_tilde <= 0.
     Under persistent excitation the rate of convergence grows with Gamma without bound, unlike that of the instantaneous cost.
 
-    The law uses an integral of past errors. A dead zone therefore has no single error to act on, and V' is not proportional to
-    the present error, which the epsilon-modification requires: both are rejected.
+    The law uses an integral of past errors. A dead zone therefore has no single error on which to act, and V' is not proportional
+    to the present error, as the epsilon-modification requires. Both are rejected.
 
     Source: Ioannou and Sun, section 4.3.5; Ioannou and Fidan, section 3.6.2; Kreisselmeier (1977).
     """

@@ -1,5 +1,5 @@
-"""The least-squares laws: the paper's (15), and laws that forget, reset or bound the covariance, which is the memory of all of
-them.
+"""The least-squares laws: the paper's (15), and laws that forget, reset or bound the covariance. The covariance is the memory of
+all these laws.
 
 V = theta_tilde'P^-1 theta_tilde/2. With P' = beta P - P phi phi'P/m_s^2, (P^-1)' = -beta P^-1 + phi phi'/m_s^2, and so V' =
 -epsilon^2 m_s^2/2 - beta V without modelling error. With a dead zone of weight a on both the estimate and the data's effect on P,
@@ -28,7 +28,7 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 NORM_TOLERANCE = 2.0**-46
-"""A norm within this relative distance of its bound counts as equal to it; ``bounded`` leaves it within a sixteenth of this
+"""A norm within this relative distance of its bound counts as equal to it; ``bounded`` leaves the norm within 1/16 of this
 distance."""
 
 COVARIANCE_METRIC = Gain(np.eye(1))
@@ -45,13 +45,13 @@ class Memory(NamedTuple):
 
 
 class CovarianceLaw(ModifiedLaw):
-    """The parts that all least-squares laws share. Its fields are the law's own settings."""
+    """The parts that all least-squares laws share. The fields of a subclass are its settings."""
 
     roles: ClassVar[Mapping[str, Role]] = {"covariance": Role.memory("covariance P of the least squares (15)", symbol="P")}
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
-        """P', where ``taken`` is the reduction due to the data."""
+        """P'; ``taken`` is the reduction due to the data."""
 
     def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
         """P after T [s] without data, and the weight of the data from that time."""
@@ -88,7 +88,7 @@ class BoundedCovarianceLaw(CovarianceLaw):
 
     jump: ClassVar[str] = "the bound of the covariance"
     tolerates: ClassVar[tuple[str, Tolerated, str]]
-    """The law's name in messages, the leakages that it accepts, and the reason why it accepts no others."""
+    """The law's name in messages, the leakages that it accepts, and why it accepts no others."""
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
@@ -106,7 +106,8 @@ class BoundedCovarianceLaw(CovarianceLaw):
 
 
 def initial_covariance(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:
-    """P(0) from a number, a diagonal or a matrix; InputError if it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
+    """P(0) from a number, a diagonal or a matrix; raises InputError if it doesn't fit n or exceeds ``bound`` in the Frobenius
+    norm."""
     Gain(covariance0).require_size("law.covariance0", n)
     require_room(n)
     P = Gain(covariance0).as_matrix(n)
@@ -173,7 +174,8 @@ def smallest_pivot(P: Value, shift: Value) -> Value:
     """The smallest pivot of the elimination of P - shift I, up to the first that is not positive.
 
     Positive exactly where lambda_min(P) > shift: a symmetric matrix is positive definite if and only if all its pivots are
-    positive (Sylvester's criterion), and up to the first that is not, they are those of exact elimination.
+    positive (Sylvester's criterion), and up to the first pivot that is not positive, the computed pivots are those of exact
+    elimination.
     """
     n = P.shape[0]
     rest = [[P[i, j] - shift if i == j else P[i, j] for j in range(n)] for i in range(n)]
@@ -195,7 +197,7 @@ class LeastSquares(CovarianceLaw, Settings):
 
     covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
     leakage      SwitchingSigma; none by default
-    dead_zone    on epsilon m_s, for the estimate and the covariance; none by default
+    dead_zone    acts on epsilon m_s, for the estimate and the covariance; none by default
 
     P only decreases: (P^-1)' = phi phi'/m_s^2. Under persistent excitation theta_tilde goes to zero like 1/t. A fixed sigma and
     the epsilon-modification are rejected: their proof of boundedness needs V <= c |theta_tilde|^2 for some c, and P^-1 has no
@@ -222,7 +224,7 @@ class LeastSquares(CovarianceLaw, Settings):
 
     @property
     def fastest_rate(self) -> float | None:
-        """2 P(0): a covariance's rate is the slope 2 P of P^2, as in the other least-squares laws."""
+        """2 P(0): the rate of a covariance is 2 P, the slope of P^2, as in the other least-squares laws."""
         return None if self.leakage is not None else 2 * Gain(self.covariance0).largest
 
 
@@ -237,8 +239,8 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
     forgetting   beta > 0 [1/s]
     leakage      SwitchingSigma; none by default
 
-    V' = -epsilon^2 m_s^2/2 - beta V: exponential under persistent excitation. Without it P grows like e^(beta t) (covariance
-    windup): use a bounded variant. A dead zone is rejected, because P would grow without bound inside it.
+    V' = -epsilon^2 m_s^2/2 - beta V: convergence is exponential under persistent excitation. Without it P grows like e^(beta t)
+    (covariance windup), so use a bounded variant. A dead zone is rejected, because P would grow without bound inside it.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.1.
     """
@@ -285,14 +287,14 @@ class LeastSquaresResetting(CovarianceLaw, Settings):
 
     rho_0, rho_1  0 < rho_1 < rho_0
     leakage       FixedSigma or SwitchingSigma; none by default
-    dead_zone     on epsilon m_s, for the estimate and the covariance; none by default
+    dead_zone     acts on epsilon m_s, for the estimate and the covariance; none by default
 
     rho_1 I <= P <= rho_0 I. A reset lowers V, since P(t) <= rho_0 I before it. The test is exactly the textbook's, without
     eigenvalues: all pivots of P - rho_1 I are positive if and only if lambda_min(P) > rho_1. It is part of ``limit``, so no stage
     of a solver uses a smaller covariance; the time of a reset is resolved to a stage.
 
     The epsilon-modification is rejected: V' = -((epsilon m_s)^2 - (eta/m_s)^2)/2 - w theta_tilde'theta_hat is positive if epsilon
-    = 0 and eta is not, and that leakage is then zero.
+    = 0 and eta is not, although that leakage is then zero.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3; Goodwin and Mayne (1987).
     """
@@ -336,11 +338,11 @@ class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     forgetting        beta > 0 [1/s]
     covariance_bound  R_0 > 0
     leakage           FixedSigma or SwitchingSigma; none by default
-    dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
+    dead_zone         acts on epsilon m_s, for the estimate and the covariance; none by default
 
-    The norm is Frobenius', so P <= R_0 I and the test needs only arithmetic. P^-1 stays bounded as well, since (P^-1)' is zero or
-    -beta P^-1 + phi phi'/m_s^2. In the source P stays constant forever once it is at the bound; here it changes again as soon as
-    it would shrink. V' <= 0 in both cases. In a fixed-step solver P is scaled back at every stage that overshoots.
+    The norm is the Frobenius norm, so P <= R_0 I, and the test needs only arithmetic. P^-1 stays bounded as well, since (P^-1)'
+    is zero or -beta P^-1 + phi phi'/m_s^2. In the source P stays constant forever once it is at the bound; here it changes again
+    as soon as it would shrink. V' <= 0 in both cases. In a fixed-step solver P is scaled back at every stage that overshoots.
 
     The epsilon-modification is rejected for the reason given at LeastSquaresResetting.
 
@@ -373,14 +375,14 @@ class LeastSquaresBoundedGain(BoundedCovarianceLaw, Settings):
     forgetting        beta_0 > 0 [1/s]
     covariance_bound  k_0 > 0
     leakage           SwitchingSigma; none by default
-    dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
+    dead_zone         acts on epsilon m_s, for the estimate and the covariance; none by default
 
-    The norm is Frobenius', so P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Convergence is
-    exponential under persistent excitation, and there is no windup without it, because the forgetting fades. V' = -epsilon^2
+    The norm is the Frobenius norm, so P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Convergence
+    is exponential under persistent excitation, and there is no windup without it, because the forgetting fades. V' = -epsilon^2
     m_s^2/2 - beta(t) V.
 
     A fixed sigma and the epsilon-modification are rejected: while one direction stays at k_0 nothing is forgotten, and P
-    decreases in the others as in pure least squares, without a lower bound.
+    decreases in the other directions as in pure least squares, without a lower bound.
 
     Source: Slotine and Li, Applied Nonlinear Control, section 8.7.5.
     """

@@ -63,7 +63,7 @@ class NormedCell(Cell):
 
 
 def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
-    """The bound over the known set, and that set with its cells; InputError, with the reason, if there is none."""
+    """The bound over the known set, and that set with its cells; raises InputError, with the reason, if there is none."""
     known_set, order = problem.uncertainty, itertools.count()
     if not isinstance(known_set, ParameterBox):
         raise InputError("the known set is a ball, but this bound is computed over the cells of a box")
@@ -105,7 +105,7 @@ def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple
 
 
 def witness(problem: Problem, loop: KnownLoop, cell: NormedCell) -> dict[str, Any]:
-    """The witnesses of a cell's norms; InputError if one of them is not found."""
+    """The witnesses of a cell's norms; raises InputError if one of them is not found."""
     found: dict[str, Any] = {"center": cell.center.tolist()}  # rounded: the witnesses hold for the loop with these numbers
     for name, (A, B, C) in systems(problem, loop, cell.center).items():
         size = max(_norms(A, B, C)[0])

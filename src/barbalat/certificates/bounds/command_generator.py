@@ -12,7 +12,7 @@ from barbalat.validate import InputError
 
 
 def generator(signal: Signal, t_end: float) -> Generator:
-    """The signal as the output of a linear system for 0 <= t <= t_end; InputError if there is no such system."""
+    """The signal as the output of a linear system for 0 <= t <= t_end; raises InputError if there is no such system."""
     with ctx.workprec(MOST_BITS):  # sines and instants must be accurate at any precision of the enclosure
         return _generator(signal, t_end)
 

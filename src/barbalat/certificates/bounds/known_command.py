@@ -97,7 +97,7 @@ class FollowedCell(Cell):
 
 
 def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> tuple[float, FollowedCell]:
-    """The bound over the known set, and that set with its cells; InputError, with the reason, if there is none."""
+    """The bound over the known set, and that set with its cells; raises InputError, with the reason, if there is none."""
     if not isinstance(known_set, ParameterBox):
         raise InputError("the known set is a ball, but the response to the command is bounded over the cells of a box")
     states = _states(problem, loop)

@@ -28,7 +28,7 @@ class ModelBounds:
 
 
 def model_bounds(problem: Problem) -> ModelBounds:
-    """Bounds from the signal's own bound and L1 norms, not from samples. InputError for a signal without a bound."""
+    """Bounds from the signal's own bound and L1 norms, not from samples. Raises InputError for a signal without a bound."""
     r = problem.reference
     if not isinstance(r, BoundedSignal):
         raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
@@ -50,7 +50,7 @@ def largest_along_the_command(problem: Problem, simulation: Simulation) -> float
 
 
 def command_bounds(problem: Problem) -> Array:
-    """(m,) bounds of sup |(k_0 r)_j|; InputError for a command without a bound."""
+    """(m,) bounds of sup |(k_0 r)_j|; raises InputError for a command without a bound."""
     pushed = np.zeros(problem.known.inputs)
     for command, column in zip(problem.commands, np.reshape(problem.known.k_0, (len(pushed), -1)).T, strict=True):
         if not isinstance(command, BoundedSignal):
@@ -85,6 +85,6 @@ def _free_response_bounds(known: Known) -> list[float]:
 
 
 def require_lyapunov(known: Known) -> None:
-    """InputError unless P is provably a Lyapunov matrix of A_m."""
+    """Raise InputError unless P is provably a Lyapunov matrix of A_m."""
     if not lyapunov_holds(known.P, known.A_m):
         raise InputError("P A_m + A_m'P could not be verified to be negative definite: A_m is too close to losing stability")

@@ -160,7 +160,7 @@ def tolerated(loops: FrozenLoops, error: ModellingError) -> ToleratedSizes:
 def small_gain(loop: StateSpace, error: ModellingError) -> float:
     """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, with its lowest minima refined.
 
-    InputError if the loop is unstable without any modelling error.
+    Raises InputError if the loop is unstable without any modelling error.
     """
     from scipy.optimize import minimize_scalar
 

@@ -91,7 +91,7 @@ def plants_of(problem: Problem) -> list[PlantAt]:
 
 
 def plant_at(problem: Problem, members: Members, k: int) -> PlantAt:
-    """One of the members; InputError if the parameters give no input path or no sensor."""
+    """One of the members; raises InputError if the parameters give no input path or no sensor."""
     assert problem.derived is not None
     physical, values = problem.derived.physical, members.parameters[k]
     assert physical is not None

@@ -87,7 +87,7 @@ class _Whole:
 
 
 def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Response:
-    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``; InputError if the loop decays too
+    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``; raises InputError if the loop decays too
     slowly."""
     whole = _whole(problem, controller)
     loop, M = whole.loop, whole.loop.closed(problem.delay)
@@ -109,7 +109,7 @@ def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Re
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
     """Bounds of the effect of the case's measurement noise if it is independent from sample to sample.
 
-    Its covariance grows from zero to that of sum_k M^k W w, so the root of the sum of squares bounds it at all times.
+    Its covariance grows from zero to that of sum_k M^k W w, so the root of the sum of squares bounds it at all times. Raises
     InputError if the loop decays too slowly.
     """
     whole = _whole(problem, controller)
@@ -269,7 +269,7 @@ def _jumps(r: Signal, T: float, t_end: float) -> tuple[float, float]:
 
 
 def bounds_of(signals: tuple[Signal, ...]) -> Array:
-    """The signals' bounds; InputError if the signal has no bound."""
+    """The signals' bounds; raises InputError if the signal has no bound."""
     for signal in signals:
         if not isinstance(signal, BoundedSignal):
             raise InputError(f"{type(signal).__name__} has no known bound")
@@ -304,7 +304,7 @@ def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str,
 
 
 def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
-    """P and the number of samples that bound a sum's remainder; InputError if the loop decays too slowly."""
+    """P and the number of samples that bound a sum's remainder; raises InputError if the loop decays too slowly."""
     whole = _whole(problem, controller)
     M, counts = whole.loop.closed(problem.delay), list[int]()
     reached = whole.loop.J @ _reached(whole.loop.A, whole.B, whole.loop.T)[0]

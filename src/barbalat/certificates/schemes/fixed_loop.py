@@ -80,7 +80,7 @@ class FixedLoop:
         return loop if self.gain is None else StateSpace(loop.A, loop.B, self.gain * loop.C, self.gain * loop.D)
 
     def error_norm(self) -> Enclosure:
-        """N; InputError if the loop with theta_0 is unstable."""
+        """N; raises InputError if the loop with theta_0 is unstable."""
         S, n = self.nominal_response(), len(self.theta_0)
         if not np.linalg.eigvals(S.A).real.max() < 0:
             raise InputError("the linear loop is unstable with the nominal parameters: no bound of the error exists")

@@ -56,7 +56,8 @@ class Distance(NamedTuple):
 
 
 def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> Distance:
-    """The distance to the reference system for held commands of these sizes (q,); InputError if one of the two is unstable."""
+    """The distance to the reference system for held commands of these sizes (q,); raises InputError if one of the two is
+    unstable."""
     equations, plant = controller.bind(problem.known), problem.plant
     T, n, q = controller.sample_time, plant.n, len(levels)
     single = StateSpace.gain(1.0) if controller.filter is None else controller.filter.realise()

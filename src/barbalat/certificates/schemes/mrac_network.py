@@ -131,7 +131,7 @@ class ErrorBoundCase:
 
     @classmethod
     def of(cls, problem: Problem, equations: Equations) -> ErrorBoundCase:
-        """InputError for signals without a bound."""
+        """Raise InputError for signals without a bound."""
         d, bound = problem.disturbance, 0.0
         if d is not None:
             if not isinstance(d, BoundedSignal):

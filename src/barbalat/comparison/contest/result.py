@@ -131,8 +131,8 @@ class Contest(Plotted):
         return ReferenceMotion.of(self.problem, self.simulation).rms
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """Draw the error of every validation run of every entrant as a Matplotlib figure. InputError if no entrant meets the
-        rule.
+        """Draw the error of every validation run of every entrant as a Matplotlib figure. Raises InputError if no entrant meets
+        the rule.
 
         shown  whether the figure is displayed at once, if pyplot is in use
         """

@@ -83,7 +83,7 @@ class Draws:
 
     @classmethod
     def drawn(cls, problem: Problem, members: int, rule: Rule) -> Draws:
-        """Draw new plants of the known set, new commands and new noise. InputError if the truth is a single plant."""
+        """Draw new plants of the known set, new commands and new noise. Raises InputError if the truth is a single plant."""
         assert problem.uncertainty is not None
         if (why := one_plant_because(problem)) is not None:
             raise InputError(f"validation plants cannot be drawn, because {why}")

@@ -76,7 +76,7 @@ class StepTest:
 
     @classmethod
     def of(cls, problem: Problem, simulation: Simulation, judge: Judge, asked: Specification) -> StepTest:
-        """Return the test. InputError if the command does not move the model."""
+        """Return the test. Raises InputError if the command does not move the model."""
         A, B, _ = problem.model.matrices
         slowest = 1 / float(np.abs(np.linalg.eigvals(A).real).min())
         steps = max(int(np.ceil(max(SETTLINGS * (asked.settling or 0.0), DECAYS * slowest) / simulation.dt)), 1)

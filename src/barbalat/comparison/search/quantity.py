@@ -177,7 +177,7 @@ class Constraint:
 
     @classmethod
     def parse(cls, text: str) -> Constraint:
-        """Parse a requirement. InputError for an invalid text, or for one that a search cannot satisfy."""
+        """Parse a requirement. Raises InputError for an invalid text, or for one that a search cannot satisfy."""
         requirement = Requirement.parse(text)
         quantity = TunedQuantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
         if quantity.origin is Origin.PROBE:

@@ -69,7 +69,7 @@ class Suite:
 
     @classmethod
     def read(cls, path: str | Path | None = None) -> Suite:
-        """Read the public suite, or a file. InputError for a file with a public suite's name but another hash."""
+        """Read the public suite, or a file. Raises InputError for a file with a public suite's name but another hash."""
         source = "the public suite" if path is None else str(path)
         if path is None:
             file = resources.files("barbalat.comparison.suite") / "public.toml"

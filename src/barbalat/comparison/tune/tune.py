@@ -108,7 +108,7 @@ class Tuner:
         return VariedCase(self.text, paths, tables)
 
     def space_of(self, controller: int) -> Space:
-        """Return the ranges of the scheme's own knobs. InputError if it has none."""
+        """Return the ranges of the scheme's own knobs. Raises InputError if it has none."""
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
@@ -124,7 +124,7 @@ class Tuner:
         return of_knobs(knobs, tables[controller], controller)
 
     def count(self, space: Space) -> int:
-        """Return the number of tunings to try for a controller. InputError for too few."""
+        """Return the number of tunings to try for a controller. Raises InputError for too few."""
         least = least_trials(len(space))
         return max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
 
@@ -226,7 +226,8 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
 
 
 def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], list[str]]:
-    """Return the knobs of each controller that has some, and the omitted controllers. InputError if none of them has any."""
+    """Return the knobs of each controller that has some, and the omitted controllers. Raises InputError if none of them has
+    any."""
     found, left_out = dict[int, Space](), list[str]()
     for which in chosen:
         try:

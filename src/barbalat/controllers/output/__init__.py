@@ -1,4 +1,4 @@
-"""The registry of schemes that measure only y, one line for each, by their names in case files."""
+"""The registry of schemes that measure only y, by their names in case files, one line for each scheme."""
 
 from barbalat.controllers.output.l1 import L1Output as L1Output
 from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant as L1OutputPiecewiseConstant

@@ -20,7 +20,8 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True, eq=False)
 class OutputPredictor(SampledForm):
-    """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor receives sigma after projection.
+    """Equation (21): predictor and sigma in one implicit step, for every gamma and T; the predictor receives sigma after
+    projection.
 
     With y_next = y + T (-m y_mid + m (u + s) + w), where sigma estimates s, y_tilde = y - y_hat and sigma_tilde = sigma - s, V =
     y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, with y_tilde at the end of the sample.
@@ -96,7 +97,7 @@ class L1Output(Scheme):
     gamma         adaptive gain > 0
     filter        C(s): stable, strictly proper, C(0) = 1; starts at rest
     sigma_bound   |sigma| <= sigma_bound by projection, > 0; unbounded by default
-    lipschitz     L of condition (20), used only by certificates; by default 0 without f, or else the slope found for f
+    lipschitz     L of condition (20), used only by certificates; by default the slope found for f, or 0 without f
     design_plant  G(s) that the design assumes, for certificates; the plant itself by default
 
     Source: eqs (18)-(21); Cao and Hovakimyan, IEEE TAC 54(4), 2009; Hovakimyan and Cao, section 4.1.
@@ -168,7 +169,7 @@ def linear_equivalent(controller: L1Output) -> LinearEquivalent:
 
 
 def fast_limit(controller: L1Output) -> LinearEquivalent:
-    """Return the controller's limit for gamma -> infinity: u = C/((1 - C) G_m) [G_m r - y]."""
+    """Return the limit of the controller for gamma -> infinity: u = C/((1 - C) G_m) [G_m r - y]."""
     N, D, m = controller.filter.num, controller.filter.den, controller.m
     den = np.polysub(D, N)
     den[-1] = 0.0

@@ -1,7 +1,7 @@
 """L1 output feedback with the piecewise-constant law, for a stable, minimum-phase model of any order; always sampled.
 
 One output determines x_hat - x in one direction: g with c'g = 1, the only direction in which the law acts. With A_m'P + P A_m =
--I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so the predictor's error decreases at every
+-I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so the prediction error decreases at every
 sample time: x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without uncertainty.
 """
 
@@ -50,7 +50,7 @@ class Equations:
     g: Array  # (n,), c'g = 1: the direction in which the law corrects x_hat
     memory: float  # decay of the model per sample: its spectral radius
     filter: FilterStep
-    limits: Array | None = None  # of the input, if the predictor receives sat(u)
+    limits: Array | None = None  # limits of the input, if the predictor receives sat(u)
     frozen: Value = None  # where it is true, sigma_hat is held; None: never
 
     roles: ClassVar[Mapping[str, Role]] = {
@@ -76,8 +76,8 @@ class Equations:
         return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted), span)
 
     def _measured_again(self, state: State, x_hat: Value, y: Value) -> Value:
-        """x_hat at the first measurement after missed ones, moved so that y_hat - y is the fraction of one sample, see
-        ``shared``."""
+        """x_hat at the first measurement after missed ones, shifted so that y_hat - y is one sample's fraction of the error (see
+        ``shared``)."""
         error, answered = self.c @ x_hat - y, -(self.G @ state.sigma_hat) / (self.G @ self.G)
         return x_hat + self.g * (shared(error, answered, state.span) - error)
 
@@ -85,7 +85,7 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """The signals that pass C(s): r - sigma_hat at the input, and the unmatched sigma_hat."""
+        """The signals that pass through C(s): r - sigma_hat at the input, and the unmatched sigma_hat."""
         return np.concatenate([(r - sigma_hat[0]).reshape(1), sigma_hat[1:]])
 
 

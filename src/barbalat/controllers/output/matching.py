@@ -9,7 +9,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
 SLOWEST_POLE_SHARE = 1e-9
-"""Smallest ratio of a filter's pole to the model's fastest: a slower pole cannot be distinguished from an integrator."""
+"""Smallest ratio of a filter pole to the model's fastest pole. A slower pole cannot be distinguished from an integrator."""
 
 
 def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None) -> Array:
@@ -42,8 +42,8 @@ def input_filter(Lambda: Array) -> StateSpace:
 
 
 def refuse_contradiction(plant: TransferFunction, order: int, relative_degree: int, sign: int) -> None:
-    """Raise InputError if a plant of at most the assumed order is not in the assumed class; the additional part of a higher-order
-    plant is unmodelled."""
+    """Raise InputError if a plant of at most the assumed order is not in the assumed class; the extra dynamics of a higher-order
+    plant count as unmodelled."""
     if len(plant.poles) > order:
         return
     if plant.relative_degree != relative_degree:
@@ -58,12 +58,12 @@ def refuse_contradiction(plant: TransferFunction, order: int, relative_degree: i
 
 
 def matching_parameters(plant: TransferFunction, W_m: TransferFunction, Lambda: Array) -> Array:
-    """theta* = (theta_1, theta_2, theta_3, c_0), (2 n,), for which the closed loop is W_m exactly.
+    """Return theta* = (theta_1, theta_2, theta_3, c_0), (2 n,), for which the closed loop equals W_m exactly.
 
     Solves (Lambda - theta_1'alpha) R_p - k_p Z_p (theta_2'alpha + theta_3 Lambda) = Z_p Lambda_0 R_m, c_0 = k_m/k_p, monic Z_p
     and Z_m, with the time unit in which the model's fastest pole is 1. If theta* is not unique (a plant of lower order, or one
-    with a pole-zero cancellation), the smallest in that unit is taken. Raises InputError for a plant whose order exceeds Lambda's
-    plus one, or whose relative degree is not the model's. Source: Ioannou and Sun, section 6.4.
+    with a pole-zero cancellation), the smallest solution in that unit is taken. Raises InputError for a plant whose order exceeds
+    the order of Lambda plus one, or whose relative degree differs from the model's. Source: Ioannou and Sun, section 6.4.
     """
     n = len(Lambda)
     missing = n - len(plant.poles)
@@ -100,7 +100,7 @@ def _padded(polynomial: Array, size: int) -> Array:
 
 
 def is_strictly_positive_real(W: TransferFunction) -> bool:
-    """Re W(j w) > 0 for all w, and w^2 Re W(j w) positive in the limit; for a stable W of relative degree 1.
+    """Whether Re W(j w) > 0 for all w and w^2 Re W(j w) is positive in the limit, for a stable W of relative degree 1.
 
     Re W has the sign of the even polynomial Re(num(j w) den(-j w)), which must have no root w^2 >= 0.
     """

@@ -1,4 +1,5 @@
-"""Direct MRAC for SISO plants of any relative degree with output feedback; robust with normalisation and auxiliary input.
+"""Direct MRAC for SISO plants of any relative degree with output feedback; with normalisation and an auxiliary input for
+robustness.
 
 Source: Section IV of the paper, first sentence; Ioannou and Sun, sections 6.4, 6.5 and 9.3.
 """
@@ -27,9 +28,9 @@ LARGEST_ORDER = 100
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MracOutput(Scheme):
-    """u = theta_hat'omega + u_a for a plant whose order, relative degree and sign of the gain are assumed.
+    """u = theta_hat'omega + u_a for a plant of assumed order, relative degree and sign of the high-frequency gain.
 
-    order            n of the plant for which the scheme is designed
+    order            n, the plant order for which the scheme is designed
     relative_degree  n*, equal to that of the reference model
     sign             of the high-frequency gain, 1 or -1
     law              LyapunovLaw (n* = 1 with a strictly positive real W_m; unnormalised) or a law of the family
@@ -38,8 +39,8 @@ class MracOutput(Scheme):
     normalization    m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2 + y^2
     filter_poles     the roots of Lambda_0, order - 1 minus the number of the model's zeros; all at -max |pole of W_m| by default
     lower, upper     (2 n,) each, the known set; none by default
-    c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that implies
-                     it
+    c_0_min          |c_0| >= c_0_min > 0, with the sign of ``sign`` times k_m; a law of the family needs this bound, or a known
+                     set that implies it
     saturated_predictor  against windup: omega_1, the parametric model and n_d receive sat(u); only with a law of the family
 
     Identity behind u_a (zero initial conditions, no modelling error; c_0 is the estimate, the last entry of theta_hat):
@@ -95,7 +96,7 @@ class MracOutput(Scheme):
 
     @property
     def unnormalized(self) -> bool:
-        """Whether the law is driven by the error y - y_m and not by a parametric model's."""
+        """Whether the law is driven by the error y - y_m and not by the error of a parametric model."""
         return isinstance(self.law, OutputErrorLaw)
 
     def bind(self, known: OutputKnown) -> mrac_unnormalized.Equations | mrac_normalized.Equations:

@@ -82,7 +82,7 @@ class Equations:
     Q: StateSpace | None
     theta_hat0: Array
     estimate_set: ParameterBox | None
-    limits: Array | None = None  # of the input, if the parametric model receives sat(u)
+    limits: Array | None = None  # limits of the input, if the parametric model receives sat(u)
 
     @property
     def roles(self) -> dict[str, Role]:

@@ -1,4 +1,4 @@
-"""The classical output-feedback MRAC for relative degree one: its law is driven by y - y_m, without normalisation.
+"""The classical output-feedback MRAC for relative degree one: the law is driven by y - y_m, without normalisation.
 
 Source: Ioannou and Sun, section 6.4.1.
 """

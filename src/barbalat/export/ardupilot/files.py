@@ -90,7 +90,7 @@ def files(asked: Request) -> dict[str, str]:
 
 
 def parameters(printed: Printed) -> list[str]:
-    """ArduPilot's names of the case's numbers, from the last key and its indices; InputError if there are too many."""
+    """ArduPilot's names of the case's numbers, from the last key and its indices; raises InputError if there are too many."""
     found = printed.contents.parameters
     if len(found) + OWN > MOST_PARAMETERS:
         most = MOST_PARAMETERS - OWN
@@ -165,7 +165,8 @@ ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "
 
 
 def _units(printed: Printed) -> dict[str, str]:
-    """The factors of the measurements from ArduPilot's units to the case's, and a phrase; InputError for a different unit."""
+    """The factors of the measurements from ArduPilot's units to the case's, and a phrase; raises InputError for a different
+    unit."""
     labels, measured = printed.contents.problem.measured_labels, printed.contents.sizes[0]
     units = ("",) * measured if labels is None or not labels.units else labels.units
     admitted = (ANGLES, RATES) if measured == MOST_MEASURED else (ANGLES | RATES,)

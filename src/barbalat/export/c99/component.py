@@ -38,8 +38,8 @@ def joined(present: Mapping[str, str]) -> dict[str, str]:
 
 
 def _require_distinct(present: Mapping[str, str]) -> None:
-    """InputError if two headers define the same identifier, as ``pitch_read_log`` is the function of ``pitch`` that reads the
-    log, and the type of the log of ``pitch_read``."""
+    """Raise InputError if two headers define the same identifier, as ``pitch_read_log`` is the function of ``pitch`` that reads
+    the log, and the type of the log of ``pitch_read``."""
     owner: dict[str, str] = {}
     for name in sorted(present):
         own = {found[found.lastindex or 0] for found in DEFINED.finditer(present[name])}
@@ -62,7 +62,7 @@ def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
 
 
 def require_apart(folder: Path, made: Iterable[str]) -> None:
-    """InputError if only one of the new export and the export in the folder has a name.
+    """Raise InputError if only one of the new export and the export in the folder has a name.
 
     Both would write ``README.md``: that of the unnamed export, and that of the component.
     """

@@ -251,7 +251,7 @@ replayed."""
 
 
 def loop_program(made: PrintedPlant) -> str:
-    """The text of loop.c; InputError if a signal jumps inside the first sample."""
+    """The text of loop.c; raises InputError if a signal jumps inside the first sample."""
     plant, printed = made.plant, made.printed
     vectors, every = printed.contents.vectors, plant.steps_per_sample
     at_a_sample = every * plant.nodes * plant.disturbances

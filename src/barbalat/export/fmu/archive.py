@@ -58,7 +58,7 @@ class Archive:
     stop: float
 
     def bytes(self, *, compiled: bool) -> bytes:
-        """The archive; InputError if it must be compiled but cannot be."""
+        """The archive; raises InputError if it must be compiled but cannot be."""
         token, texts = self._sources()
         names = [name for name in texts if name.endswith(".c")]
         whole: dict[str, bytes] = {f"sources/{name}": text.encode("ascii") for name, text in texts.items()}

@@ -113,7 +113,7 @@ def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter], opened: O
 
 
 def require_distinct(variables: Variables) -> Variables:
-    """InputError for two variables with the same name, since a user's scheme may have states of any name."""
+    """Raise InputError for two variables with the same name, since a user's scheme may have states of any name."""
     names = sorted(one.name for _, one in variables.by_reference)
     same = [a for a, b in pairwise(names) if a == b]
     assert not same, same

@@ -233,7 +233,7 @@ class Kernel:
         watch: Watch | None,
         records: np.ndarray | None,
     ) -> None:
-        """ValueError if a call lacks an argument that this kernel needs, or has one that it does not use."""
+        """Raise ValueError if a call lacks an argument that this kernel needs, or has one that it does not use."""
         s = self.shape
         if s.in_pieces and (signals[:, -1].sum() != stop - start or signals[-1, -1] != 1):
             raise ValueError(f"the pieces of {stop - start} steps must end that many steps, got {signals[:, -1].sum():g}")

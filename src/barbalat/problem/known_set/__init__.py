@@ -1,10 +1,10 @@
 """The known convex set of the unknown parameters: a box or a ball, with intervals for unknown input gains.
 
-A projection onto a set keeps the estimate inside, and the Lyapunov function still decreases. Every projection subtracts
-Gamma g lambda from the rate, with the outward normal g of a face or sphere and lambda >= 0. Since theta_tilde'Gamma^-1 Gamma g =
-(theta_hat - theta)'g >= 0 for every theta in a convex set, this never increases V = theta_tilde'Gamma^-1 theta_tilde. An implicit
-step (``implicit_step``) is theta_next = proj(theta + Gamma phi s) with s = error - K phi'(theta_next - theta). The proofs are in
-docs/sampled.md, "The known set".
+A projection onto a set keeps the estimate inside, and the Lyapunov function still decreases. Every projection subtracts Gamma g
+lambda from the rate, with the outward normal g of a face or sphere and lambda >= 0. Since theta_tilde'Gamma^-1 Gamma g =
+(theta_hat - theta)'g >= 0 for every theta in a convex set, a projection never increases V = theta_tilde'Gamma^-1 theta_tilde. An
+implicit step (``implicit_step``) is theta_next = proj(theta + Gamma phi s) with s = error - K phi'(theta_next - theta). The
+proofs are in docs/sampled.md, "The known set".
 
 Source: Ioannou and Fidan, Adaptive Control Tutorial, section 3.10; Ioannou and Sun, Robust Adaptive Control, section 4.4.
 """

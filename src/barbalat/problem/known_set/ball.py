@@ -53,7 +53,7 @@ class ParameterBall(Settings):
 
     first_field: ClassVar[str] = "center"
     fills_its_extent: ClassVar[bool] = False
-    intervals: ClassVar[ParameterBox | None] = None  # no estimate has an interval of its own
+    intervals: ClassVar[ParameterBox | None] = None  # no estimate has an interval
     bounds_theta: ClassVar[bool] = True
     cuts_corners: ClassVar[bool] = False  # there are none
     steps_cut_corners: ClassVar[bool] = False
@@ -134,14 +134,14 @@ class ParameterBall(Settings):
         return self
 
     def over(self, gains: ParameterBox) -> ParameterBall:
-        """Return a ball that contains theta/omega for every theta in this one and every omega > 0 in any of the intervals."""
+        """Return a ball that contains theta/omega for every theta in this ball and every omega > 0 in any of the intervals."""
         low, high = (1 / gains.upper).min(), (1 / gains.lower).max()  # of 1/omega
         reach = self.radius * high + math.hypot(*self.center) * (high - low) / 2
         return ParameterBall(center=self.center * (low + high) / 2, radius=float(reach) * ROUNDED_UP)
 
     @property
     def sphere(self) -> ParameterBall:
-        """The ball of the first estimates, which here are all of them."""
+        """The ball of the first estimates; here these are all estimates."""
         return self
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
@@ -171,7 +171,7 @@ class ParameterBall(Settings):
         return self.limit(theta_hat)
 
     def _reach(self, slack: float) -> Value:
-        """Return the radius minus ``slack``, which is relative to the magnitude of the subtracted numbers."""
+        """Return the radius minus ``slack`` times the magnitude of the subtracted numbers."""
         return self.radius - slack * (self.radius + np.sqrt(self.center @ self.center))
 
     def why_no_step(self, gain: Gain) -> str | None:
@@ -219,12 +219,12 @@ BOX_ONLY = (
 
 @dataclass(frozen=True, eq=False)
 class ParameterProduct:
-    """The set of every theta in a ball, or of any theta, with every input gain in its interval. Each part has its own projection.
+    """The set of all theta in a ball, or of any theta, with each input gain in its interval. Both parts are projected separately.
 
-    A box of theta does not occur here, because it forms one ``ParameterBox`` with the intervals; see ``with_gains``.
+    A box for theta does not occur here, because it forms one ``ParameterBox`` with the intervals (see ``with_gains``).
     """
 
-    theta: ParameterBall | None  # None if nothing is known of theta, or if it is not projected
+    theta: ParameterBall | None  # None if nothing is known about theta, or if it is not projected
     gains: ParameterBox  # (m,) the last m of the estimates
 
     def __str__(self) -> str:
@@ -254,7 +254,7 @@ class ParameterProduct:
         return lower, upper
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
-        """Return points of the sphere with each end of every interval of the gains. InputError if theta is not bounded."""
+        """Return points of the sphere with each end of every interval of the gains. Raises InputError if theta is not bounded."""
         gains = self.gains.extreme_points(rng, most)
         theta = self._bounded().extreme_points(rng, max(most // len(gains), 2 * self._bounded().size))
         return np.hstack([np.repeat(theta, len(gains), axis=0), np.tile(gains, (len(theta), 1))])
@@ -296,8 +296,8 @@ class ParameterProduct:
 
     @property
     def cuts_corners(self) -> bool:
-        """Whether, with a gain matrix, the limit may cut off more than the proof allows, which is so if one or two intervals
-        follow a ball."""
+        """Whether, with a gain matrix, the limit may cut off more than the proof allows, which happens if a ball is followed by
+        one or two intervals."""
         return self.gains.cuts_corners or self.theta is not None
 
     @property

@@ -134,7 +134,7 @@ class ParameterBox(Settings):
 
     @property
     def intervals(self) -> ParameterBox:
-        """The intervals of the last estimates, which here are all of them."""
+        """The intervals of the last estimates; here these are all estimates."""
         return self
 
     def of_theta(self, count: int) -> ParameterBox:
@@ -142,7 +142,7 @@ class ParameterBox(Settings):
         return self if count == self.size else ParameterBox(lower=self.lower[:count], upper=self.upper[:count])
 
     def over(self, gains: ParameterBox) -> ParameterBox:
-        """Return the smallest box that contains theta/omega for every theta in this one and every omega > 0 in the interval."""
+        """Return the smallest box that contains theta/omega for every theta in this box and every omega > 0 in the interval."""
         ends = np.stack([self.lower / gains.lower, self.lower / gains.upper, self.upper / gains.lower, self.upper / gains.upper])
         return ParameterBox(lower=ends.min(axis=0), upper=ends.max(axis=0))
 

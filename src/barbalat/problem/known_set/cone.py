@@ -19,8 +19,8 @@ EXACT_FACES_OF_STEPS = 2
 """Largest number of faces with which a step over a sample is moved back into the box without an increase of V; see
 ``nearest``."""
 CONE_PASSES = 3
-"""Number of passes over the faces if there are more of them, and over the half-spaces of the box. Any remainder outside is cut
-off afterwards."""
+"""Number of passes over the faces, if there are more than EXACT_FACES, and over the half-spaces of the box. Any remainder outside
+is cut off afterwards."""
 
 
 def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int = 0) -> Value:

@@ -13,7 +13,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """A law's gain, or its covariance, of any of the three kinds, in numbers or symbols."""
+    """The gain or covariance of a law, of any of the three kinds, in numbers or symbols."""
 
     value: Value
     dimensions: int = field(init=False, repr=False)  # 0 for a number, 1 for a diagonal, 2 for a matrix
@@ -82,8 +82,8 @@ UNIT_GAIN = Gain(1.0)
 
 
 def accept(field: str, value: float | Array) -> float | Array:
-    """Return a positive number as a float, or a positive diagonal or an s.p.d. matrix as a read-only array. InputError for other
-    values."""
+    """Return a positive number as a float, or a positive diagonal or an s.p.d. matrix as a read-only array. Raises InputError for
+    other values."""
     if isinstance(value, (bool, int, float, np.integer, np.floating)):
         return validate.positive(field, value)
     kinds = f"{field} must be a positive number, a list of them (a diagonal) or a symmetric positive definite matrix"
@@ -102,7 +102,7 @@ def accept(field: str, value: float | Array) -> float | Array:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Return whether the matrix is positive definite beyond rounding. The error of the smallest eigenvalue is of the order of eps
-    times the largest."""
+    """Return whether the matrix is positive definite beyond rounding errors. The error of the smallest eigenvalue is of the order
+    of eps times the largest eigenvalue."""
     eigenvalues = np.linalg.eigvalsh(matrix)
     return bool(eigenvalues[0] > len(matrix) * np.finfo(float).eps * eigenvalues[-1])

@@ -64,7 +64,7 @@ class Observation:
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, watched: Watched | None, number: int = 0
     ) -> Observation:
-        """Create the observation of a run; InputError if a tolerance cannot be used with the problem or the controller.
+        """Create the observation of a run; raises InputError if a tolerance cannot be used with the problem or the controller.
         ``number`` selects the noise stream."""
         motion = motion_of(problem, controller, simulation, number)
         loop = motion.attempts.loop
@@ -148,7 +148,7 @@ def observe(group: Group, nodes: Nodes, progress: Progress | None = None) -> Non
 
 
 def motion_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, number: int = 0) -> Motion:
-    """The motion at the simulation's tolerance, with this noise stream; InputError if a tolerance can't be used with the
+    """The motion at the simulation's tolerance, with this noise stream; raises InputError if a tolerance can't be used with the
     problem or the controller."""
     loop = ClosedLoop.of(problem, controller, bind=bound)
     require_known_instants(loop, problem, simulation)

@@ -105,7 +105,7 @@ class Batch:
 
     @classmethod
     def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
-        """Some of the members; their results don't depend on the others, bit for bit. InputError for members with a
+        """Some of the members; their results don't depend on the others, bit for bit. Raises InputError for members with a
         tolerance."""
         members.simulation.require_steps("what is asked for here")
         some = members.some(which)

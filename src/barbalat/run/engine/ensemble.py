@@ -181,7 +181,7 @@ def _lost(read: Members, simulation: Simulation, largest: Array | None) -> LostO
 
 
 def _require(members: Any, simulation: Simulation, quarters: bool, lanes: int | None) -> int | None:
-    """InputError for input that can't form an ensemble; returns the number of members if it is known beforehand."""
+    """Raise InputError for input that can't form an ensemble; returns the number of members if it is known beforehand."""
     if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
         raise InputError(f"lanes must be a power of two, got {lanes}")
     if not isinstance(members, Iterable) or isinstance(members, (str, bytes, Mapping)):
@@ -195,7 +195,7 @@ def _require(members: Any, simulation: Simulation, quarters: bool, lanes: int | 
 
 
 def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controller]]:
-    """The members in order; InputError for an invalid one, and if there is none."""
+    """The members in order; raises InputError for an invalid one, and if there is none."""
     i = 0
     for i, member in enumerate(members, start=1):
         if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):

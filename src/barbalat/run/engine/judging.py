@@ -83,7 +83,7 @@ class Terms:
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation, judge: Judge) -> Terms:
-        """InputError for a band of a component that the problem does not have."""
+        """Raise InputError for a band of a component that the problem does not have."""
         judge, names, labels = judge.named(problem), component_names(problem), problem.labels
         return cls(
             judge,

@@ -123,7 +123,7 @@ class Motion:
         delay: Delay | None = None,
         number: int = 0,
     ) -> Motion:
-        """InputError for signals or equations that can't be used with a tolerance."""
+        """Raise InputError for signals or equations that can't be used with a tolerance."""
         attempts = Attempts(loop, TimeSignals.of(signals), fused=simulation.fused)
         vars(attempts).update(traced_once(_traced_by(attempts), (loop, signals), lambda: attempts.traced))
         code = compiled_attempts(*attempts.lists, attempts.shape)

@@ -130,7 +130,8 @@ class Recording:
 
 
 def recorded(problem: TrackingProblem, controller: Controller, simulation: Simulation, samples: int) -> Recording:
-    """The first samples of the run that ``simulate`` makes, at most ``samples``; InputError if the controller does not fit."""
+    """The first samples of the run that ``simulate`` makes, at most ``samples``; raises InputError if the controller does not
+    fit."""
     simulation.require_steps("an export")
     batch = Batch.of([(problem, controller)], simulation, lanes=1)
     (group,), every = batch.groups, batch.rhythm.sample_every

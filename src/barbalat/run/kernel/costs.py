@@ -62,7 +62,7 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
 
 
 def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
-    """InputError with the number of controllers that fit, if their kernels alone exceed the budget."""
+    """Raise InputError with the number of controllers that fit, if their kernels alone exceed the budget."""
     points = min(simulation.steps, simulation.record_points)
 
     def cost(count: float) -> Estimate:

@@ -50,7 +50,7 @@ class DelayTooShortError(InputError):
 
 
 def lag(delay: float, dt: float) -> int:
-    """The age, in steps, of the newest stored value that a step needs; InputError for a delay shorter than one step."""
+    """The age, in steps, of the newest stored value that a step needs; raises InputError for a delay shorter than one step."""
     if delay / dt > MOST_DELAY_STEPS:
         raise InputError.of(
             "plant.input.delay", f"must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s"

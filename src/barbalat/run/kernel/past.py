@@ -173,7 +173,7 @@ def with_room(records: Array, first: Array, last: Array, steps: int) -> tuple[Ar
     """Each member's records (W, R, width) from number ``first`` (W,) up to ``last`` (W,), with space for those of further steps,
     and the number of records omitted before them (W,).
 
-    InputError if they don't fit into the budget.
+    Raises InputError if they don't fit into the budget.
     """
     if int(last.max()) + steps + RECORDS <= records.shape[1]:
         return records, np.zeros_like(first)

@@ -261,7 +261,7 @@ class SampledList:
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, program: Program | None = None) -> SampledList:
-        """InputError if the controller does not fit the problem, or acts in continuous time.
+        """Raise InputError if the controller does not fit the problem, or acts in continuous time.
 
         program  a list of the same controller without parameters, which replaces its own
         """

@@ -190,7 +190,8 @@ class Rhythm:
 
     @classmethod
     def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
-        """InputError if a time is not a whole number of steps, or is longer than the run, or if the loop can't be simulated."""
+        """Raise InputError if a time is not a whole number of steps, or is longer than the run, or if the loop can't be
+        simulated."""
         loop.require_run()
         sample_time = loop.sample_time
         every = 0 if sample_time is None else whole_steps("sample_time", sample_time, simulation)
@@ -204,7 +205,7 @@ class Rhythm:
 
 
 def whole_steps(field: str, time: float, simulation: Simulation) -> int:
-    """The number of steps of a sample time; InputError if it is not whole, or so long that no sample would occur."""
+    """The number of steps of a sample time; raises InputError if it is not whole, or so long that no sample would occur."""
     dt = simulation.dt
     if time > simulation.t_end:
         raise InputError.of(field, f"must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")

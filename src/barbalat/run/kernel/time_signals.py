@@ -46,7 +46,7 @@ class TimeSignals:
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...]) -> TimeSignals:
-        """InputError for a signal that is known only on a grid."""
+        """Raise InputError for a signal that is known only on a grid."""
         found = cls(signals)
         for signal, formula in zip(signals, found.formulas, strict=True):
             if not (formula is not None or is_straight(signal) or isinstance(signal, FaultSignal)):

@@ -46,8 +46,8 @@ LIMIT_LOADS = (-4.0, 9.0)
 
 
 def load(step: float) -> FGFDMExec:
-    """Return the aircraft with wheels up, a constant amount of fuel and this step [s]. InputError if JSBSim is missing or has a
-    different F-16."""
+    """Return the aircraft with wheels up, a constant amount of fuel and this step [s]. Raises InputError if JSBSim is missing or
+    has a different F-16."""
     require_extra("jsbsim", "flight", "a flight model")
     import jsbsim
 

@@ -65,8 +65,8 @@ class Trim:
 
 
 def trimmed(condition: FlightCondition) -> Trim:
-    """Return level flight at the condition. InputError if it is impossible within the ranges of the surfaces, the engine and the
-    tables."""
+    """Return level flight at the condition. Raises InputError if it is impossible within the ranges of the surfaces, the engine
+    and the tables."""
     from scipy.optimize import root
 
     airframe = Airframe(condition)

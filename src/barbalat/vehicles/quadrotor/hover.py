@@ -46,7 +46,7 @@ class Hover:
 
 
 def hovering(vehicle: Quadrotor) -> Hover:
-    """Return the hover of a vehicle. InputError if the rotors cannot hold it."""
+    """Return the hover of a vehicle. Raises InputError if the rotors cannot hold it."""
     simulator = Simulator(vehicle)
 
     def accelerations(change: Array, thrusts: Array) -> Array:

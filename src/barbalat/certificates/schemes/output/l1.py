@@ -63,7 +63,7 @@ def small_gain_system(controller: L1Output, G: TransferFunction) -> TransferFunc
 
 
 def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
-    """||H(1 - C)||_1; InputError if H is not stable."""
+    """||H(1 - C)||_1; raises InputError if H is not stable."""
     system = small_gain_system(controller, G)
     if not system.is_stable:
         raise InputError(f"H(s) of (20) is not stable: a pole has real part {system.poles.real.max():.6g}")

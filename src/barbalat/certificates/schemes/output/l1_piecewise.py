@@ -73,7 +73,7 @@ class _Loop(NamedTuple):
 
 
 def error_bound(problem: OutputProblem, equations: Equations, t_end: float) -> ErrorBound | NotApplicable:
-    """The bound; InputError if the loop is unstable from sample to sample, or decays too slowly for a bound."""
+    """The bound; raises InputError if the loop is unstable from sample to sample, or decays too slowly for a bound."""
     r, d = problem.reference, problem.disturbance
     if not isinstance(r, BoundedSignal) or not (d is None or isinstance(d, BoundedSignal)):
         return NotApplicable("r or d has no known bound")
