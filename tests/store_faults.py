@@ -218,7 +218,7 @@ def interrupt(folder: Path, *options: str) -> str:
     process.send_signal(signal.SIGINT)
     _, said = process.communicate()
     seconds = time.perf_counter() - begun
-    if process.returncode != 130 or "the same command continues" not in said:
+    if process.returncode != 130 or "run the same command again to continue" not in said:
         raise Failed(f"after Ctrl-C the command ended with {process.returncode}: {said}")
     index = read_index(folder)
     if index is None or not index.files:

@@ -164,7 +164,7 @@ def test_cases_lists_the_bundled_ones(capsys):
         (["export", "paper", "--out", "x"], "barbalat export: --controller is missing: name of a sampled controller of the case"),
         (["export"], "barbalat export: CASE, --controller and --out are missing; barbalat export --help describes them"),
         (["fly"], "barbalat fly: NAME is missing: f16-pitch, f16-roll:"),
-        (["new"], "barbalat new: FILE is missing: file of the case"),
+        (["new"], "barbalat new: FILE is missing: the case file to write"),
         (["completion"], "barbalat completion: SHELL is missing: one of bash, zsh"),
         (["sweep", "paper", "--membres", "3"], "barbalat sweep: does not know '--membres 3'; did you mean '--members'?"),
         (["certify", "paper", "rohrs"], "barbalat certify: does not know 'rohrs'; barbalat certify --help lists its arguments"),

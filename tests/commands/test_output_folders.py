@@ -165,7 +165,7 @@ def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monk
     monkeypatch.setattr("barbalat.certificates.certify.certified_case", interrupted)
     assert main(["run", str(case_file), "--out", str(folder)]) == 130
     said = capsys.readouterr().err
-    assert f"the figures and trajectories are kept in {folder}, without a page" in said and said.endswith("interrupted\n")
+    assert f"the metrics and trajectories are kept in {folder}, without a page" in said and said.endswith("interrupted\n")
     assert json.loads((folder / "run.json").read_text())["controllers"] and list(folder.glob("*.csv"))
     assert not list(folder.glob("*.html")) and not list(folder.glob(".*"))
 

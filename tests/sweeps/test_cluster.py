@@ -254,4 +254,4 @@ def test_an_interrupt_ends_a_local_cluster_within_two_seconds(tmp_path):
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=60)[1]
-    assert process.returncode == 130 and "the same command continues" in said
+    assert process.returncode == 130 and "run the same command again to continue" in said

@@ -31,7 +31,7 @@ def test_it_says_what_to_install(name, what, monkeypatch, capsys, tmp_path):
         ),
         (
             ["quadrotor", "--dispersions", "2", "--sil"],
-            "a campaign flies the simulated controllers; compare their exported C with them in single flights",
+            "a campaign flies the simulated controllers; compare the exported C with them in single flights",
         ),
         (
             ["quadrotor", "--dispersions", "2", "--mach", "0.5"],

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("cases", help="list the bundled cases")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument("--json", action="store_true", help="print one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 

@@ -23,24 +23,27 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("certify", help="compute bounds, margins, and limits of gain and step for a case's controllers")
+    parser = commands.add_parser(
+        "certify", help="compute bounds, margins, and limits on gain and step size for a case's controllers"
+    )
     add_case(parser)
     parser.add_argument("--simulate", action="store_true", help="also measure each loop's delay margin by simulation")
     parser.add_argument(
         "--share",
         type=float,
         metavar="S",
-        help="with --simulate: added error, relative to the model's motion, that counts as loss of the motion; default 1",
+        help="with --simulate: the motion counts as lost when the added error reaches S times the model's range of motion; "
+        "default 1",
     )
     parser.add_argument(
         "--float32",
         action="store_true",
-        help="with --simulate: find the gain at which a compiled export in 32 bits deviates from the run",
+        help="with --simulate: find the adaptation gain at which a compiled 32-bit export departs from the run",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder of the page and JSON")
-    parser.add_argument("--pictures", action="store_true", help="with --out: also write the loops' charts as PNG and SVG")
+    parser.add_argument("--out", metavar="DIR", help="folder for the page and the JSON")
+    parser.add_argument("--pictures", action="store_true", help="with --out: also write the charts of the loops as PNG and SVG")
     parser.add_argument("--proof", metavar="FILE", help="write each guaranteed number with its witness, for barbalat-check FILE")
-    parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
+    parser.add_argument("--full", action="store_true", help="print every value with its kind, all assumptions, and Table 1")
     conclude(parser, execute)
 
 
@@ -93,7 +96,7 @@ def _show(case: Case, found: Certified, options: argparse.Namespace) -> None:
         terminal.show_full(screen, case.name, found.certificates, found.table, dt)
     else:
         terminal.show(screen, case.name, found.certificates, found.table, dt)
-        screen.title("Every value with its kind, all assumptions, Table 1:", "")
+        screen.title("For every value with its kind, all assumptions and Table 1:", "")
         screen.whole(f"  barbalat certify {options.case} --full")
     if options.out is not None:
         screen.whole(f"page: {Path(options.out) / PAGE}")

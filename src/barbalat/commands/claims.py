@@ -15,10 +15,14 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("claims", help="list the claims of the papers, or measure one of them")
-    parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show its details; default: list the rows")
-    parser.add_argument("--list", action="store_true", help="list the rows, as without NAME")
     parser.add_argument(
-        "--notebook", metavar="FILE", help="write an .ipynb with the row's code, for experiments, instead of measuring"
+        "name", nargs="?", metavar="NAME", help="measure the claim NAME and show its details; default: list all claims"
+    )
+    parser.add_argument("--list", action="store_true", help="list all claims; the same as giving no NAME")
+    parser.add_argument(
+        "--notebook",
+        metavar="FILE",
+        help="instead of measuring, write a notebook (.ipynb) that contains the code of the claim, for experiments",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)

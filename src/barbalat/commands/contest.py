@@ -24,11 +24,12 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--suite", nargs="?", const="", metavar="FILE",
-        help="use the frozen public suite, or another suite file with cases, rule and seeds, instead of a case",
+        help="instead of a case, use the frozen public suite, or a suite file of your own with cases, rule and seeds",
     )  # fmt: skip
     add_list(
         parser, "--submission", metavar="WHAT",
-        help="entry for the suite: a case file (.toml) with fixed controllers, laws with knobs (.py), or an installed scheme",
+        help="entry for the suite: a case file (.toml) with fixed controllers, a file (.py) of laws with tunable parameters, or "
+        "an installed scheme",
     )  # fmt: skip
     add_controllers(parser)
     parser.add_argument(
@@ -37,7 +38,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--gain-margin", type=float, metavar="K",
-        help="factor K: every tuning must tolerate the input's gain multiplied and divided by K; default 1.5",
+        help="every tuning must tolerate an input gain that is multiplied or divided by K; default 1.5",
     )  # fmt: skip
     parser.add_argument(
         "--until", choices=("onset", "loss"),
@@ -48,32 +49,37 @@ def add(commands: Commands) -> None:
         "--sample-time",
         type=float,
         metavar="S",
-        help="run all controllers sampled [s]; default: only those that are sampled by definition",
+        help="sample time [s] at which all controllers run; default: only controllers that are sampled by definition run sampled",
     )
     parser.add_argument(
         "--noise", type=float, metavar="SHARE",
-        help="measurement noise as a share of the model's motion, if the case has none; default 0.001, 0 for none",
+        help="measurement noise as a fraction of the model's range of motion, if the case has no noise; default 0.001, 0 for "
+        "none",
     )  # fmt: skip
     parser.add_argument(
         "--plants",
         type=whole,
         metavar="N",
-        help="number of plants for tuning: the case's own and N - 1 of its known set; default 4, --quick 2",
+        help="number of plants for tuning: the case's plant and N - 1 plants of its known set; default 4, or 2 with --quick",
     )
     parser.add_argument(
         "--trials",
         type=whole,
         metavar="N",
-        help="largest number of tunings of each scheme, at least 288; default 384, --quick 288",
+        help="maximum number of tunings of each scheme, at least 288; default 384, or 288 with --quick",
     )
-    parser.add_argument("--members", type=whole, metavar="N", help="validation runs of each scheme; default 200, --quick 64")
+    parser.add_argument(
+        "--members", type=whole, metavar="N", help="number of validation runs of each scheme; default 200, or 64 with --quick"
+    )
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="use fewer plants, trials and members, which takes a third of the time; with --suite only its quick cases",
+        help="use fewer plants, trials and members, which takes a third of the time; with --suite, run only the quick cases",
     )
     parser.add_argument("--seed", type=whole, metavar="S", help="seed of plants, searches, commands and noise; default 0")
-    parser.add_argument("--out", metavar="DIR", help="folder of page and JSON; default: barbalat-contest, none with --json")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for the page and the JSON; default: barbalat-contest, or none with --json"
+    )
     conclude(parser, execute)
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("design", help="choose a controller that meets a specification, among all schemes")
-    parser.add_argument("case", metavar="CASE", help="a case file with [specification], and a known set of its plant")
+    parser = commands.add_parser("design", help="among all schemes, choose a controller that meets a specification")
+    parser.add_argument("case", metavar="CASE", help="a case file with [specification] and a known set of the plant")
     add_schemes(parser)
     parser.add_argument(
         "--sample-time", type=float, metavar="S",
@@ -32,16 +32,18 @@ def add(commands: Commands) -> None:
         type=whole,
         default=4,
         metavar="N",
-        help="number of plants for tuning: the case's own, extremes of its ranges, and random ones; default 4",
+        help="number of plants for tuning: the case's plant, extremes of its ranges, and random plants; default 4",
     )
     parser.add_argument(
-        "--trials", type=whole, default=288, metavar="N", help="largest number of tunings of each scheme; default and minimum 288"
+        "--trials", type=whole, default=288, metavar="N", help="maximum number of tunings of each scheme; default and minimum 288"
     )
-    parser.add_argument("--members", type=whole, default=64, metavar="N", help="validation runs of each scheme; default 64")
+    parser.add_argument(
+        "--members", type=whole, default=64, metavar="N", help="number of validation runs of each scheme; default 64"
+    )
     parser.add_argument(
         "--seed", type=whole, default=0, metavar="S", help="seed of plants, searches, commands and noise; default 0"
     )
-    parser.add_argument("--out", metavar="DIR", help="default: barbalat-design, none with --json")
+    parser.add_argument("--out", metavar="DIR", help="default: barbalat-design, or none with --json")
     conclude(parser, execute)
 
 

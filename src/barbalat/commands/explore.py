@@ -19,13 +19,15 @@ DEFAULT_FILE = "explore.html"
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("explore", help="write an offline page that simulates the case, with a slider for each number")
+    parser = commands.add_parser(
+        "explore", help="write an offline page that simulates the case and has a slider for each number of it"
+    )
     add_case(parser)
     parser.add_argument(
         "--out",
         metavar="FILE",
         default=DEFAULT_FILE,
-        help=f"file of the page; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} writes to standard output and opens no browser",
+        help=f"file for the page; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} writes to standard output and opens no browser",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
     conclude(parser, execute)

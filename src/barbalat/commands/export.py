@@ -27,18 +27,18 @@ def add(commands: Commands) -> None:
     parser.add_argument("--controller", required=True, metavar="NAME", help="name of a sampled controller of the case")
     parser.add_argument("--target", metavar="TARGET", choices=Targets(), default="c99", help="one of %(choices)s; c99 by default")
     parser.add_argument(
-        "--out", required=True, metavar="DIR", help="folder of the export; an existing export there is replaced completely"
+        "--out", required=True, metavar="DIR", help="folder for the export; an existing export there is replaced completely"
     )
     parser.add_argument("--name", metavar="PREFIX", help="prefix of functions, types, macros and files")
     parser.add_argument(
         "--parameters", action="store_true", help="make gains, limits and initial estimates settable while the C runs"
     )
-    parser.add_argument("--float32", action="store_true", help="numbers of 32 bits instead of 64")
+    parser.add_argument("--float32", action="store_true", help="use 32-bit instead of 64-bit numbers")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--controller-only", action="store_true", help="export only the controller (the default)")
     which.add_argument("--closed-loop", action="store_true", help="also export the plant and the whole loop")
     parser.add_argument(
-        "--campaign", action="store_true", help="first run the compiled C through faults; needs a C compiler on this machine"
+        "--campaign", action="store_true", help="first run the compiled C through faults; this needs a C compiler on this machine"
     )
     parser.add_argument("--sources-only", action="store_true", help="write FMUs without a binary, which needs no C compiler")
     add_controllers(parser)
@@ -120,7 +120,7 @@ def execute(options: argparse.Namespace) -> int:
             say(one)
         say(f"written: {folder}; check it with: {check}")
         if options.closed_loop and case.problem.faults:
-            say("the exported plant and loop contain none of the case's [[faults]]: they simulate the case without faults")
+            say("the exported plant and loop do not contain the case's [[faults]]; they simulate the case without faults")
     return 0
 
 
@@ -129,7 +129,7 @@ def _show(screen: Screen, found: Campaign) -> None:
     from barbalat.export.campaign import TOLERATED
     from barbalat.validate import counted
 
-    screen.title(f"{found.controller}: the compiled C through faults")
+    screen.title(f"{found.controller}: the compiled C run through faults")
     screen.line(f"Without faults: {found.sentence}.")
     all_errors = len(found.names) <= MOST_ERROR_COLUMNS
     errors = [f"max |e|\n{one}" for one in _components(found)] if all_errors else ["worst\nmax |e|"]
@@ -140,15 +140,15 @@ def _show(screen: Screen, found: Campaign) -> None:
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
     screen.line(
-        f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. An outage is tolerated "
-        f"if no component's largest |e| exceeds {TOLERATED:g} times its value without faults."
+        f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. An outage is "
+        f"tolerated if the largest |e_i| of every component i stays within {TOLERATED:g} times its fault-free value."
     )
     fewest, most = min(row.draws for row in found.rows), max(row.draws for row in found.rows)
     draws = counted(most, "draw") if fewest == most else f"{fewest} to {most} draws"
     screen.line(
-        f"Each row is the worst of {draws}, but the number of missed samples is their mean. Time beyond: the "
-        f"share of the time in which some |e| exceeds its largest value without faults. Factor: that of the worst component. "
-        f"The judge gives a verdict on each draw; a verdict without a count holds for all draws."
+        f"Each row is the worst of {draws}, but the number of missed samples is their mean. Time beyond: the fraction of time "
+        f"for which any |e_i| exceeds its fault-free maximum. Factor: the largest |e_i| divided by its fault-free maximum, for "
+        f"the worst component. The judge gives a verdict on each draw; a verdict without a count applies to all draws."
     )
 
 

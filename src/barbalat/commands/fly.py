@@ -20,13 +20,15 @@ DEFAULT_FOLDER = "barbalat-fly"
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("fly", help="fly sampled controllers on flight models through failures; needs the extra flight")
-    parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a rate; quadrotor: a figure of eight")
+    parser.add_argument(
+        "name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 tracks a rate command; quadrotor: flies a figure of eight"
+    )
     add_list(
         parser,
         "--schemes",
         metavar="NAME",
         commas=True,
-        help="names of the project's schemes, also separated by commas; default: all",
+        help="names of the project's schemes, separated by spaces or commas; default: all",
     )
     add_list(
         parser,
@@ -34,26 +36,33 @@ def add(commands: Commands) -> None:
         "--failures",
         metavar="NAME",
         commas=True,
-        help="names of the flight's failures, also separated by commas; default: all",
+        help="names of the flight's failures, separated by spaces or commas; default: all",
     )
-    parser.add_argument("--delays", action="store_true", help="also increase the delay until control is lost; doubles the time")
+    parser.add_argument(
+        "--delays", action="store_true", help="also increase the delay until control is lost; this doubles the run time"
+    )
     parser.add_argument(
         "--dispersions",
         type=whole,
         metavar="N",
-        help="fly N random vehicles through all failures instead; losses and errors with intervals",
+        help="fly N random vehicles through all failures instead, and report losses and errors with confidence intervals",
     )
     parser.add_argument("--seed", type=whole, metavar="N", help="seed of the draws; default 2013")
-    parser.add_argument("--store", metavar="DIR", help="folder for every draw's row; the same command resumes the campaign")
+    parser.add_argument(
+        "--store",
+        metavar="DIR",
+        help="folder in which the result of each draw is stored; running the same command again resumes the campaign",
+    )
     parser.add_argument("--altitude", type=float, metavar="FT", help="altitude of the F-16's level flight [ft]; default 10013")
     parser.add_argument("--mach", type=float, metavar="M", help="Mach number of the F-16's level flight; default 0.525")
     parser.add_argument(
         "--sil",
         action="store_true",
-        help="software in the loop: fly controllers as exported C, compiled here by cc or CC; exit code 1 if a bit differs",
+        help="software in the loop: fly the controllers as exported C, compiled on this machine with cc or CC; exit code 1 if "
+        "any bit differs",
     )
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument("--json", action="store_true", help="print one JSON document on standard output")
     add_controllers(parser)
     add_budget(parser)
     parser.set_defaults(execute=execute)
@@ -63,7 +72,7 @@ MOST_DRAWS = 1_000_000
 """Largest number of draws; they would take more than a year on two cores."""
 NOT_DRAWN = {
     "delays": "each draw of a campaign has its own delay",
-    "sil": "a campaign flies the simulated controllers; compare their exported C with them in single flights",
+    "sil": "a campaign flies the simulated controllers; compare the exported C with them in single flights",
     "altitude": "the draws of a campaign have their own flight conditions",
     "mach": "the draws of a campaign have their own flight conditions",
     "controllers": "a campaign flies only the project's schemes",
@@ -142,7 +151,8 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
                 folder.write(PAGE, page.dispersed_flights(found))
                 folder.commit()
     except SimulatorFailed as error:
-        stays = "" if options.store is None else f"; the rows stored in {options.store} are kept, and the same command continues"
+        kept = f"; the results in {options.store} are kept; run the same command again to continue"
+        stays = "" if options.store is None else kept
         say(f"barbalat: {error}{stays}")
         return 1
 

@@ -26,31 +26,34 @@ def add(commands: Commands) -> None:
     parser.add_argument("--time", metavar="NAME", help="column of the time [s]; default t or time")
     add_list(
         parser, "--noise", metavar="NAME=BOUND", form="=", commas=True,
-        help="bound of each output's measurement error; together with --slope it determines the known set",
+        help="bound on the measurement error of each output; together with --slope it determines the known set",
     )  # fmt: skip
-    add_list(parser, "--slope", metavar="NAME=BOUND", form="=", commas=True, help="bound of each state's rate of change [unit/s]")
+    add_list(
+        parser, "--slope", metavar="NAME=BOUND", form="=", commas=True, help="bound on the rate of change of each state [unit/s]"
+    )
     add_list(
         parser, "--derivative", metavar="NAME=NAME", form="=", commas=True,
         help="outputs whose derivative is exactly another output, such as q=w",
     )  # fmt: skip
     add_list(
         parser, "--within", metavar="STATE.NAME=LOWER:UPPER", form="=", commas=True,
-        help="prior bounds of the coefficient of NAME in the row of STATE",
+        help="prior bounds on the coefficient of NAME in the equation of STATE",
     )  # fmt: skip
     parser.add_argument(
         "--offset", action="store_true",
-        help="identify a constant term in each unknown row, for recordings around an operating point",
+        help="identify a constant term in each unknown equation, for recordings around an operating point",
     )  # fmt: skip
     parser.add_argument(
         "--delay", type=float, default=0.0, metavar="SECONDS", help="dead time of the inputs, a multiple of the sample time"
     )
     parser.add_argument(
         "--held-out", type=float, default=0.25, metavar="SHARE",
-        help="share of the samples, at the end of the recording, that is used only for validation; default 0.25",
+        help="fraction of the samples, at the end of the recording, that is used only for validation; default 0.25",
     )  # fmt: skip
     parser.add_argument(
         "--out", metavar="FILE",
-        help="the case file to write, with a page and a picture in the same folder; with --replay the page, NAME.html",
+        help="the case file to write; a page and a picture are written to the same folder; with --replay, the page to write, "
+        "NAME.html",
     )  # fmt: skip
     parser.add_argument(
         "--replay", metavar="CASE",

@@ -34,7 +34,7 @@ class Equations:
 
     # The roles of the state's fields. theta_hat needs no entry, because by convention it contains the estimates of theta. A
     # freeze holds estimates and memory. Role also offers memory, predictor and filter.
-    roles: ClassVar[Mapping[str, Role]] = {"e_d": Role.other("error that the input's limits cause")}
+    roles: ClassVar[Mapping[str, Role]] = {"e_d": Role.other("error caused by the input limits")}
 
     @property
     def estimate_set(self) -> EstimateSet | None:

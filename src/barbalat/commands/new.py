@@ -29,9 +29,10 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",
-        help=f"file of the case, or FILE.py for a law; an existing file is kept; {STANDARD_OUTPUT} is standard output",
+        help=f"the case file to write, or FILE.py for a law; an existing file is never overwritten; {STANDARD_OUTPUT} is "
+        f"standard output",
     )
-    parser.add_argument("--from", dest="source", metavar="CASE", help="a bundled case to copy instead of the template")
+    parser.add_argument("--from", dest="source", metavar="CASE", help="copy this bundled case instead of the template")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
@@ -66,7 +67,7 @@ def execute(options: argparse.Namespace) -> int:
         return 0
     say(f"written: {file}")
     if with_schema:
-        say(f"written: {SCHEMA_FILE}, with which editors complete and check the case file, in the same folder")
+        say(f"written to the same folder: {SCHEMA_FILE}, which lets editors complete and check the case file")
     say(f"run it with: barbalat run {file}")
     return 0
 

@@ -23,8 +23,8 @@ def add_budget(parser: argparse.ArgumentParser) -> None:
         "--budget",
         type=_limits,
         metavar="LIMITS",
-        help="limits on the estimated memory and time of one core, such as 16GiB, 5h or 16GiB,5h; work beyond them is refused; "
-        "default: 4GiB,1h",
+        help="limits on the estimated memory and the time on one core, such as 16GiB, 5h or 16GiB,5h; larger jobs are not "
+        "started; default: 4GiB,1h",
     )
 
 
@@ -59,9 +59,9 @@ def add_controllers(parser: argparse.ArgumentParser) -> None:
         "--controllers",
         type=Path,
         metavar="FILE.py",
-        help=""
-        "add your own controllers: the file is run, and its list CONTROLLERS, or otherwise every controller made in it, is "
-        'added to those of the case; the case may name its classes, as in scheme = "MyLaw"',
+        help="add your own controllers: this file is run, and the controllers in its list CONTROLLERS (without that list, all "
+        "controllers that it creates) are added to those of the case; the case may use its classes by name, as in "
+        'scheme = "MyLaw"',
     )
 
 
@@ -84,7 +84,7 @@ def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: s
     form    a regular expression that matches each value and rarely anything else
     commas  whether values may also be separated by commas
     """
-    said = "give several values, or repeat the option, for more"
+    said = "give several values or repeat the option"
     parser.add_argument(
         *names, action=Several, nargs="+", default=[], metavar=metavar, help=f"{help}; {said}", form=form, commas=commas
     )
@@ -234,7 +234,7 @@ def add_schemes(parser: argparse.ArgumentParser) -> None:
         "--schemes",
         metavar="NAME",
         commas=True,
-        help="schemes by their names in case files; default: all tunable schemes",
+        help="schemes, named as in case files; default: all tunable schemes",
     )
 
 

@@ -32,9 +32,9 @@ def add(commands: Commands) -> None:
     parser.add_argument("--list", action="store_true", help="list the papers that can be reproduced")
     parser.add_argument("--out", default="barbalat-report", metavar="DIR", help="default: %(default)s")
     extent = parser.add_mutually_exclusive_group()
-    extent.add_argument("--quick", action="store_true", help="only the figures, and the claims that take seconds")
+    extent.add_argument("--quick", action="store_true", help="measure only the figures and those claims that take seconds")
     extent.add_argument(
-        "--full", action="store_true", help="sharpen claims by measurements that take minutes: more gains, longer runs"
+        "--full", action="store_true", help="support the claims with measurements that take minutes: more gains, longer runs"
     )
     conclude(parser, execute)
 

@@ -24,23 +24,28 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser("run", help="simulate and compare a case's controllers")
     add_case(parser)
     parser.add_argument(
-        "--out", metavar="DIR", help="folder of the page, JSON and trajectories; default: barbalat-run, none with --json"
+        "--out",
+        metavar="DIR",
+        help="folder for the page, the JSON and the trajectories; default: barbalat-run, or none with --json",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.add_argument(
-        "--full", action="store_true", help="show every component, the estimates, the excitation and the numerics"
+        "--full", action="store_true", help="show every component, the estimates, the excitation and the numerical checks"
     )
     parser.add_argument(
-        "--full-record", action="store_true", help="write every recorded instant to the CSVs; default: about 1000"
+        "--full-record", action="store_true", help="write every recorded point to the CSV files; default: about 1000 points"
     )
     plots = parser.add_mutually_exclusive_group()
-    plots.add_argument("--pictures", action="store_true", help="also write the page's charts as PNG and SVG")
+    plots.add_argument("--pictures", action="store_true", help="also write the charts of the page as PNG and SVG")
     plots.add_argument("--no-plots", action="store_true", help="write no page and no pictures")
-    parser.add_argument("--accuracy", action="store_true", help="measure the error of fixed steps against a run with a tolerance")
+    parser.add_argument(
+        "--accuracy", action="store_true", help="measure the error of the fixed-step run against a run with a tolerance"
+    )
     parser.add_argument(
         "--sil",
         action="store_true",
-        help="software in the loop: run sampled controllers again as exported C, compiled here; exit code 1 if a bit differs",
+        help="software in the loop: run sampled controllers again as exported C, compiled on this machine; exit code 1 if any "
+        "bit differs",
     )
     add_budget(parser)
     parser.set_defaults(execute=execute)
@@ -129,7 +134,7 @@ def _kept(folder: Folder) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        say(f"the figures and trajectories are kept in {folder.path}, without a page")
+        say(f"the metrics and trajectories are kept in {folder.path}, without a page")
         raise
 
 
@@ -235,8 +240,8 @@ def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
     if found:
         screen.title("software in the loop", "")
     for name, one in found.items():
-        lost = f"; at {counted(one['refused'], 'sample')} a measurement, a command or a result was lost or refused"
-        equal = "compiled as C, it gives the same figures and states, bit for bit"
+        lost = f"; a measurement, a command or a result was lost or rejected at {counted(one['refused'], 'sample')}"
+        equal = "compiled as C, it gives the same metrics and states, bit for bit"
         screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{lost if one['refused'] else ''}")
 
 

@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "sensitivity", help="find which numbers of a case matter: derivatives of the figures of its runs"
+        "sensitivity", help="find which numbers of a case matter, from derivatives of the metrics of its runs"
     )
     add_case(parser)
     add_list(
         parser, "--of", metavar="METRIC",
-        help="figures of a run, such as rms_e or max_abs_e[0]; default: max_abs_e, rms_e and max_abs_u",
+        help="metrics of a run, such as rms_e or max_abs_e[0]; default: max_abs_e, rms_e and max_abs_u",
     )  # fmt: skip
     add_list(
         parser, "--to", metavar="PATH",
-        help="numbers of the case file, such as plant.theta[0] or controller[0].gamma; default: all of the loop but zeros",
+        help="numbers of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero numbers of the loop",
     )  # fmt: skip
-    add_list(parser, "--controller", metavar="NAME", help="the controllers; default: all")
+    add_list(parser, "--controller", metavar="NAME", help="names of the controllers; default: all")
     parser.add_argument(
         "--redesign", action="store_true",
         help="redesign model and controllers with the plant and its parameters; by default only the simulated plant changes",

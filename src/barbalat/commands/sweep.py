@@ -36,19 +36,20 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",
-        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; "
-        "known-set for a vector or gain, over the case's known set; between for one parameter (parameters.k) or all "
-        "(parameters), over their ranges",
+        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set draws a vector or a gain from the case's known "
+        "set; between draws one parameter (parameters.k) or all of them (parameters) from their ranges",
     )  # fmt: skip
     parser.add_argument("--members", type=whole, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
         "--design", choices=("latin", "sobol", "random", "saltelli"), default="latin",
-        help="kind of draws: Latin hypercubes (default), a Sobol sequence, independent (exact intervals) or Saltelli's scheme",
+        help="kind of draws: Latin hypercubes (default), a Sobol sequence, independent draws (which give exact intervals) or "
+        "Saltelli's scheme",
     )  # fmt: skip
     parser.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the draws; default 0")
     parser.add_argument(
         "--redesign", action="store_true",
-        help="redesign model and controllers for each member's plant and parameters; by default only the simulated plant varies",
+        help="redesign the model and the controllers for the plant and parameters of each member; by default only the simulated "
+        "plant varies",
     )  # fmt: skip
     add_list(
         parser,
@@ -59,13 +60,14 @@ def add(commands: Commands) -> None:
     )
     add_list(
         parser, "--worst", metavar="METRIC",
-        help="instead of a sweep, search the least and the largest value of figures over the ranges (without any: the known set) "
-        "by gradients from --members starts, default 64; no proof",
+        help="instead of a sweep, search for the smallest and the largest value of a metric over the given ranges (without "
+        "ranges, over the known set), by gradients from --members starting points, default 64; the result is not a proof",
     )  # fmt: skip
     parser.add_argument("--no-bounds", action="store_true", help="do not compare members with guaranteed bounds")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
-        help="members to repeat at half the step, to find verdicts that depend on the solver; default 2 %%, at least 30",
+        help="number of members to repeat at half the step, which finds verdicts that depend on the solver; default 2 %% of the "
+        "members, at least 30",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
@@ -74,13 +76,16 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--store",
         metavar="DIR",
-        help="folder that stores every member's row as Parquet; the same command continues an interrupted sweep",
+        help="folder in which the results of all members are stored as Parquet; running the same command again continues an "
+        "interrupted sweep",
     )
     parser.add_argument(
-        "--member", type=whole, metavar="K", help="repeat only this member, bit for bit, with a record and a page"
+        "--member", type=whole, metavar="K", help="repeat only this member, bit for bit, and write its record and a page"
     )
     parser.add_argument(
-        "--out", metavar="DIR", help="folder of the page, or of a single member's; default: barbalat-sweep, none with --json"
+        "--out",
+        metavar="DIR",
+        help="folder for the page, or for the page of a single member; default: barbalat-sweep, or none with --json",
     )
     conclude(parser, execute)
 
@@ -105,7 +110,7 @@ def execute(options: argparse.Namespace) -> int:
         try:
             result = _run(study, requirements, scheduler, store, options)
         except SchedulerLostError:
-            stays = f"the rows stored in {options.store} are kept, and the same command continues"
+            stays = f"the results in {options.store} are kept; run the same command again to continue"
             what = "without --store nothing is kept" if options.store is None else stays
             say(f"the scheduler {options.scheduler} no longer answers; {what}")
             return EXIT_FAILED
@@ -187,7 +192,9 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
         run.show(f"{found.case.name}, member {found.number}", results, folder, plots=True)
     if stored is None or not (different := found.differing(stored)):
         return 0
-    say(f"differs from the store, which another processor or other versions produced, in: {', '.join(different)}")
+    say(
+        f"differs from the store, which was written on a different processor or by different versions, in: {', '.join(different)}"
+    )
     return 1
 
 
@@ -269,9 +276,9 @@ def _run(
     except KeyboardInterrupt:
         if store is not None:
             say(
-                f"the completed chunks are stored in {store}; the same command continues"
+                f"the completed chunks are stored in {store}; run the same command again to continue"
                 if store.exists()
-                else f"nothing is stored in {store} yet: no chunk of members was complete"
+                else f"nothing is stored in {store} yet, because no chunk of members was complete"
             )
         raise
 

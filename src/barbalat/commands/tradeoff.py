@@ -21,26 +21,30 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "tradeoff", help="plot tracking error against delay margin for many tunings of three schemes and of your own"
+        "tradeoff", help="plot tracking error against delay margin for many tunings of three schemes and of your own controllers"
     )
     add_case(parser)
-    parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, none with --json")
+    parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, or none with --json")
     parser.add_argument(
-        "--plants", type=whole, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
+        "--plants",
+        type=whole,
+        default=4,
+        metavar="N",
+        help="number of plants: the case's plant and N - 1 plants of its known set; default 4",
     )
     parser.add_argument(
         "--density",
         type=whole,
         default=6,
         metavar="N",
-        help="values of each setting; default 6, which takes under a minute; 12 takes four times as long",
+        help="number of values per setting; the default, 6, takes under a minute; 12 takes four times as long",
     )
     parser.add_argument(
         "--share",
         type=float,
         default=1.0,
         metavar="S",
-        help="added error, relative to the model's motion, that counts as loss of the motion; default 1",
+        help="the motion counts as lost when the added error reaches S times the model's range of motion; default 1",
     )
     conclude(parser, execute)
 
@@ -66,7 +70,7 @@ def execute(options: argparse.Namespace) -> int:
 
     def show(screen: Screen) -> None:
         tradeoff.show(screen, found)
-        screen.line(f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, pictures included")
+        screen.line(f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, including pictures")
 
     from barbalat.report.file_names import PAGE
 

@@ -20,14 +20,15 @@ def add(commands: Commands) -> None:
     add_case(parser)
     parser.add_argument(
         "--for", dest="objective", required=True, metavar="METRIC",
-        help="the quantity to minimise: a figure of a run, such as rms_e, or a key of certify",
+        help="the quantity to minimise: a metric of a run, such as rms_e, or a key of certify",
     )  # fmt: skip
     parser.add_argument("--maximize", action="store_true", help="maximise the quantity instead")
     add_list(
         parser, "--subject-to", metavar="REQUIREMENT", form="[<>]",
         help='such as "delay_margin_measured >= 0.02", "gain_margin_measured >= 1.5", "condition < 1" (L1), "max_abs_u < 9"; '
-        "delay_margin belongs to the loop with frozen estimates, on which MRAC's gain has no influence, and "
-        "delay_margin_adapting to the linear loop with its law; neither includes limits of the input or a changing command",
+        "delay_margin is that of the loop with frozen estimates, on which the gain of MRAC has no influence; "
+        "delay_margin_adapting is that of the linear loop including the law; neither accounts for input limits or a changing "
+        "command",
     )  # fmt: skip
     add_list(
         parser, "--vary", metavar="PATH=START:STOP[:log]", form="=",
@@ -35,24 +36,31 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--controller", metavar="NAME", help="the controller to tune; default: all, one after the other")
     parser.add_argument(
-        "--plants", type=whole, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
+        "--plants",
+        type=whole,
+        default=4,
+        metavar="N",
+        help="number of plants: the case's plant and N - 1 plants of its known set; default 4",
     )
     parser.add_argument(
         "--quantile",
         type=float,
         default=1.0,
         metavar="Q",
-        help="quantile over the plants, from 0 to 1; default 1, the worst plant",
+        help="quantile over the plants, between 0 and 1; default 1, the worst plant",
     )
     parser.add_argument(
         "--trials",
         type=whole,
         metavar="N",
-        help="tunings tried for each controller: default 384, minimum 288; with more than three tuned numbers 576 for both",
+        help="number of tunings tried for each controller: default 384, minimum 288; with more than three tuned parameters, "
+        "default and minimum are 576",
     )
-    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the plants and of the search; default 0")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="seed for the plants and the search; default 0")
     parser.add_argument(
-        "--out", metavar="DIR", help="folder of case file, page and JSON; default: barbalat-tune, none with --json"
+        "--out",
+        metavar="DIR",
+        help="folder for the case file, the page and the JSON; default: barbalat-tune, or none with --json",
     )
     conclude(parser, execute)
 

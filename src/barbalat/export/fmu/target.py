@@ -32,7 +32,7 @@ def _check(folder: str, closed_loop: bool) -> str:
 TARGETS = tuple(
     Target(
         name=f"fmu{version}",
-        help=f"an FMU for Co-Simulation with FMI {version}.0, whose gains, limits and initial estimates are parameters",
+        help=f"an FMU for Co-Simulation (FMI {version}.0); its gains, limits and initial estimates are parameters",
         files=partial(_units, version=version),
         check=_check,
         compiles=True,

@@ -14,7 +14,7 @@ def _files(asked: Request) -> dict[str, str]:
 TARGETS = (
     Target(
         name="rust",
-        help="a crate around the C, with a safe wrapper",
+        help="a Rust crate with a safe wrapper around the C",
         files=_files,
         parameters=True,
         check=lambda folder, _: f"cd {folder} && cargo test --offline",
