@@ -220,6 +220,7 @@ BAD = [
     ("covariance0 = 500.0", "covariance0 = 500.0, sigma = 0.1", ["FixedSigma", "lower bound", "SwitchingSigma"]),
     ("covariance0 = 500.0", "covariance0 = 500.0, M_0 = 5.0", ["M_0 needs sigma"]),
     ("covariance0 = 500.0", "covariance0 = 500.0, M_0 = 5.0, nu = 1.0", ["either sigma", "nu"]),
+    ("covariance0 = 500.0", "covariance0 = 500.0, sigma = 0.1, M_0 = 1e-20", ["M_0", "at least 1e-15"]),
     (LAW, '{ kind = "least-squares-forgetting", covariance0 = 5.0, forgetting = 0.1, g_0 = 0.1 }', ["dead zone", "grows"]),
     (LAW, '{ kind = "integral-cost", gamma = 5.0, forgetting = 0.1, g_0 = 0.1 }', ["law.g_0", "integral"]),
     (LAW, '{ kind = "integral-cost", gamma = 5.0, forgetting = 0.1, nu = 0.1 }', ["EpsilonModification", "integral-cost"]),

@@ -141,6 +141,31 @@ def test_a_step_that_a_limit_takes_back_to_a_face_needs_no_rate_of_zero_there() 
     assert proofs[0] and not proofs[1]
 
 
+def test_a_lower_limit_is_at_most_its_upper_limit_where_the_case_says_so() -> None:
+    """min(max(x, low), high) after max(low, ...) with low <= high; without this condition the mutant is a fault."""
+    x, low, high = (Operation("input", (), source=(0, row)) for row in (0, 1, 2))
+    clipped = (x, low, high, Operation("fmin", (0, 2)), Operation("fmax", (3, 1)), Operation("fmin", (4, 2)))
+    within = {(0, row): Interval(-5.0, 5.0) for row in (0, 1, 2)}
+    first = Mutant(5, "fmin always takes the first", Operation("copy", (4,)))
+    for ordered, proven in (([((0, 1), (0, 2))], True), ([((0, 2), (0, 1))], False), ([], False)):
+        assert bool(Prover(Program(clipped, ((5,),)), within, DOUBLE, ordered=ordered).proof(first)) == proven
+
+
+def test_a_norm_that_is_at_least_y_divided_by_y_is_one_up_to_rounding() -> None:
+    """1 + k (sqrt(max(a, y y))/y - 1) is positive, and equal to its maximum with zero, unless y y is rounded to zero or k is
+    large."""
+    a, y = (Operation("input", (), source=(0, row)) for row in (0, 1))
+    one, zero, k = (Operation("constant", (), value=value) for value in (1.0, 0.0, 1e6))
+    steps = [a, y, one, zero, k, Operation("mul", (1, 1)), Operation("fmax", (0, 5)), Operation("sqrt", (6,))]
+    steps += [Operation("div", (2, 1)), Operation("mul", (8, 7)), Operation("sub", (9, 2)), Operation("mul", (4, 10))]
+    steps += [Operation("add", (2, 11)), Operation("fmax", (12, 3))]
+    itself = Mutant(13, "fmax always takes the first", Operation("copy", (12,)))
+    for least, gain, proven in ((1e-15, 1e6, True), (1e-200, 1e6, False), (1e-15, 1e16, False)):
+        steps[4] = k._replace(value=gain)
+        within = {(0, 0): Interval(0.0, 1e6), (0, 1): Interval(least, 1e3)}
+        assert bool(Prover(Program(tuple(steps), ((13,),)), within, DOUBLE).proof(itself)) == proven
+
+
 def test_a_fault_is_followed_no_farther_than_to_where_it_is_gone() -> None:
     """In sqrt(max(x, c)) the last bit of c is rounded away; after a hundred choices the analysis stops."""
     chain = [

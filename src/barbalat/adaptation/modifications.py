@@ -158,6 +158,10 @@ class FixedSigma(PullingLeakage, Settings):
         return self.sigma
 
 
+LEAST_M_0 = 1e-15
+"""Smallest M_0 of a switching sigma. The square of a much smaller one is zero in 32 bits, which reverses the leakage's sign."""
+
+
 @dataclass(frozen=True, eq=False)
 class SwitchingSigma(Settings):
     """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
@@ -181,6 +185,8 @@ class SwitchingSigma(Settings):
     def __post_init__(self) -> None:
         validate.freeze(self, sigma=validate.positive("sigma", self.sigma))
         validate.freeze(self, M_0=validate.positive("M_0", self.M_0))
+        if self.M_0 < LEAST_M_0:
+            raise validate.InputError.of("M_0", f"must be at least {LEAST_M_0:g}, got {validate.show(self.M_0)}")
 
     def coefficient(self, theta_hat: Value, error: Value) -> Value:
         size = np.sqrt(np.maximum(theta_hat @ theta_hat, self.M_0 * self.M_0))

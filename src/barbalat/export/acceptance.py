@@ -216,6 +216,10 @@ class NotFoundError(Exception):
 
 CLOSE = 1e-9
 """Relative distance from a bound at which a value counts as just inside or just outside."""
+MOST_SQUARE = 1e4
+"""Largest weight of a norm that is sought: each large number is near a whole one."""
+NEAREST = 1e-20
+"""Size of a value that counts as just inside a bound of zero."""
 FAR = 1e3
 """Smallest factor by which the value farthest from the case's own exceeds it."""
 FARTHEST = 1e6
@@ -315,7 +319,7 @@ class Acceptance:
         if side * (end - own) < 0:
             return False
         step = CLOSE * (max(abs(end), abs(own)) or 1.0)
-        inside = end if side * (end - own) <= step else end - side * step
+        inside = end if side * (end - own) <= step else end - side * (step if end else NEAREST)
         return not self._takes(point, i, end + side * step) and self._takes(point, i, inside)
 
     def _order(self, i: int, side: int, entry: Entry) -> Order | None:
@@ -351,7 +355,7 @@ class Acceptance:
                 if radius in group or self.paths[j].keys[0] != self.paths[i].keys[0]:
                     continue
                 square = float(first[radius] ** 2 / max(np.sum(first[group] ** 2), np.finfo(float).tiny))
-                if round(square) >= 1 and abs(square - round(square)) <= CLOSE * square:
+                if 1 <= round(square) <= MOST_SQUARE and abs(square - round(square)) <= CLOSE * square:
                     yield Norm(tuple(group), (0.0,) * len(group), radius, float(round(square)))
 
     def _list(self, i: int) -> list[int]:

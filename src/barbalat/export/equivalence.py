@@ -56,6 +56,8 @@ LIMITED = dict.fromkeys(("sin", "cos", "tanh"), (-1.000001, 1.000001)) | {"atan"
 """Ranges of functions, slightly widened."""
 MOST_EXPONENT = 80.0
 """Largest argument whose exp is finite."""
+LEAST_NORMAL_ROOT = 1e-18
+"""A number whose square is a normal number in 32 bits and in 64 bits."""
 ANY = Interval(-math.inf, math.inf, True)
 Term = int
 Truth = bool | None
@@ -76,13 +78,18 @@ class Assumed:
 
 @dataclass(eq=False)
 class Prover:
-    """The terms of one list, whose outputs are these ``rows`` of the state; ``inputs``: intervals, by (argument, component)."""
+    """The terms of one list, whose outputs are these ``rows`` of the state.
+
+    inputs   the intervals of the list's inputs, by (argument, component)
+    ordered  pairs of inputs of which the first is at most the second
+    """
 
     program: Program
     inputs: dict[tuple[int, int], Interval]
     real: Real
     rows: Sequence[int] = ()
     most_cases: int = CASES
+    ordered: Sequence[tuple[tuple[int, int], tuple[int, int]]] = ()
     nodes: dict[tuple[object, ...], Term] = field(default_factory=dict)
     names: list[tuple[object, ...]] = field(default_factory=list)
     parts: list[tuple[Term, ...]] = field(default_factory=list)
@@ -151,7 +158,7 @@ class Prover:
     def _cases(self, mutant: Mutant, output: int, near: int, most: float) -> int:
         """The number of cases over which this output is proven equal; 0 if it is not proven."""
         needed, cases = self._needed(mutant, output), 0
-        waiting: list[tuple[Assumed, _Walk | None, set[Term]]] = [(Assumed(), None, set())]
+        waiting: list[tuple[Assumed, _Walk | None, set[Term]]] = [(self._given(), None, set())]
         while waiting:
             cases += 1
             if cases + len(waiting) > self.most_cases or self.work > self.until:
@@ -170,6 +177,14 @@ class Prover:
             changed = self._changed(pair)
             waiting += [(part, walk, changed) for part in self._divided(case, walk, *pair)]
         return cases
+
+    def _given(self) -> Assumed:
+        """The case of all admissible states and inputs."""
+        less = {}
+        for pair in self.ordered:
+            low, high = (self.term("input", *map(str, source)) for source in pair)
+            less[high, low] = False
+        return Assumed(less=less)
 
     def _needed(self, mutant: Mutant, output: int) -> list[int]:
         """The places of the operations on which an output depends, with its own last."""
@@ -554,4 +569,21 @@ class _Walk:
         ends = [self.prover.rounded(EXACT[name](float(p), float(q))) for p, q in pairs]
         if any(map(math.isnan, ends)):
             return ANY
-        return Interval(min(ends), max(ends), none or not (sure or (name == "mul" and min(a.low, b.low) > 0)))
+        least = min(ends)
+        if name == "mul" and self._is_relative_size(*x):
+            least = max(least, 1 - 8 * float(np.finfo(self.prover.real.numbers).eps))
+        return Interval(least, max(ends), none or not (sure or (name == "mul" and min(a.low, b.low) > 0)))
+
+    def _is_relative_size(self, one: Term, root: Term) -> bool:
+        """Whether this is 1/y and sqrt(w) with w >= y*y and y > 0, so that the product is at least 1 up to four roundings."""
+        if self.names[one][0] != "div" or self.names[root][0] != "sqrt":
+            return False
+        (unit, y), (w,) = self.prover.parts[one], self.prover.parts[root]
+        square = self.prover.term("mul", y, y)
+        at_least = w == square or self.case.less.get((w, square)) is False or self.case.less.get((square, w)) is True
+        if self.names[w][0] == "choice" and square in self.prover.parts[w]:  # as max(a, y*y), or in the other order
+            condition, *both = self.prover.parts[w]
+            other = both[0] if both[1] == square else both[1]
+            at_least |= self.names[condition] == ("lt", other, square) and both[0] == square
+            at_least |= self.names[condition] == ("lt", square, other) and both[1] == square
+        return at_least and self.prover.constants.get(unit) == 1 and self.interval(y).low >= LEAST_NORMAL_ROOT

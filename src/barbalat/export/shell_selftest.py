@@ -29,7 +29,8 @@ def shell_tests(printed: Printed) -> str:
         tests += [
             *_TIMER,
             *(_JUST_BEYOND if near else []),
-            *(_AGE if around.rated else []),
+            *(_ages("{x}", "MEASUREMENT_LOST", "age", "measurement") if around.rated else []),
+            *(_ages("r", "COMMAND_LOST", "command_outage", "command") if around.command_rated else []),
             *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else []),
         ]
     if around.longest is not None and around.longest > 0:
@@ -151,6 +152,23 @@ def _stuck(printed: Printed) -> list[str]:
     return lines
 
 
+def _ages(member: str, lost: str, count: str, what: str) -> list[str]:
+    """The tests of the age of the last good measurement or command: at wrong times, after a long time, and sample by sample."""
+    return [
+        f"{{n}}_init(&c); (void)replay(&c, 4); in = sample(4); in.{member}[0] = nothing / nothing; in.sample_time = {{half}};",
+        f"require({{n}}_step(&c, &in, &out) == ({{M}}_WRONG_SAMPLE_TIME | {{M}}_{lost} | {{M}}_FALLBACK) && c.{count} == 2L,",
+        f'    "the age of the last good {what} differs");',
+        f"in.sample_time = ({{real}})1000000 * {{M}}_SAMPLE_TIME; (void){{n}}_step(&c, &in, &out); k = c.{count};",
+        f'require(k >= 1000002L && k <= 1000003L, "the age of a {what} after a long time differs");',
+        "in.sample_time = 0; (void){n}_step(&c, &in, &out);",
+        f'require(c.{count} == k + 1L, "the age of a {what} after a time of zero differs");',
+        "in.sample_time = 1e12{suffix} * {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out);",
+        f'require(c.{count} == {{most}}L, "the age of a {what} is counted too far");',
+        f"c.{count} = 5L; in.sample_time = {{M}}_SAMPLE_TIME; (void){{n}}_step(&c, &in, &out);",
+        f'require(c.{count} == 6L, "the age of the last good {what} is not counted");',
+    ]
+
+
 _WHOLE = """
 /* The shell of the case: accepted samples, the fallback, the time between calls. */
 static void test_shell(void)
@@ -224,18 +242,6 @@ _TIMER = [
 _JUST_BEYOND = [
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {just_beyond};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time just beyond the band is accepted");',
-]
-_AGE = [
-    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.{x}[0] = nothing / nothing; in.sample_time = {half};",
-    "require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_MEASUREMENT_LOST | {M}_FALLBACK) && c.age == 2L,",
-    '    "the age of the last good measurement differs");',
-    "in.sample_time = ({real})1000000 * {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out); k = c.age;",
-    'require(k >= 1000002L && k <= 1000003L, "the age after a long time differs");',
-    'in.sample_time = 0; (void){n}_step(&c, &in, &out); require(c.age == k + 1L, "the age after a time of zero differs");',
-    "in.sample_time = 1e12{suffix} * {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out);",
-    'require(c.age == {most}L, "an age is counted too far");',
-    "c.age = 5L; in.sample_time = {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out);",
-    'require(c.age == 6L, "the age of the last good measurement is not counted");',
 ]
 _LONGEST_TIME = [
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4);",

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from barbalat.export.acceptance import Order, numbers
 from barbalat.export.contents import Contents
 from barbalat.export.equivalence import CASES, MORE_CASES, Interval, Prover
 from barbalat.export.evaluation import evaluate, values
@@ -174,12 +175,23 @@ class _Search:
                 ends = tuple(float(self.numbers(end)) for end in taken)  # as in the C code
                 within[STATE, row] = Interval(max(-most, ends[0]), min(most, ends[1]))
         within |= {at: self._interval(contents.fed(at[1])) for at in sources(contents.step) if at[0] == PARAMETER}
-        prover = Prover(contents.step, within, contents.real, self.rows, most_cases)
+        prover = Prover(contents.step, within, contents.real, self.rows, most_cases, self._ordered())
         last_first = sorted(
             left, key=lambda one: -one.place
         )  # first the faults on which few operations depend, whose proofs are cheap
         found = {one: proof for one in last_first if (proof := prover.proof(one))}
         return {one: found[one] for one in left if one in found}
+
+    def _ordered(self) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+        """Pairs of inputs of the list that are parameters and of which the first is at most the second."""
+        contents, at = self.contents, dict[float, list[tuple[int, int]]]()
+        for kind, entry in sources(contents.step):
+            if kind == PARAMETER and not isinstance(one := contents.fed(entry), float):
+                at.setdefault(contents.parameters.index(one), []).append((kind, entry))
+        pairs = {one.entries for one in contents.conditions if isinstance(one, Order) and numbers(one) == set(one.entries)}
+        while longer := {(a, d) for a, b in pairs for c, d in pairs if b == c} - pairs:
+            pairs |= longer
+        return [(a, b) for low, high in sorted(pairs) for a in at.get(low, []) for b in at.get(high, [])]
 
     def _interval(self, one: Parameter | float) -> Interval:
         """The admissible values of a parameter; for a fixed number, its value."""
