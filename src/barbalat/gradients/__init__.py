@@ -1,1 +1,1 @@
-"""Derivatives of a run's metrics in the numbers of its case, and their check by differences."""
+"""Derivatives of a run's metrics with respect to the numbers of its case, checked by differences."""

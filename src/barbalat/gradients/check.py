@@ -1,4 +1,4 @@
-"""Checks a derivative by central differences of the same runs, and says why it is rejected where they disagree."""
+"""Checks a derivative by central differences of the same runs and, where they disagree, gives the reason for rejecting it."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ from math import inf, isfinite
 import numpy as np
 
 AGREES_WITHIN = 1e-3
-"""Relative difference within which a derivative and a difference agree: independent computations confirm each other."""
+"""Relative difference up to which a derivative and a difference quotient agree and so confirm each other."""
 AGREES_BETWEEN_STEPS = 0.02
-"""The same if an extremum's instant moves from one solver step to a neighbouring one: the metric is that of the steps, and its
-slope is that at the nearest one, while differences average over several."""
+"""The same limit if the instant of an extremum moves from one solver step to a neighbouring step: the metric and its slope belong
+to the nearest step, whereas differences average over several."""
 NEARLY_WITHIN = 0.05
-"""Relative difference up to which changes of branch inside steps explain it: their effect on a discrete run is of the order of
-the step, and no tangent sees it."""
+"""Relative difference up to which changes of branch inside steps explain the disagreement: their effect on a discrete run is of
+the order of the step, and tangents do not contain it."""
 CONVERGED_WITHIN = 0.01
 """Relative difference of two successive differences below which they have converged."""
 HOLDS_WITHIN = 0.1
-"""Relative difference to the difference by the largest step up to which a derivative describes changes of that size too."""
+"""Relative deviation from the difference quotient with the largest step, up to which a derivative also describes changes of that
+size."""
 MINOR = 0.01
-"""Change of an elasticity that does not matter."""
+"""Change of an elasticity that is irrelevant."""
 ROUNDING = 1e-12
 """Error of a metric by rounding, relative to the metric."""
 NEGLIGIBLE = 1e-6
-"""An elasticity below this is not distinguished from zero."""
+"""An elasticity below this value cannot be distinguished from zero."""
 NEIGHBOURING = 8
 """Steps by which an extremum's instant may move with the smallest change of the number and still be the same extremum."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A metric with the number above and below by ``step``, and the instants [s] of an extremum, NaN for other metrics."""
+    """A metric for the number increased and decreased by ``step``, and the instants [s] of an extremum; NaN for other metrics."""
 
     step: float
     above: float
@@ -45,15 +46,15 @@ class Pair:
         return (self.above - self.below) / (2 * self.step)
 
     def sides(self, value: float) -> tuple[float, float]:
-        """The slopes below and above the number, at which the metric is ``value``."""
+        """The slopes below and above the number; the metric there is ``value``."""
         return (value - self.below) / self.step, (self.above - value) / self.step
 
 
 @dataclass(frozen=True)
 class Checked:
-    """The difference to which a derivative was compared, and the reason for its rejection, empty if it is accepted.
+    """The difference with which a derivative was compared, and the reason for rejecting the derivative; empty if it is accepted.
 
-    ``local`` is true of a derivative that is right, but does not describe changes as large as the largest step.
+    ``local`` is true for a derivative that is correct but does not describe changes as large as the largest step.
     """
 
     difference: float
@@ -65,9 +66,9 @@ def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
     """Check the derivative of a metric.
 
     tangent, value, instant  the derivative, the metric and the instant of an extremum [s]
-    pairs  with smaller and smaller steps
-    dt     the solver's step [s]
-    scale  of the number
+    pairs  values with smaller and smaller steps
+    dt     step of the solver [s]
+    scale  scale of the number
     """
     found = _confirmed(tangent, value, instant, pairs, dt=dt, scale=scale)
     widest = pairs[0].slope
@@ -98,12 +99,13 @@ def _confirmed(tangent: float, value: float, instant: float, pairs: Sequence[Pai
 
 
 def _negligible(value: float, pair: Pair, scale: float) -> float:
-    """The size of a slope that is not distinguished from zero, with the error of the difference by rounding."""
+    """The size of a slope that cannot be distinguished from zero, including the rounding error of the difference."""
     return NEGLIGIBLE * abs(value) / scale + ROUNDING * abs(value) / pair.step
 
 
 def _corner(value: float, instant: float, pairs: Sequence[Pair], scale: float) -> str:
-    """The sentence on a corner: the slopes on both sides differ, by the same with smaller steps. Empty if there is none."""
+    """The sentence on a corner, where the slopes on both sides differ by an amount that does not shrink with the step; empty
+    without a corner."""
     middle, finest = pairs[-2], pairs[-1]
     gaps = [abs(above - below) for below, above in (pair.sides(value) for pair in (middle, finest))]
     below, above = finest.sides(value)

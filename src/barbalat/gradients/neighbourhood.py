@@ -1,7 +1,7 @@
-"""The neighbourhood of a case: the numbers that can be moved by a little, and how each moves the kernel's arguments.
+"""The neighbourhood of a case: the numbers that can be changed slightly, and how each changes the arguments of the kernel.
 
-A number may be an argument itself. Others follow from it (P from Q, a filter's matrices from kappa), by constructors that are
-not traced: their derivatives are central differences of the derived numbers alone, for which nothing is simulated.
+A number may be an argument. Others follow from it (P from Q, the matrices of a filter from kappa) through constructors that are
+not traced. Their derivatives are central differences of the derived numbers alone, which need no simulation.
 """
 
 from __future__ import annotations
@@ -26,19 +26,20 @@ from barbalat.run.kernel import delay
 from barbalat.validate import Array, InputError
 
 SHARES = (1e-3, 1e-4, 1e-5)
-"""The differences' steps to either side, as fractions of a number's scale. The first two also differentiate derived numbers,
-whose error of the order of the step's square cancels between them."""
+"""The steps of the differences to either side, as fractions of the scale of a number. The first two steps also differentiate
+derived numbers; their second-order errors cancel between the two."""
 SMOOTH_WITHIN = 1e-2
-"""Largest relative difference between the slopes of derived numbers by the first two steps; beyond it they have no slope."""
+"""Largest relative difference between the slopes of derived numbers from the first two steps; beyond it, they have no slope."""
 NOT_OF_A_RUN = ("simulation", "judge", "specification", "shell", "faults", "labels")
 """Tables without numbers of the loop."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Movable:
-    """A number with a neighbourhood of admissible values, in which one kernel serves all.
+    """A number with a neighbourhood of admissible values that share one kernel.
 
-    scale     the size to which steps are relative: its magnitude or, of a zero, the largest of its vector, or else one
+    scale     the size to which steps are relative: the magnitude of the number or, for a zero, the largest magnitude in its
+              vector, or else one
     relative  whether steps are relative to each value instead, as for a number that varies over decades
     """
 
@@ -50,12 +51,12 @@ class Movable:
 
 
 class NoSlope(InputError):
-    """Raised where the numbers that follow from one have no slope, as a delay's at a multiple of the step."""
+    """Raised where the numbers that follow from a number have no slope, as for a delay that is a multiple of the step."""
 
 
 @dataclass(frozen=True)
 class Unmovable:
-    """A number without derivatives, and the reason; ``invalid`` if constructors reject the values beside it."""
+    """A number without derivatives, and the reason; ``invalid`` if constructors reject neighbouring values."""
 
     path: FieldPath
     why: str
@@ -63,7 +64,7 @@ class Unmovable:
 
 
 def varied_of(source: CaseText | Case, paths: Sequence[FieldPath], *, redesign: bool) -> Varied:
-    """The case with these numbers open."""
+    """The case in which these numbers may vary."""
     if isinstance(source, Case):
         return VariedObjects(source, tuple(paths), redesign)
     return VariedCase(source, tuple(paths), redesign=redesign)
@@ -77,7 +78,7 @@ def numbers_of(source: CaseText | Case, paths: Sequence[FieldPath] = ()) -> dict
 
 
 def own_numbers(source: CaseText | Case) -> list[FieldPath]:
-    """The numbers of the loop that are not zero: of a zero there is no percent."""
+    """The numbers of the loop that are not zero, because a zero cannot change by a percentage."""
     return [path for path, value in numbers_of(source).items() if value != 0 and path.keys[0] not in NOT_OF_A_RUN]
 
 
@@ -106,7 +107,7 @@ def examined(source: CaseText | Case, path: FieldPath, *, redesign: bool) -> Mov
 
 
 def _value(known: dict[FieldPath, float], path: FieldPath) -> float | None:
-    """The number at a path; of a physical parameter, that of the truth if it has its own."""
+    """The number at a path; for a physical parameter, the value in the truth if that has one."""
     if path not in known and is_parameter(path):
         return known.get(FieldPath(("truth", *path.keys)))
     return known.get(path)
@@ -130,9 +131,9 @@ def _breaks(case: Case) -> list[list[float]]:
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """The numbers that move, and the kernels that serve all their values near the case and within the given ends.
+    """The numbers that vary, and the kernels that serve all their values near the case and within the given ends.
 
-    base  (d,) the case's own values
+    base  (d,) the values in the case
     """
 
     varied: Varied
@@ -149,13 +150,13 @@ class Neighbourhood:
         redesign: bool,
         ends: Sequence[tuple[float, float]] | None = None,
     ) -> Neighbourhood:
-        """``ends``, of all numbers, extend the values for which the kernels are made."""
+        """The ``ends`` of all numbers extend the range of values for which the kernels are made."""
         varied = varied_of(source, [one.path for one in moved], redesign=redesign)
         base = np.array([one.value for one in moved])
         around = []
         for i, one in enumerate(moved):
             near = [one.value + sign * share * one.scale for share in SHARES for sign in (1, -1)]
-            if ends is not None:  # those beside the case may be outside the ends
+            if ends is not None:  # values next to the case may be outside the ends
                 low, high = ends[i]
                 near = [low, (low + high) / 2, high]
             around.append(np.array([value for value in near if value != one.value]))
@@ -172,7 +173,7 @@ class Neighbourhood:
         return [i for i, one in enumerate(self.moved) if one.kind.is_number]
 
     def stepped(self, rows: Array, column: int, share: float) -> tuple[Array, Array]:
-        """Rows (M, d) with one number above, and below, by this fraction of its scale."""
+        """Rows (M, d) with one number increased, or decreased, by this fraction of its scale."""
         above, below, step = rows.copy(), rows.copy(), self._step(rows, column, share)
         above[:, column] += step
         below[:, column] -= step
@@ -184,9 +185,9 @@ class Neighbourhood:
         return share * np.abs(rows[:, column]) if one.relative else np.full(len(rows), share * one.scale)
 
     def directions(self, rows: Array, bounds: Array | None = None) -> list[list[Direction]]:
-        """For each controller, the direction of each number, for members with the numbers ``rows`` (M, d).
+        """The direction of each number, for each controller and for members with the numbers ``rows`` (M, d).
 
-        bounds  (2, d) the ends between which derived numbers are computed; near an end the slope is that one step inside
+        bounds  (2, d) the ends between which derived numbers are computed; near an end, the slope is taken one step inside
 
         Raises InputError for a number from which others do not follow smoothly.
         """
@@ -225,7 +226,7 @@ class Neighbourhood:
             )
 
     def _slope(self, values: Sequence[Array], widths: Sequence[Array], column: int) -> Array:
-        """The slope from values above and below by two steps, whose leading errors cancel."""
+        """The slope from values at two steps above and below, whose leading errors cancel."""
         coarse, fine = (values[0] - values[1]) / widths[0], (values[2] - values[3]) / widths[1]
         size = np.abs(fine).max(axis=0, initial=0.0)
         if not (np.abs(coarse - fine).max(axis=0, initial=0.0) <= SMOOTH_WITHIN * size + np.finfo(float).tiny).all():
@@ -244,7 +245,7 @@ class Neighbourhood:
 
 
 def _along(effect: Effect, zero: Direction, count: int) -> Direction:
-    """The direction of a number that is an argument itself."""
+    """The direction of a number that is an argument of the kernel."""
     parameters, states = zero.parameters.copy(), zero.states.copy()
     effect_of = Numbers(parameters, states, None, None, np.zeros(count), None)
     effect.put(effect_of, np.ones(count))

@@ -1,4 +1,4 @@
-"""How the metrics of a run depend on the numbers of its case: derivatives by tangents, checked by differences."""
+"""Computes how the metrics of a run depend on the numbers of its case: derivatives by tangents, checked by differences."""
 
 from __future__ import annotations
 
@@ -30,20 +30,21 @@ from barbalat.validate import Array, InputError
 FIGURES = ("max_abs_e", "rms_e", "max_abs_u")
 """The default metrics, with all their components."""
 TANGENT_MEMBERS = 2.5
-"""Members of an ensemble that take as long as a member with a tangent: 2 to 3, as measured."""
+"""Number of members of an ensemble that take as long as a member with a tangent, measured as 2 to 3."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Derivative:
-    """The derivative of one metric of one controller in one number.
+    """The derivative of a metric of a controller with respect to a number.
 
     value       the number
-    figure      the metric's name, with its value ``at``; ``instant`` [s] is that of an extremum, else None
-    derivative  None if it is rejected, for the reason ``refused``
+    figure      name of the metric, whose value is ``at``; ``instant`` [s] is the time of an extremum, otherwise None
+    derivative  None if it is rejected; ``refused`` is the reason
     elasticity  percent of the metric per percent of the number; None if it is rejected, or if either of them is zero
-    difference  the central difference with which it was compared; None if a run beside the number diverges
-    differences  by each of the steps, the largest first: shares SHARES of the number's size
-    local       whether the difference by the largest step departs by more than a tenth: it holds for smaller changes only
+    difference  the central difference with which it was compared; None if a run with a neighbouring value diverges
+    differences  the differences with each step, the largest step first; the steps are SHARES of the size of the number
+    local       whether the difference with the largest step deviates by more than a tenth; the derivative then holds for smaller
+                changes only
     """
 
     controller: str
@@ -67,10 +68,11 @@ class Derivative:
 class Sensitivities:
     """The derivatives of the metrics of a case's runs: by controller and metric, the largest elasticities first.
 
-    redesign  whether model and controllers follow the plant's numbers; if not, these move the simulated plant alone
+    redesign  whether model and controllers are redesigned when the plant's numbers change; if not, only the simulated plant
+              changes
     without  the numbers that have no derivatives, with the reason
-    runs     runs that were made for the differences, over all controllers
-    seconds  of the runs with tangents, and of those for the differences
+    runs     number of runs made for the differences, over all controllers
+    seconds  time of the runs with tangents, and of the runs for the differences
     """
 
     case: str
@@ -87,7 +89,7 @@ class Sensitivities:
         return f"<Sensitivities {self.case!r}: {validate.counted(len(self.derivatives), 'derivative')}{said}>"
 
     def of(self, controller: str, figure: str) -> dict[str, Derivative]:
-        """The derivatives of one metric by the numbers' paths, in order; raises InputError for unknown names."""
+        """The derivatives of one metric by the paths of the numbers, in order; raises InputError for unknown names."""
         if controller not in self.controllers:
             raise validate.unknown_name("controller", controller, self.controllers)
         found = {str(one.path): one for one in self.derivatives if (one.controller, one.figure) == (controller, figure)}
@@ -119,17 +121,17 @@ def sensitivity(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Sensitivities:
-    """The derivatives of the metrics of a case's runs in its numbers, and what matters most.
+    """Compute the derivatives of the metrics of a case's runs with respect to its numbers, and rank them.
 
-    Each run is made with the tangents of its states, integrated by the same steps: the result is the derivative of the discrete
-    run. An extremum has the slope at its instant. Each derivative is compared with central differences by three steps, and where
-    they disagree it is rejected with the reason: a corner, a jump, a motion that is too sensitive.
+    Each run integrates the tangents of its states by the same steps, so the result is the derivative of the discrete run. The
+    slope of an extremum is the slope at its instant. Each derivative is compared with central differences with three steps. Where
+    they disagree, the derivative is rejected with the reason: a corner, a jump, or a motion that is too sensitive.
 
-    case         a case file, a bundled case's name, the text of one that has been read, or a ``Case``
+    case         a case file, a bundled case's name, the text of a case file that has been read, or a ``Case``
     of           metrics as in ``run --json``, ``rms_e[0]`` or ``rms_e`` for all components; by default those of FIGURES
-    to           paths of numbers, as in ``sweep``; by default all of the loop that are not zero
+    to           paths of numbers, as in ``sweep``; by default all nonzero numbers of the loop
     controllers  names; by default all
-    redesign     as in ``sweep``: whether design and controllers follow the plant's numbers
+    redesign     as in ``sweep``: whether model and controllers are redesigned when the plant's numbers change
 
     Raises InputError for unknown names, for a case without fixed steps, and for a controller whose code has no derivative.
     """
@@ -172,7 +174,7 @@ def sensitivity(
 
 
 class Beside(NamedTuple):
-    """The runs with a number above and below by ``step``, and the members' places in them."""
+    """The runs with a number increased and decreased by ``step``, and the positions of the members in them."""
 
     step: float
     above: TangentRun
@@ -212,7 +214,7 @@ class _Runs:
         budget.require("the numbers", max(len(self._columns(i)) for i in which), cost, what="the derivatives")
 
     def _columns(self, place: int) -> list[int]:
-        """The numbers on which a controller's run may depend: all but those of other controllers."""
+        """The numbers on which the run of a controller may depend: all except the numbers of other controllers."""
         paths = [one.path for one in self.near.moved]
         return [i for i, path in enumerate(paths) if path.keys[0] != "controller" or path.keys[1] == place]
 
@@ -243,7 +245,7 @@ class _Runs:
         return self.near.setting.families[place].given(numbers, np.zeros(len(rows), dtype=int))
 
     def _beside(self, place: int, columns: Sequence[int], progress: Progress | None) -> dict[int, list[Beside]]:
-        """For each number and each step, the runs above and below it, each with the member's place."""
+        """For each number and each step, the runs above and below it, each with the position of the member."""
         near, numeric = self.near, [i for i in columns if i in self.near.numeric]
         steps = [(i, share) for i in numeric for share in SHARES]
         found: dict[int, list[Beside]] = {i: [] for i in columns}
@@ -259,7 +261,7 @@ class _Runs:
         return found
 
     def _driven(self, place: int, column: int, share: float) -> Beside:
-        """The runs with the signals of other values of a number."""
+        """The runs with the signals for different values of a number."""
         near = self.near
         above, below = (
             run_tangents(self._members(place, near.base[None]), near.varied.at(row[0]).problem.signals, threads=self.threads)
@@ -292,13 +294,13 @@ class _Runs:
 
 
 def require_figures(figures: Sequence[str], case: Case) -> None:
-    """InputError, before anything is computed, for names of which no component is a metric with a derivative."""
+    """Raise InputError, before anything is computed, for names without any component that is a metric with a derivative."""
     without = {"diverged_at"} if isinstance(case.problem, OutputProblem) else {"diverged_at", "max_abs_y"}
     chosen([one.split("[")[0] for one in figures], [name for name in Metrics.__dataclass_fields__ if name not in without])
 
 
 def chosen(figures: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The metrics with these names, or with all their components; raises InputError for an unknown one."""
+    """The metrics with these names, or with all their components; raises InputError for an unknown name."""
     found: list[str] = []
     for figure in figures:
         named = [name for name in known if figure in (name, name.split("[")[0])]
@@ -315,7 +317,7 @@ def _finite(value: float) -> float | None:
 
 
 def _first(one: Derivative) -> tuple[float, float]:
-    """The order: by elasticity, then those without one, by their derivative, then those that are rejected."""
+    """The sort order: first by elasticity, then derivatives without an elasticity by size, then rejected derivatives."""
     if one.derivative is None:
         return 2.0, 0.0
     return (1.0, -abs(one.derivative)) if one.elasticity is None else (0.0, -abs(one.elasticity))

@@ -19,7 +19,7 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
     """Return the memory (rows,) after K samples, each entry of which is (K, size).
 
     start    the memory before these samples; by default its initial value
-    renewed  whether the parts for the tail restart with these samples
+    renewed  whether the parts for the tail begin again with these samples
     """
     sizes = tuple(np.asarray(part).reshape(len(samples.y), -1).shape[1] for part in samples)
     kernel = _kernel(memory, sizes, tuple(np.asarray(ranges, dtype=float).tolist()))
@@ -35,7 +35,7 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
 
 @lru_cache(maxsize=16)  # all flights of a vehicle share the kernel
 def _kernel(memory: Memory, sizes: tuple[int, ...], ranges: tuple[float, ...]) -> Kernel:
-    """Return the judge's operations as machine code, for rows that contain the parts of a sample, which have these sizes."""
+    """Return the judge's operations as machine code, for rows that contain the parts of a sample with these sizes."""
     import casadi as ca
 
     row_column, row = symbols("row", sum(sizes))

@@ -29,9 +29,9 @@ class Given(NamedTuple):
     """The values that a kernel's step gives to the judge in addition to states and signals.
 
     errors, demands  positions of e and of u among the step's operations
-    pieces           whether a step may be divided into pieces; a row of signals then ends with three numbers, the piece's length
-                     first
-    dt               the step's length [s], or a symbol
+    pieces           whether a step may be divided into pieces; a row of signals then ends with three numbers, of which the first
+                     is the length of the piece
+    dt               length of the step [s], or a symbol
     parameters       CasADi's column of the loop's symbols, or None
     """
 
@@ -45,7 +45,7 @@ class Given(NamedTuple):
 
 @dataclass(frozen=True)
 class Watched:
-    """The settings of the memory of a run that do not depend on the loop; see ``Memory``."""
+    """The settings of a run's memory that do not depend on the loop (see ``Memory``)."""
 
     hysteresis: float
     weighed: bool = False
@@ -125,7 +125,8 @@ def update_function(loop: ClosedLoop, memory: Memory, given: Given) -> ca.Functi
 
 
 def joined(step: Program, loop: ClosedLoop, memory: Memory, given: Given) -> Program:
-    """Return the step with the memory appended to its states. Its own operations keep their order and precede the judge's."""
+    """Return the step with the memory appended to its states. The step's operations keep their order and precede those of the
+    judge."""
     judge = optimize(read(update_function(loop, memory, given)), fused=False)
     first = len(step.outputs[0])
 
@@ -142,8 +143,8 @@ def joined(step: Program, loop: ClosedLoop, memory: Memory, given: Given) -> Pro
 
 
 def unchanged(sample: Program, states: int, rows: int) -> Program:
-    """Return a sampled controller's operations before a step, extended so that they leave the memory after the states
-    unchanged."""
+    """Return a sampled controller's operations before a step, extended so that they do not change the memory that follows the
+    states."""
     count = len(sample.operations)
     inputs = tuple(Operation("input", source=(STATE, states + i)) for i in range(rows))
     (state,) = sample.outputs

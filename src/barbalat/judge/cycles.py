@@ -14,42 +14,44 @@ FEWEST_REVERSALS = 2
 """A suspect reverses more often than this in the tail, which is at least one and a half periods."""
 TURNS_EXPLAIN = 2
 """Number of reversals that one turn of the commands and disturbances explains, and the largest ratio of the control's path to
-theirs that they explain, with each path as a multiple of its range."""
+their path that they explain, with each path as a multiple of its range."""
 LIMITED_SHARE = 0.25
 """A control that is at a limit, or at its limited rate, for more than this fraction of the tail responds to the limit rather than
 to the command."""
 SLOWEST_PERIODS = 3.0
-"""A window of a continuation has this many periods of the model's slowest mode, unless the run is shorter."""
+"""A window of a continuation contains this many periods of the model's slowest mode, unless the run is shorter."""
 FEWEST_CYCLES = 4.0
-"""A window also has at least this many periods of the oscillation in the tail."""
+"""A window also contains at least this many periods of the oscillation in the tail."""
 LONGEST_SHARE = 0.5
-"""Largest length of a window as a fraction of the run, so a continuation takes less than MOST_WINDOWS halves of the run."""
+"""Largest length of a window as a fraction of the run, so a continuation of MOST_WINDOWS windows takes less than half of the run
+for each window."""
 KEPT_SHARE = 0.8
 """In a limit cycle, a window keeps at least this fraction of the previous window's swing."""
 STEADY_SHARE = 0.02
-"""A swing that changes by less than this fraction between windows is decided. One that decays or grows faster is continued."""
+"""A swing that changes by less than this fraction between windows is decided. A swing that decays or grows faster is
+continued."""
 LEVELLING_SHARE = 0.5
-"""Largest ratio of successive changes between windows for a swing that converges to a limit cycle's."""
+"""Largest ratio of successive changes between windows for a swing that converges to the swing of a limit cycle."""
 FEWEST_WINDOWS = 3
 """Smallest number of windows. The first shows the effect of holding the command, and the other two are compared."""
 FIRST_PIECES = 3
-"""Number of pieces of the first window. A run whose control is quiet in all pieces but the first, and in the last at least as
-quiet, needs no further window."""
+"""Number of pieces of the first window. A run needs no further window if its control is quiet in all pieces but the first, and at
+least as quiet in the last piece."""
 MOST_WINDOWS = 7
 
 
 def suspects(reversals: Array) -> Array:
-    """Return whether each member (M,) reverses a control too often in the tail, where its ``reversals`` are (M, m)."""
+    """Return whether each member (M,) reverses a control too often in the tail, from its ``reversals`` (M, m)."""
     return np.asarray((reversals > FEWEST_REVERSALS).any(axis=1))
 
 
 def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Array:
     """Return whether the driving signals explain the reversals of each member (M,) that follows.
 
-    This requires that no control reverses more than twice per turn of the commands and disturbances, that its path between turns
-    is at most twice theirs, and that no control is at its limits for long. ``reversals``, ``swings`` and ``limited``, the
-    fraction of the tail, are (M, m). A cycle that is smaller or slower than the control's response to the command may remain
-    hidden.
+    This requires that no control reverses more than twice per turn of the commands and disturbances, that the path of each
+    control between turns is at most twice theirs, and that no control is at its limits for long. ``reversals``, ``swings`` and
+    ``limited``, the fraction of the tail, are (M, m). A cycle that is smaller or slower than the control's response to the
+    command may remain hidden.
     """
     often = reversals > FEWEST_REVERSALS + TURNS_EXPLAIN * held.turns
     far = swings > FEWEST_REVERSALS + TURNS_EXPLAIN * held.swings
@@ -57,9 +59,9 @@ def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Ar
 
 
 def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:
-    """Return the length of a window [s], which is the largest length if there is no period.
+    """Return the length of a window [s]; without a known period this is the largest length.
 
-    ``slowest`` is the model's slowest period [s], and ``reversals`` is their number in the ``tail`` [s].
+    ``slowest`` is the model's slowest period [s], and ``reversals`` is the number of reversals in the ``tail`` [s].
     """
     seen = FEWEST_CYCLES * 2 * tail / reversals if reversals > 0 else 0.0
     longest = LONGEST_SHARE * t_end
@@ -67,23 +69,23 @@ def window(slowest: float, tail: float, reversals: float, t_end: float) -> float
 
 
 def slowest_period(A: Array) -> float:
-    """Return the slowest period of x' = A x [s], from the smallest nonzero |eigenvalue|; 0 if there is none."""
+    """Return the slowest period of x' = A x [s], from the smallest nonzero |eigenvalue|; 0 without one."""
     rates = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     rates = rates[rates > 0]
     return float(2 * np.pi / rates.min()) if len(rates) else 0.0
 
 
 def enough_windows(reversals: float) -> int:
-    """Return the number of windows that contain FEWEST_CYCLES periods of a cycle with this number of ``reversals``, at least
-    two, in each window."""
+    """Return how many windows contain FEWEST_CYCLES periods of a cycle that has this number of ``reversals``, at least two, in
+    each window."""
     return int(np.ceil(2 * FEWEST_CYCLES / reversals))
 
 
 def frequency_of(t: Array, v: Array) -> float:
     """Return the frequency of a cycle's control [rad/s] from K instants [s].
 
-    Passes from the lowest to the highest quarter of the swing are counted, but not smaller waves within the swing, as in a van
-    der Pol oscillation. The frequency is 0 for fewer than two passes.
+    Passes from the lowest to the highest quarter of the swing are counted. Smaller waves within the swing, as in a van der Pol
+    oscillation, are not. The frequency is 0 for fewer than two passes.
     """
     low, swing = float(v.min()), float(np.ptp(v))
     side = np.where(v > low + 0.75 * swing, 1, np.where(v < low + 0.25 * swing, -1, 0))
@@ -93,8 +95,8 @@ def frequency_of(t: Array, v: Array) -> float:
 
 
 def quiet(swing: Array, band: Array) -> Array:
-    """Return which runs (M,) are at rest according to the pieces of their first window: ``swing`` (FIRST_PIECES, M, m), ``band``
-    (M, m).
+    """Return which runs (M,) are at rest according to the pieces of their first window, given ``swing`` (FIRST_PIECES, M, m), and
+    ``band`` (M, m).
 
     The window is two periods of the model's slowest mode unless the run is shorter. A control that stays in its band for the
     whole window could only oscillate with a period several times as long.
@@ -131,8 +133,8 @@ class Windows:
         return np.asarray(lasting & self._swings(band))
 
     def growing(self, band: Array) -> Array:
-        """Return which members (M,) oscillate more in each window than in the previous one, or diverged. Such an oscillation has
-        no visible end but is not a limit cycle yet."""
+        """Return which members (M,) diverged or oscillate more in each window than in the previous window. Such an oscillation
+        shows no limit but is not a limit cycle yet."""
         earlier, before, last = self.swing[-3:]
         rising = (last > before) & (before > earlier) & self._swings(band)
         return np.asarray(rising.any(axis=1) | self.lost)
@@ -145,5 +147,5 @@ class Windows:
         return np.asarray((steady | ~self._swings(band)).all(axis=1) | self.lost)
 
     def _swings(self, band: Array) -> Array:
-        """Return which controls swing. A drift covers a range but does not reverse, so it is not a swing."""
+        """Return which controls swing. A drift covers a range without reversing, so it is not a swing."""
         return np.asarray((self.swing[-1] > band) & (self.reversals[-1] >= 2) & ~self.lost[:, None])

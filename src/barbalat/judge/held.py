@@ -15,8 +15,7 @@ from barbalat.validate import Array
 INSTANTS = 2**14
 """Number of instants of the tail at which the signals are evaluated."""
 RIPPLE = 0.025
-"""Fraction of a signal's range in the tail. Smaller movements do not count as a turn and do not explain a reversal of a
-control."""
+"""Fraction of a signal's range in the tail. Smaller movements do not count as turns and do not explain reversals of a control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +23,8 @@ class Held:
     """The signals of a run's tail.
 
     values  (k,) the value of each signal with the largest magnitude; NaN for the time itself, which continues
-    turns   the number of their jumps and turns
-    swings  their path between these turns, each as a multiple of its range
+    turns   the number of jumps and turns of the signals
+    swings  path of the signals between these turns, each as a multiple of its range
     """
 
     values: Array
@@ -36,7 +35,7 @@ class Held:
     def of(cls, signals: Sequence[Signal], begin: float, end: float) -> Held:
         """Evaluate the signals between ``begin`` and ``end`` [s].
 
-        Their largest values are held, not their last ones, because a vanishing regressor would end any cycle of adaptation.
+        The largest values are held, not the last ones, because a vanishing regressor would end any cycle of the adaptation.
         """
         t = np.linspace(begin, end, INSTANTS)
         return cls.along([None if isinstance(one, Clock) else np.asarray(one(t), dtype=float) for one in signals])
@@ -63,11 +62,11 @@ def _turns(values: Array) -> tuple[int, float]:
     jumps = int(((np.abs(steps[1:]) > width) & (steps[:-1] == 0)).sum())
     moving = np.flatnonzero(steps)
     back = moving[1:][np.sign(steps[moving[1:]]) != np.sign(steps[moving[:-1]])]
-    extremes = values[[0, *back, len(values) - 1]]  # between two of these the signal with backlash is monotonic
+    extremes = values[[0, *back, len(values) - 1]]  # between two of these instants the signal with backlash is monotonic
     moves = np.diff(_without_ripple(extremes.tolist(), 0.5 * width))
     ways = np.sign(moves[moves != 0])
     turns = int((ways[1:] != ways[:-1]).sum())
-    way = float(np.abs(moves).sum()) + width * turns  # the backlash takes its width from each turn
+    way = float(np.abs(moves).sum()) + width * turns  # the backlash takes its width off each turn
     return jumps + turns, way / full if full > 0 else 0.0
 
 

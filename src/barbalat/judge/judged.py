@@ -13,7 +13,7 @@ from barbalat.judge.verdict import Class, Cycle, Deviation, Figures, Response, V
 from barbalat.validate import Array
 
 CLASSES = tuple(Class)
-"""The classes, by their numbers in ``Judged.kinds``. The class of a run is the first that applies."""
+"""The classes, by their numbers in ``Judged.kinds``. The first that applies is the class of a run."""
 TIE = 1e-9
 """Components whose errors relative to their bands differ by less than this count as equal, because the difference is rounding."""
 LEAST_BESIDE = 1e-3
@@ -40,7 +40,7 @@ class Kept:
 
     @property
     def ranges(self) -> Array:
-        """The range of each control (M, m), relative to which swings are judged."""
+        """The range of each control (M, m); swings are judged relative to it."""
         return np.maximum(self.of("range"), self._roundings)
 
     @property
@@ -78,7 +78,7 @@ class Kept:
 @dataclass(frozen=True, eq=False)
 class Cycles:
     """The results for suspects: which controls cycle (M, m), with their amplitudes and frequencies [rad/s]; which members (M,)
-    are suspects, which oscillate more and more until the end of the windows, and which are lost there."""
+    are suspects, which oscillate increasingly until the end of the windows, and which are lost there."""
 
     which: Array
     amplitude: Array
@@ -99,9 +99,10 @@ class Judged:
 
     kinds          (M,) numbers of CLASSES
     error          (M, n) the tail's largest |e|, which is compared with ``bands``
-    at_limit       (M, m) the fraction of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
-    lost_at        (M,) the time by which each run was lost [s]; NaN if it was not
-    lost_within    (M,) how much earlier that may have been [s]
+    at_limit       (M, m) the fraction of the time for which each input is at its limits; ``at_rate_limit`` is the same for its
+                   rate limit
+    lost_at        (M,) the time by which each run was lost [s]; NaN if it was not lost
+    lost_within    (M,) how much earlier this may have happened [s]
     dt, steps      the step [s] and the number of steps of the runs
     """
 
@@ -132,7 +133,7 @@ class Judged:
         steps: int,
         input_units: tuple[str, ...] = (),
     ) -> Judged:
-        """Return the verdicts. ``diverged`` (M,) is whether each run diverged."""
+        """Return the verdicts. ``diverged`` (M,) tells which runs diverged."""
         error, memory, instants = kept.of("largest e"), kept.memory, steps + 1
         with np.errstate(invalid="ignore"):
             lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
@@ -184,7 +185,7 @@ class Judged:
 
     @property
     def worst(self) -> Array:
-        """The component of each run (M,) that is worst relative to its band, or the first of those that are equal up to
+        """The component of each run (M,) that is worst relative to its band, or the first of several that are equal up to
         rounding."""
         return _worst(self.error, self.bands.follows)
 
@@ -256,7 +257,7 @@ class Judged:
         )
 
     def _responses(self, i: int) -> dict[str, Response]:
-        """Return the responses of the components that the command's steps move."""
+        """Return the step responses of the components that the command moves."""
         found = {}
         for j, name in enumerate(self.bands.names):
             if not any(self.kept.memory.gains[j]):
@@ -280,7 +281,8 @@ def _joined(parts: Sequence[Array], axis: int = 0) -> Array:
 
 
 def _worst(error: Array, bands: Array) -> Array:
-    """Return the index (M,) of the largest ratio of errors to bands (M, k), the first of those that are equal up to rounding."""
+    """Return the index (M,) of the largest ratio of errors to bands (M, k), or of the first of several that are equal up to
+    rounding."""
     with np.errstate(divide="ignore", invalid="ignore"):
         against = np.where(error > 0, error / bands, 0.0)
     against = np.nan_to_num(against, nan=np.inf)

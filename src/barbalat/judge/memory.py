@@ -1,7 +1,7 @@
-"""The judge's operations: the quantities that it keeps of a run, and their update by one sample. The run need not be recorded.
+"""The judge's operations: the quantities kept for a run and how a sample updates them. The run need not be recorded.
 
 The same lines are evaluated on CasADi's arrays, from which kernels, C and pages are generated, and on NumPy's. The memory is a
-flat vector with named rows of extrema, counts and sums. The verdict follows from it alone.
+flat vector with named rows of extrema, counts and sums. The verdict follows from the memory alone.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ RISES_FROM, RISES_TO = 0.1, 0.9
 class Sample(NamedTuple):
     """The judge's input at an instant, for n components of the error, m inputs and q commands.
 
-    y, y_m         (n,) the state x or the measured output, and the model's
+    y, y_m         (n,) the state x or the measured output, of the plant and of the model
     e              (n,) y - y_m
     u              (m,) the demand, before the limits
     limited        (m,) the demand after the limits
-    at_limit       (m,) 1 if the demand is at or beyond a limit and, with a rate limit, the control has arrived there, else 0; 0
-                   without limits
-    at_rate_limit  (m,) 1 if the rate limit is active, else 0
+    at_limit       (m,) 1 if the demand is at or beyond a limit and, with a rate limit, the control has arrived there, otherwise
+                   0; 0 without limits
+    at_rate_limit  (m,) 1 if the rate limit is active, otherwise 0
     r              (q,) the commands
     steps          the duration that the sample represents, in solver steps: 1, or less for a piece of a step
     """
@@ -48,7 +48,7 @@ class Sample(NamedTuple):
 
 
 class Begins(IntEnum):
-    """The event at which a quantity restarts: only the run, also each window of a continuation, or also the tail."""
+    """The events at which a quantity restarts: the run alone, the run and each window of a continuation, or also the tail."""
 
     RUN = 0
     WINDOW = 1
@@ -58,8 +58,8 @@ class Begins(IntEnum):
 class Rows(NamedTuple):
     """A quantity in the memory.
 
-    begins   its value before the first sample
-    renewed  when it restarts
+    begins   value before the first sample
+    renewed  when the quantity restarts
     """
 
     name: str
@@ -72,12 +72,12 @@ class Rows(NamedTuple):
 class Memory:
     """The memory for a loop with n components of e, m inputs and q commands.
 
-    limited     (m,) whether each input has limits, which are then its range; otherwise its range is what it has covered in the
-                tail, or in the run so far, and at least its largest magnitude there
+    limited     (m,) whether each input has limits, which then define its range; otherwise its range is what it has covered in the
+                tail, or in the run so far, but at least its largest magnitude there
     hysteresis  a reversal counts once the control has moved back by this fraction of its range
-    weighed     also keep the sum of the points at which each control turned back, see ``Kept.swings``
-    detailed    also keep what sweeps don't need: IAE, ITAE, the control's path, and the responses to steps of the command
-    gains       (n, q) steady-state gains of the model's components if responses are wanted; else empty
+    weighed     whether to keep the sum of the points at which each control turned back (see ``Kept.swings``)
+    detailed    whether to keep what sweeps don't need: IAE, ITAE, the control's path, and the responses to steps of the command
+    gains       (n, q) steady-state gains of the model's components if responses are wanted; otherwise empty
     bands       (n,) bands for settling, NaN for the fraction ``settles`` of the model's largest motion so far
     """
 
@@ -136,7 +136,7 @@ class Memory:
 
     @property
     def responses(self) -> slice:
-        """The rows on steps of the command. A step at the very end of a run is not counted."""
+        """The rows for the responses to steps of the command. A step at the very end of a run is not counted."""
         return slice(self.places["command"].start if self.gains else len(self.begins), None)
 
     def update(self, memory: Value, sample: Sample, ranges: Value) -> Value:
@@ -189,8 +189,8 @@ class Memory:
         }
 
     def _responses(self, old: dict[str, Value], sample: Sample, scale: Value) -> dict[str, Value]:
-        """Return overshoot [fraction of the step], rise and settling time [steps], the worst over all steps of the command so
-        far."""
+        """Return overshoot [fraction of the step], rise and settling time [steps], each the worst over all steps of the command
+        so far."""
         now, begun = old["steps"], old["steps"] > 0
         given = np.array(self.bands)
         bands = np.where(np.isnan(given), 0.0, given) + np.where(np.isnan(given), self.settles, 0.0) * scale
@@ -207,7 +207,7 @@ class Memory:
         waiting = np.where(jumped > 0, steps, old["rising"])
         risen = waiting * np.where(passed >= RISES_TO - 1, 1.0, 0.0)
         outside = steps * np.where(np.abs(sample.y - target) > bands, 1.0, 0.0)
-        over = np.where(begun, jumped, 0.0)  # the previous target no longer matters
+        over = np.where(begun, jumped, 0.0)  # so the previous target no longer matters
         return {
             "command": sample.r,
             "jumped at": np.where(jumped > 0, now, old["jumped at"]),
@@ -243,7 +243,7 @@ def _chosen(values: Value, which: Sequence[bool]) -> Value:
 
 
 def _merged(some: Value, others: Value, which: Sequence[bool]) -> Value:
-    """Return the entries of ``some`` where ``which`` is true, otherwise those of ``others``."""
+    """Return the entries of ``some`` where ``which`` is true, and the entries of ``others`` elsewhere."""
     if all(which):
         return some
     rest = iter(range(len(which)))

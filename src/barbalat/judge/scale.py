@@ -11,10 +11,11 @@ from barbalat.protocols import Signal
 from barbalat.validate import Array
 
 ROUNDING = 1e-9
-"""A component of the model that moves by less than this fraction of the largest one is at rest, and its motion is rounding."""
+"""A component of the model that moves by less than this fraction of the largest one counts as being at rest; its motion is
+rounding error."""
 RESTING = 0.01
 """A component is also at rest if it moves by less than this fraction of its response to initial state, noise and disturbances, so
-a negligible command counts as none."""
+a negligible command counts as no command."""
 INSTANTS = 2**12
 """Number of instants of a run at which disturbances and the model's free motion are evaluated."""
 
@@ -23,8 +24,8 @@ INSTANTS = 2**12
 class Uncommanded:
     """The motion of the n components without a command, which does not depend on the controller.
 
-    answer  (n,) their largest response to the disturbances alone in the model, which is the loop with known parameters; an output
-            disturbance of a fed-back output replaces the command
+    answer  (n,) the largest response of the components to the disturbances alone in the model, which is the loop with known
+            parameters; a disturbance of a fed-back output replaces the command
     spread  (n, n) the largest value of each component in the model's free motion from an initial value of 1 of a different
             component
     """
@@ -64,7 +65,7 @@ def _sampled(A: Array, inputs: Array, step: float) -> tuple[Array, Array]:
 
 
 def _powers(ahead: Array, count: int) -> Array:
-    """Return Phi^0, Phi^1, ... (count, n, n). Multiplying the known ones by the next power doubles their number."""
+    """Return Phi^0, Phi^1, ... (count, n, n). Each multiplication of the known powers by the next one doubles their number."""
     found = np.eye(len(ahead))[None]
     while len(found) < count:
         found = np.concatenate([found, found @ (found[-1] @ ahead)])
@@ -84,18 +85,18 @@ def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Arr
     """Return the signals that move the simulated state, and their directions in the plant's state (k, n)."""
     b, acting = getattr(problem.plant, "b", None), problem.surroundings
     matched = [] if acting.disturbance is None else [(acting.disturbance, B if b is None else b)]
-    measured = problem.dynamics.output  # converts other states of [truth] to the plant's
+    measured = problem.dynamics.output  # converts the states of [truth] to those of the plant
     every = [*matched, *((one.signal, measured(np.asarray(one.direction, dtype=float))) for one in acting.unmatched)]
     rows = [np.pad(np.reshape(direction, -1), (0, len(B) - np.size(direction))) for _, direction in every]
-    return [signal for signal, _ in every], np.array(rows).reshape(-1, len(B))  # no disturbance enters a baseline's own states
+    return [signal for signal, _ in every], np.array(rows).reshape(-1, len(B))  # no disturbance enters the states of a baseline
 
 
 def scale_of(model: Array, initial: Array, noise: Array | None, beside: Uncommanded) -> Array:
     """Return the scale of each component (M, n), which is the largest |y_m| of the run.
 
-    If the model is at rest, it is the largest of |y| at t = 0, the noise's standard deviation, and the response to the
-    disturbances. If these vanish too, it is the free response of the model to the other components' scales. It is 0 if nothing
-    moves at all.
+    If the model is at rest, the scale is the largest of |y| at t = 0, the standard deviation of the noise, and the response to
+    the disturbances. If these vanish too, it is the free response of the model to the scales of the other components. It is 0 if
+    nothing moves at all.
     """
     moves = np.where(model > ROUNDING * model.max(axis=-1, keepdims=True, initial=0.0), model, 0.0)
     other = np.maximum(np.maximum(np.abs(initial), 0.0 if noise is None else noise), beside.answer)

@@ -1,4 +1,4 @@
-"""The judge's settings, with bands in the plant's units that are given or derived from the model's motion."""
+"""The judge's settings, with bands, in the plant's units, that are given or derived from the motion of the model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError
 
 LOST_SHARE = 100.0
-"""Default multiple of its scale beyond which a component is lost: 40 dB above everything that was requested."""
+"""Multiple of its scale beyond which a component is lost by default: 40 dB above everything that was commanded."""
 CYCLE_SHARE = 0.025
 """Default hysteresis as a fraction of the control's range. On the flexible joint with noise, every hysteresis from 1 to 5 %
 separates cycles from other runs."""
@@ -22,7 +22,7 @@ separates cycles from other runs."""
 
 @dataclass(frozen=True, kw_only=True)
 class Judge(Settings):
-    """The criteria for following, for being lost, and for a limit cycle; all have defaults.
+    """The criteria for the verdicts *follows*, *lost* and *limit cycle*; all have defaults.
 
     follows  by component, the largest |error| in the tail up to which a run counts as following, in the plant's units; 5 % of
              the component's
@@ -30,9 +30,10 @@ class Judge(Settings):
              noise and the model's response to the disturbances
     lost     by component, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale by default
     cycle    the hysteresis of a reversal of the limited control and the smallest swing of a limit cycle, as a fraction of the
-             control's range: that of its limits, or the range that it covers without limits
-    closely  search every run for a limit cycle, even if the control reverses too rarely in the tail to be suspected, since the
-             tail may be shorter than one and a half periods. It takes up to three and a half times as long as the run in addition
+             control's range: the range between its limits or, without limits, the range that it covers
+    closely  examine every run for a limit cycle, even if the control reverses too rarely in the tail to be suspected: the tail
+             may be shorter than one and a half periods. This takes up to three and a half times as long as the run, in addition
+             to the run
     """
 
     follows: Mapping[str, float] = field(default_factory=dict)
@@ -58,8 +59,8 @@ class Judge(Settings):
         object.__setattr__(self, "closely", bool(self.closely))
 
     def named(self, problem: TrackingProblem) -> Judge:
-        """Return the same settings with each band under its component's label. Raises InputError for a component that the problem
-        does not have.
+        """Return these settings with each band under the label of its component. Raises InputError for a component that the
+        problem does not have.
 
         Components may be named by their labels, or as x_1, x_2, ..., or y with output feedback.
         """
@@ -94,8 +95,8 @@ class Bands:
     """The bands of n components in the plant's units; each array is (..., n).
 
     scale     the scale of each component
-    follows   bands of the tail's error within which a run follows
-    lost      magnitudes beyond which the run is lost
+    follows   bands for the tail's error within which a run follows
+    lost      magnitudes beyond which a run is lost
     declared  numbers of the components that are declared to follow a command, which verdicts name first
     """
 
@@ -107,7 +108,7 @@ class Bands:
     declared: tuple[int, ...] = ()
 
     def said(self, i: int) -> str:
-        """Return the text for the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
+        """Return the text on the bands of the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
         each = zip(self.names, self.units, self.follows[i], self.lost[i], strict=True)
         return "; ".join(
             f"{name} follows within {follows:.3g}{_unit(unit)} and "
@@ -121,5 +122,5 @@ def _unit(bracketed: str) -> str:
 
 
 def component_names(problem: TrackingProblem) -> tuple[str, ...]:
-    """Return the names of the error's components, which are their labels, or x_1, x_2, ..., or y."""
+    """Return the names of the components of the error: their labels, or x_1, x_2, ..., or y."""
     return problem.followed_names

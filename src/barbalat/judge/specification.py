@@ -13,14 +13,14 @@ from barbalat.validate import InputError
 class Specification(Settings):
     """The requirements on a design; at least one must be given.
 
-    settling   settling time into the judge's band around the model's steady state [s], for the worse of the command's first step,
-               from rest, and its largest
-    overshoot  overshoot beyond the model's steady state, as a fraction of the step, for the worse of them
+    settling   settling time into the judge's band around the model's steady state [s], for the worse of two steps: the first step
+               of the command, from rest, and its largest step
+    overshoot  overshoot beyond the model's steady state, as a fraction of the step, for the worse of these two steps
     u_max      largest demanded |u|, before the limits
     delay      additional delay at the plant's input that the loop tolerates without oscillation [s]
     gain       the loop tolerates factors from 1/gain to gain on the input's effectiveness
-    noise      largest RMS, over these steps, of the effect of measurement noise on u, as a fraction of the largest |u| without
-               noise
+    noise      largest RMS, over these two steps, of the effect of measurement noise on u, as a fraction of the largest |u|
+               without noise
     """
 
     settling: float | None = None

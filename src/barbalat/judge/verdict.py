@@ -1,4 +1,4 @@
-"""The judge's verdict on one run, a value that prints as a sentence."""
+"""The judge's verdict on one run, which prints as a sentence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOLLOWS_SHARE = 0.05
 
 
 class Class(StrEnum):
-    """The class of a run, which is the first of these that applies."""
+    """The classes of runs. The first that applies is the class of a run."""
 
     LOST = "lost"
     CYCLE = "limit cycle"
@@ -25,11 +25,11 @@ class Class(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Cycle:
-    """A control that oscillates without decay while command and disturbances are held and there is no noise.
+    """A control that oscillates without decay while command and disturbances are held, without noise.
 
     signal     the control, such as "u_limited[0]", the demand after the limits
-    amplitude  half of its peak-to-peak value, in the control's unit
-    frequency  [rad/s], from its passes from low to high; 0 if it was not measured
+    amplitude  half of the peak-to-peak value, in the unit of the control
+    frequency  [rad/s], from passes from low to high; 0 if it was not measured
     """
 
     signal: str
@@ -48,11 +48,11 @@ class Cycle:
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """A component's response to the command's steps, the worst over all of them. The names are those of python-control's
+    """The step response of a component, the worst over all steps of the command. The names are those of python-control's
     ``step_info``.
 
     RiseTime      [s] from 10 to 90 % of the step; None if the response does not reach it
-    SettlingTime  [s] into the judge's band; None if the response does not settle before the next step, or the end
+    SettlingTime  [s] into the judge's band; None if the response does not settle before the next step or the end of the run
     Overshoot     [% of the step]
     """
 
@@ -69,8 +69,8 @@ class Figures:
     """Further quantities measured over every solver step.
 
     IAE, ITAE  (n,) integrals of |e| and of t |e|
-    activity   (m,) path of the limited control, the integral of |u'|; and the number of its reversals
-    responses  by component, if the command moves in steps; else empty
+    activity   (m,) path of the limited control, the integral of |u'|; ``reversals`` is the number of its reversals
+    responses  by component, if the command moves in steps; otherwise empty
     """
 
     IAE: tuple[float, ...]
@@ -101,7 +101,7 @@ class Deviation:
     unit: str = ""
 
     def said(self, *, named: bool) -> str:
-        """Return the error as a fraction of the scale, or in the plant's unit if the band was given in it or there is no
+        """Return the error as a fraction of the scale, or in the plant's unit if the band was given in that unit or there is no
         scale."""
         unit, where = f" {self.unit}" if self.unit else "", f" in {self.component}"
         if self.band != FOLLOWS_SHARE * self.scale:
@@ -120,18 +120,18 @@ class Verdict:
     """The verdict on a run, from its signals over every solver step.
 
     kind           lost, limit cycle, off (bounded, but outside the band), or follows
-    component      the name of the component that is worst relative to its band; of a run that is not lost, among the states that
-                   are declared to follow a command, unless the run is off and only others are outside their bands
-    beside         the worst component if that is another one; if it is ``component``, the worst of the declared states
+    component      the name of the component that is worst relative to its band. For a run that is not lost, it is chosen among
+                   the states that are declared to follow a command, unless the run is off and only others are outside their bands
+    beside         the worst component if that is a different one; otherwise the worst of the declared states
     error, band    the tail's largest |error| of ``component``, and its band, in the plant's unit
     scale          the scale of which the component's band is a fraction by default
-    settled        whether the verdict belongs to the plant and not to the solver; None if that was not examined
+    settled        whether the verdict is due to the plant and not to the solver; None if this was not examined
     cycle          the limit cycle; None if there is none
-    at_limit       fraction of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
-    lost_at        the time by which the run was lost [s]; None if it was not
+    at_limit       fraction of the time for which each input is at its limits; ``at_rate_limit`` is the same for its rate limit
+    lost_at        the time by which the run was lost [s]; None if it was not lost
     lost_within    how much earlier that may have been [s]; 0 if it is known to the step
     lost_when_held whether a suspect that is not lost in its run is lost when it is continued with everything held
-    figures        IAE and similar ones; None if they were not requested
+    figures        IAE and similar metrics; None if they were not requested
     bands          the bands of all components, as text
     of_the_solver  whether a finer step gives the same class without the oscillation that the run shows
     suspect        a description of what looks like a limit cycle if the run cannot be continued, as with a flight model; else
@@ -219,5 +219,5 @@ class Verdict:
 
 
 def percent(share: float) -> str:
-    """A share with two digits, such as "3 %" or "0.021 %"; a nonzero share is never printed as 0."""
+    """A fraction in per cent with two digits, such as "3 %" or "0.021 %"; a nonzero fraction is never printed as 0."""
     return f"{float(np.format_float_positional(100 * share, 2, fractional=False)):.12g} %"

@@ -177,6 +177,7 @@ def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> floa
     """The smallest additional delay [s] at which the loop with ``delay`` loses stability; infinite if there is none.
 
     at  the one input whose delay grows; by default the delays of all inputs grow equally
+
     InputError if the loop is unstable, and if nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
     """
     return _DelaySearch(_stable(loop, delay), delay, at).margin()

@@ -1,7 +1,7 @@
-"""The delay, or the error of the gain, that a loop tolerates in simulation: a scan, then bisection, for many loops and two
-criteria at once.
+"""The delay or gain error that a loop tolerates in simulation, found by a scan and bisection for many loops and two criteria at
+once.
 
-Unlike the exact margin of a linear loop, it applies to the loop while it adapts, but only for the simulated run: it is
+Unlike the exact margin of a linear loop, this margin applies to the loop while it adapts, but only for the simulated run: it is
 measured, not guaranteed.
 """
 
@@ -43,16 +43,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LONGEST_DELAY, LONGEST_IN_STEPS = 2.0, 200
-"""The default of the largest delay that is tried [s], and its minimum in solver steps, because for a slow plant two seconds are a
-negligible delay."""
+"""The default of the largest delay to try [s], and its minimum in solver steps, which is needed because two seconds are
+negligible for a slow plant."""
 SCANNED_DELAYS = 12
-"""Number of delays from the shortest up to the largest: a factor of 2 to 3 between successive delays."""
+"""Number of delays from the shortest up to the largest, with a factor of 2 to 3 between successive delays."""
 
 
 LARGEST_GAIN_ERROR = 15.0
-"""The largest factor on the input's effectiveness that is tried is 16, and the smallest 1/16: 24 dB."""
+"""The largest factor on the input effectiveness to try is 16, and the smallest 1/16: 24 dB."""
 GAINS_SCANNED = 6
-"""Number of sizes up to the largest: a factor of 3 between successive sizes."""
+"""Number of sizes up to the largest, with a factor of 3 between successive sizes."""
 SMALLEST_GAIN_ERROR = 0.05
 """A loop that tolerates less than half a decibel tolerates nothing that can be resolved."""
 
@@ -76,18 +76,19 @@ class DelaySearch:
     """The brackets of M members, (2, M): one row for the onset of oscillation and one for loss."""
 
     def __init__(self, tracks: Array, begun: Array, scan: int, halvings: int) -> None:
-        """tracks (M,) and begun (M,): which members follow the model, and which oscillate without any modelling error."""
+        """``tracks`` (M,) is whether a member follows the model, and ``begun`` (M,) whether it oscillates without any modelling
+        error."""
         self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
         self.tolerates = np.zeros((2, len(tracks)))
         self.loses = np.tile(np.where(tracks, np.inf, 0.0), (2, 1))
         self.loses[0, begun] = 0.0
 
     def open_members(self) -> Array:
-        """The members for which, by one of the criteria, no delay has yet been found with which they are lost."""
+        """The members for which no delay that loses them has yet been found by one of the criteria."""
         return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
     def between(self) -> tuple[Array, Array]:
-        """(members, sizes): the middle of every bracket, only once if both criteria have the same bracket."""
+        """(members, sizes) the middle of every bracket, listed once if both criteria have the same bracket."""
         middles = np.sqrt(self.tolerates * self.loses)
         asked = [(i, middles[c, i]) for c, i in np.argwhere((self.tolerates > 0) & np.isfinite(self.loses))]
         pairs = sorted(set(asked))
@@ -95,7 +96,7 @@ class DelaySearch:
 
     def take(self, chosen: Array, added: Array, verdicts: tuple[Array, Array]) -> None:
         """Narrow the brackets of the ``chosen`` members from the verdicts (onset, loss) at the sizes ``added``."""
-        for size in np.unique(added):  # from short to long, because a member may have been run with several sizes
+        for size in np.unique(added):  # from short to long, because a member may have run with several sizes
             for c, lost in enumerate(verdicts):
                 within = (added == size) & (self.tolerates[c, chosen] < size) & (size < self.loses[c, chosen])
                 self.loses[c, chosen[within & lost]] = size
@@ -113,10 +114,10 @@ class DelaySearch:
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """The delay [s], or the size of a different modelling error, at which each of M loops is lost, (M,) each.
+    """The delay [s], or the size of a different modelling error, at which each of M loops is lost; each field is (M,).
 
     tolerates  the largest size tried below the first at which the loop is lost; 0 if it is lost at the first size tried
-    loses      the smallest size tried at which the loop is lost; infinite if there is none, 0 if it is lost without any error
+    loses      the smallest size tried at which the loop is lost; infinite if it is never lost, 0 if it is lost without any error
     """
 
     tolerates: Array
@@ -125,17 +126,17 @@ class Bracket:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class DelayMargins(Plotted):
-    """For M members; statements about a delay apply to any modelling error that was tried.
+    """The margins of M members. Statements about a delay apply to any kind of modelling error that was tried.
 
     onset, loss  the sizes at which each loop begins to oscillate and at which it is lost (see ``Lost``); either may be smaller
-    tracks       (M,) whether the loop follows its model without a delay, with and without its noise; a loop that does not follow
-                 it tolerates nothing: 0 and 0
-    oscillates   (M,) whether it already oscillates without a delay, judged without noise; its onset is then 0 and 0
+    tracks       (M,) whether the loop follows its model without a delay, with and without its noise; for a loop that does not,
+                 the margins are 0 and 0
+    oscillates   (M,) whether it already oscillates without a delay, judged without noise; the onset is then 0 and 0
     fills        (M,) whether its estimates already fill their known range without a delay, with the noise
     noisy        whether the members have measurement noise
     undelayed    metrics without an added delay, with the noise
     runs         number of simulations
-    ends         for each loop, the reason why its margin ends at the onset, in words; empty if no size that was tried ends it
+    ends         for each loop, why its margin ends at the onset, in words; empty if no tried size ends it
     """
 
     onset: Bracket
@@ -149,7 +150,7 @@ class DelayMargins(Plotted):
     ends: tuple[str, ...] = ()
 
     def of(self, chosen: Array) -> DelayMargins:
-        """The margins of the members ``chosen``, (J,); ``runs`` remains the total."""
+        """The margins of the members ``chosen``, (J,); ``runs`` is still the total."""
         return DelayMargins(
             onset=Bracket(self.onset.tolerates[chosen], self.onset.loses[chosen]),
             loss=Bracket(self.loss.tolerates[chosen], self.loss.loses[chosen]),
@@ -171,7 +172,7 @@ class DelayMargins(Plotted):
     def plot(self, *, shown: bool = True) -> Figure:
         """The fraction of the loops that tolerate at least a given delay, by both criteria, as a Matplotlib figure.
 
-        shown  whether it is displayed at once, if pyplot is in use
+        shown  whether to display the figure at once, if pyplot is in use
         """
         from barbalat.pictures.shares import Shares, draw
 
@@ -193,7 +194,7 @@ def delay_margins(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, DelayMargins]:
-    """The delay margins of each controller on the problem, by its name; its arrays have one entry.
+    """Return the delay margins of each controller on the problem, by name; the arrays have one entry.
 
     Further arguments as in ``delay_margins_ensemble``.
     """
@@ -223,17 +224,18 @@ def delay_margins_ensemble(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
-    """The delay, in addition to the plant's own, at which each loop begins to oscillate and at which it is lost.
+    """Return the delay, in addition to the delay of the plant, at which each loop begins to oscillate, and the delay at which it
+    is lost.
 
-    longest     largest delay tried [s]; by default that of ``longest_delay``
+    longest     largest delay tried [s]; by default the value of ``longest_delay``
     scan        number of delays tried first, geometrically from two solver steps (the shortest that can be simulated; with a
-                tolerance a 10,000th of the run or less) to ``longest``: a loop that is lost, recovers and is lost again as the
-                delay grows is detected if the scan resolves it
+                tolerance at most 1/10,000 of the run) to ``longest``. A loop that is lost, recovers and is lost again as the
+                delay grows is detected if the scan resolves this
     resolution  relative distance of ``tolerates`` and ``loses`` at which bisection ends
     judge       the criteria for being lost and for a limit cycle; by default derived from the model's motion
-    lost        the criterion for the loss of the motion
+    lost        the criterion for losing the commanded motion
     numbers     as in ``simulate_ensemble``: a member has the same noise in all its runs, whatever the other members are.
-                Everything is judged without noise, and again with it: see ``ideal_benchmark``
+                Everything is judged first without noise and then with noise (see ``ideal_benchmark``)
 
     Members have one structure, as in ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
@@ -265,7 +267,7 @@ def margins_ensemble(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
-    """The margins of each loop for the modelling error of ``ideals``, whose ``sizes`` are tried first."""
+    """Return the margins of each loop for the modelling error of ``ideals``, whose ``sizes`` are tried first."""
     resolution = validate.positive("resolution", resolution)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     by = by or Judging()
@@ -293,14 +295,14 @@ BESIDE_SCAN = 20 + 2 * SIZES_TRIED
 """Largest number of a member's runs in addition to the scan: bisections between two delays by two criteria, and runs of loops
 with known theta."""
 RUNS_AT_ONCE = 64
-"""Number of runs that are made together instead of one size after the other, to fill the kernel's lanes."""
+"""Number of runs that are made together instead of one size after another, to fill the lanes of the kernel."""
 
 
 def _advance(search: DelaySearch, judged: JudgedRuns, sizes: Array, progress: Progress | None) -> None:
-    """The scan over ``sizes`` and the bisections, round by round; every round is one ensemble."""
+    """Scan over ``sizes`` and bisect, round by round; every round is one ensemble."""
 
     def run(chosen: Array, added: Array) -> None:
-        """One round of the search: these members with errors of these sizes."""
+        """Run one round of the search: these members with errors of these sizes."""
         before, total = search.runs, search.runs + search.to_come()
 
         def advanced(fraction: float) -> None:

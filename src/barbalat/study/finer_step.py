@@ -1,8 +1,8 @@
-"""Repeats a study's reported runs with a quarter of the step or a 32nd of the tolerance, to check whether they depend on it.
+"""Repeats the reported runs of a study with a quarter of the step or 1/32 of the tolerance, to check whether they depend on it.
 
 The reported loops are also simulated without any delay.
 
-A study judges thousands of runs only by their metrics. The few reported runs are examined here.
+A study judges thousands of runs by their metrics only. The few reported runs are examined here.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ from barbalat.validate import Array
 FINER_BY = 4
 """The factor by which the step is reduced: the error of RK4 falls to 1/256, that of Euler's method to a quarter."""
 BESIDE_SHARE = 0.1
-"""The finer step is checked at this relative distance to either side of a delay found; the search itself stops within 2 %."""
+"""The finer step is checked at this relative distance to either side of the delay that was found; the search stops within 2 %."""
 
 
 def refined(simulation: Simulation) -> Simulation:
-    """A simulation with a step that is FINER_BY times smaller, or the tolerance that measures errors; sample times are kept."""
+    """A simulation with a step that is FINER_BY times smaller, or with the tolerance used to measure errors; sample times are
+    kept."""
     if simulation.tolerance is not None:
         return replace(simulation, tolerance=max(FINER * simulation.tolerance, LEAST_TOLERANCE))
     return replace(simulation, dt=simulation.dt / FINER_BY)
@@ -47,14 +48,14 @@ def finer(simulation: Simulation) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class PlainRun:
-    """One reported loop on the case's own plant, without noise and without a modelling error.
+    """A reported loop on the case's plant, without noise and without a modelling error.
 
-    h_lambda_max  the largest step times |eigenvalue| along it, and ``limits`` the solver's on the imaginary and the real axis;
-                  None with a tolerance
+    h_lambda_max  the largest step times |eigenvalue| along the run; ``limits`` are the solver's limits on the imaginary and the
+                  real axis. None with a tolerance
     label         *outside the region of stability from ...*, or None
-    damping       a sentence if the solver's own damping may hide an oscillation, or None
+    damping       a sentence if numerical damping may hide an oscillation, or None
     verdict       the judge's
-    settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; otherwise it
+    settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; if it does not, it
                   settles nothing
     """
 
@@ -115,13 +116,12 @@ VERDICTS = {
     (1, -1): "is lost already",
     (1, 1): "is not lost yet",
 }
-"""The text for a finer step that disagrees, by the criterion and the side of the delay found."""
+"""The text for a finer step that disagrees, by criterion and by the side of the delay that was found."""
 
 
 @dataclass(frozen=True)
 class Confirmed:
-    """The result of a finer step for the size (``what``) that a member tolerates: the number of checks, and the checks that
-    disagreed."""
+    """How many checks with a finer step were made for the size (``what``) that a member tolerates, and which disagreed."""
 
     what: str
     simulation: Simulation
@@ -155,8 +155,8 @@ def delays_confirmed(
     """Whether a finer step confirms the delays ``found`` for each of M members.
 
     A slightly smaller delay must be tolerated with the finer step too, and a slightly larger one must not; a loop that oscillates
-    without a delay must also oscillate with the finer step. Delays that are too short to be simulated or longer than the longest
-    are not checked.
+    without a delay must also oscillate with the finer step. Delays that are too short to be simulated, or longer than the longest
+    delay of the search, are not checked.
     """
     longest = longest_delay(simulation) if longest is None else longest
     asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.resolution, longest, lambda size: f"{size:.3g} s")
@@ -170,7 +170,7 @@ def gains_confirmed(
     members: Sequence[Member], simulation: Simulation, found: DelayMargins, error: GainError, *, numbers: Array, by: Judging
 ) -> list[Confirmed]:
     """Whether a finer step confirms the tolerated factors on the input's effectiveness, upwards or downwards, up to the largest
-    factor that is tried."""
+    tried factor."""
     asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
     beside = _either_side(found)
     ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)
@@ -179,7 +179,7 @@ def gains_confirmed(
 
 @dataclass(frozen=True)
 class _Asking:
-    """What is checked: the sizes of the modelling error that can be simulated, and the text for a size."""
+    """What is checked: the modelling errors whose sizes can be simulated, and the text for a size."""
 
     what: str
     least: float
@@ -188,7 +188,7 @@ class _Asking:
 
 
 def _either_side(found: DelayMargins) -> Array:
-    """The sizes on either side of those found."""
+    """The sizes on either side of the sizes that were found."""
     both = np.concatenate([found.onset.tolerates, found.loss.tolerates])
     return np.unique(np.outer([1 - BESIDE_SHARE, 1 + BESIDE_SHARE], both[both > 0]))
 
@@ -220,7 +220,7 @@ def _confirmed(
 
 
 def different(coarse: float, fine: float) -> bool:
-    """Whether a metric differs at the finer step; an infinite one, of a run that was lost, differs from all others."""
+    """Whether a metric differs at the finer step; an infinite value, from a lost run, differs from all others."""
     if coarse == fine:
         return False
     return not np.isfinite(fine - coarse) or abs(fine - coarse) > EQUAL_FIGURES_SHARE * max(abs(fine), abs(coarse))

@@ -1,9 +1,9 @@
-"""Fixed steps for contests and pages of a case with a tolerance: the longest steps with which its own runs agree with those at
-the tolerance.
+"""Fixed steps for contests and pages of a case with a tolerance: the longest steps with which its runs agree with the runs at the
+tolerance.
 
 A contest adds noise, which jumps every few milliseconds, and tries short delays. Both limit a step independently of its error, so
-a contest at the tolerance itself takes at least four times as long: with L1 on Section V, more than 170 s of processor time,
-compared with 44 s at fixed steps.
+a contest at the tolerance takes at least four times as long: with L1 on Section V, more than 170 s of processor time, compared
+with 44 s at fixed steps.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ time scales of the motion."""
 
 @dataclass(frozen=True)
 class FixedSteps:
-    """A simulation with fixed steps, and a sentence on how they were found; None if they are the steps of the case itself."""
+    """A simulation with fixed steps, and a sentence on how the steps were found; None if they are the steps of the case."""
 
     simulation: Simulation
     sentence: str | None = None
 
 
 def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> FixedSteps:
-    """The simulation itself if its steps are fixed; raises InputError if no run of up to ``MOST_STEPS`` steps agrees with its
-    tolerance."""
+    """Return the simulation unchanged if its steps are fixed. Raises InputError if no run of up to ``MOST_STEPS`` steps agrees
+    with the run at the tolerance."""
     if simulation.tolerance is None:
         return FixedSteps(simulation)
     loops = [ClosedLoop.of(problem, controller) for controller in controllers]
@@ -78,7 +78,7 @@ def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], sim
 
 
 def _divisor(periods: Sequence[Fraction]) -> Fraction:
-    """The longest time that divides all of these [s]."""
+    """The longest time that divides all of these times [s]."""
     common = lcm(*(one.denominator for one in periods))
     return Fraction(gcd(*(int(one * common) for one in periods)), common)
 

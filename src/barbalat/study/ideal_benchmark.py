@@ -1,8 +1,8 @@
 """Runs with a modelling error, judged without noise, and again with noise relative to the loop with known theta.
 
 Noise moves estimates and controls as fast as an oscillation does, and no criterion distinguishes the two. Therefore the judge
-decides without noise. With noise a loop must not be lost, and the effect of the noise must not exceed both that without the
-modelling error and that on the loop with known parameters.
+decides without noise. With noise a loop must not be lost, and the effect of the noise must not exceed both the effect without the
+modelling error and the effect on the loop with known parameters.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from barbalat.study.verdicts import Criterion, Lost, Member, Verdicts
 from barbalat.validate import Array
 
 SHORTEST_DELAY_STEPS = 2
-"""Shortest delay that can be simulated, in solver steps; with a tolerance in multiples of the resolution."""
+"""Shortest delay that can be simulated, in solver steps, or with a tolerance in multiples of the resolution."""
 
 
 def shortest_delay(simulation: Simulation) -> str:
@@ -51,7 +51,9 @@ more."""
 
 def ideal(problem: Problem) -> Member:
     """The problem without a shell or faults, and the controller that knows its parameters."""
-    true = problem.true_parameters  # a truth with other states has no parameters; those of the design plant are then used
+    true = (
+        problem.true_parameters
+    )  # a truth with different states has no parameters; the parameters of the design plant are then used
     return problem.nominal, KnownParameters(theta=problem.parameters if true is None else true)
 
 
@@ -59,7 +61,7 @@ def ideal(problem: Problem) -> Member:
 class Ideals:
     """The effect of measurement noise on the loop with known theta, for modelling errors of some sizes; computed on demand.
 
-    sizes  (K,) of the modelling error with which the loop is run; [s] for a delay
+    sizes  (K,) sizes of the modelling error with which the loop is run; [s] for a delay
     """
 
     simulation: Simulation
@@ -73,10 +75,10 @@ class Ideals:
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.resolution, longest, SIZES_TRIED))
 
     def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
-        """(J, n) the increase of the RMS error due to the noise of these streams with errors of these sizes; infinite without
+        """(J, n) the increase of the RMS error due to these noise streams, with modelling errors of these sizes; infinite without
         theta.
 
-        0 if the loop with known theta itself oscillates, because its own limit cycle explains nothing.
+        It is 0 if the loop with known theta oscillates too, because a limit cycle of that loop explains nothing.
         """
         if not isinstance(problems[0], Problem):
             return np.array(np.inf)
@@ -89,7 +91,7 @@ class Ideals:
         return np.array([[np.interp(a, x, row) for row in self.known[key][1].T] for key, a in zip(keys, at, strict=True)])
 
     def _found(self, problems: Sequence[Any], numbers: Sequence[int], judge: Judge) -> Array:
-        """(P, K, n) for problems of one structure, in one ensemble."""
+        """(P, K, n) the errors for problems of one structure, in one ensemble."""
         members = [ideal(problem) for problem in problems for _ in self.sizes]
         noisy = with_errors(members, self.error, np.tile(self.sizes, len(problems)))
         streams = np.repeat(np.array(numbers), len(self.sizes))
@@ -108,7 +110,7 @@ def quiet(problem: Any) -> Any:
 
 
 def quiet_members(members: Sequence[Member]) -> list[Member]:
-    """Each member without noise; members that shared a problem still share one."""
+    """Each member without noise; members that share a problem still do so."""
     made = {id(problem): problem for problem, _ in members}
     silent = {key: quiet(problem) for key, problem in made.items()}
     return [(silent[id(problem)], controller) for problem, controller in members]
@@ -120,7 +122,7 @@ def with_error(problem: Any, error: ModellingError, size: float) -> Any:
 
 
 def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) -> list[Member]:
-    """Each member with an error of its size; members that shared a problem still share one, and are then read faster."""
+    """Each member with an error of its size; members that share a problem still do so and are then read faster."""
     made: dict[tuple[int, float], Any] = {}
     found = []
     for (problem, controller), size in zip(members, sizes, strict=True):
@@ -141,7 +143,7 @@ class Judging:
 
 @dataclass(frozen=True, eq=False)
 class Undelayed:
-    """M members without a modelling error: with and without their noise; the two are equal without noise."""
+    """M members without a modelling error: with and without noise; the two are equal if there is no noise."""
 
     noisy: Verdicts
     quiet: Verdicts
@@ -157,7 +159,7 @@ class Undelayed:
         *,
         twin: bool = True,
     ) -> Undelayed:
-        """Simulate and judge both; without the ``twin`` only the noisy runs, which are then used for both."""
+        """Simulate and judge both; without the ``twin``, simulate only the noisy runs and use them for both."""
         noisy = Verdicts.run(members, simulation, judge, numbers=numbers, threads=threads)
         if members[0][0].noise is None or not twin:
             return cls(noisy, noisy)
@@ -177,10 +179,10 @@ class Undelayed:
 class JudgedRuns:
     """M members of one structure, and the judge of their runs with a modelling error.
 
-    undelayed  their runs without a modelling error
-    numbers    (M,) of the members' noise
+    undelayed  the members' runs without a modelling error
+    numbers    (M,) numbers of the members' noise streams
     runs       number of simulations so far, without those of ``undelayed``
-    ends       the reason why a member's margin ends at a size by the onset, in words, for both criteria
+    ends       why a member's margin ends at a size according to the onset, in words, for both criteria
     """
 
     members: Sequence[Member]
@@ -200,7 +202,7 @@ class JudgedRuns:
 
     @cached_property
     def quiet(self) -> Sequence[Member]:
-        """The members without noise."""
+        """The members with the noise removed."""
         return quiet_members(self.members) if self.noisy else self.members
 
     @property
@@ -223,7 +225,8 @@ class JudgedRuns:
     def lost(
         self, chosen: Array, added: Array, *, asked: Criterion | None = None, progress: Progress | None = None
     ) -> tuple[Array, Array]:
-        """(J,) whether each of the members ``chosen`` oscillates and whether it is lost, with errors of the sizes ``added``.
+        """Return (J,) whether each of the members ``chosen`` oscillates, and whether it is lost, with errors of the sizes
+        ``added``.
 
         If only one criterion is ``asked``, the result for the other may be too favourable, because runs that are decided without
         noise are not repeated with it.
@@ -250,7 +253,8 @@ class JudgedRuns:
         return begun, loss
 
     def _costs_more(self, noisy: Verdicts, without: Verdicts, chosen: Array, added: Array) -> Array:
-        """(J,) whether the noise increases the RMS error by more than without the modelling error and than with known theta."""
+        """(J,) whether the noise increases the RMS error by more than it does both without the modelling error and with known
+        theta."""
         with np.errstate(invalid="ignore"):
             usual = np.maximum((self.undelayed.noisy.rms - self.undelayed.quiet.rms)[chosen], 0.0)
             more = noisy.rms - without.rms - usual - NOISE_BAND_SHARE * without.band

@@ -1,4 +1,4 @@
-"""The reference model's own motion along a run: the scale for errors, and for the speed of any motion."""
+"""The motion of the reference model along a run: the scale for errors and for speeds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 
 REST_SHARE = 0.1
-"""Fraction of the largest magnitude at which the regressor's square, which drives the law, is a hundredth of its maximum."""
+"""Fraction of the largest magnitude at which the square of the regressor, which drives the law, is 1 % of its maximum."""
 REST_SENTENCE = (
     "in the last quarter, which the judge evaluates, the command requires less than a tenth of the run's motion: an "
     "oscillation that occurs only while the plant moves is not detected"
@@ -24,9 +24,9 @@ class ReferenceMotion:
 
     largest    the largest magnitude of a component
     of_each    the largest magnitude of each component
-    rms        of |x_m|_2 over the run
-    crossings  rate at which a component crosses its own range [1/s]: from the run's variation, or from the model's fastest mode,
-               |lambda|/pi as for a sine, whichever is larger
+    rms        RMS of |x_m|_2 over the run
+    crossings  rate at which a component crosses its range [1/s], computed from the variation over the run, or from the fastest
+               mode of the model (|lambda|/pi, as for a sine), whichever is larger
     in_tail    the largest magnitude in the last quarter of the run
     """
 
@@ -38,7 +38,8 @@ class ReferenceMotion:
 
     @property
     def comes_to_rest(self) -> bool:
-        """Whether the command requires hardly any motion in the last quarter of the run, so the regressor is negligible there."""
+        """Whether the command requires hardly any motion in the last quarter of the run, in which case the regressor is
+        negligible there."""
         return self.in_tail < REST_SHARE * self.largest
 
     @classmethod

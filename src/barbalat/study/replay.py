@@ -1,4 +1,5 @@
-"""Replays a recorded flight through a scheme's estimator, to find its estimates while another controller is in control."""
+"""Replays a recorded flight through the estimator of a scheme, to find what it would have estimated while a different controller
+was in control."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ class Replay:
 def replay_case(
     problem: Problem, controllers: Sequence[Controller], times: Array, measured: Array, inputs: Array, commands: Array
 ) -> dict[str, Replay]:
-    """The replay for each sampled controller of a case that estimates something, by name; raises InputError if there is none."""
+    """Return the replay for each sampled controller of a case that estimates something, by name; raises InputError if no
+    controller does."""
     validate.instance("problem", problem, Problem)
     loops = {one: ClosedLoop.of(problem.nominal, one) for one in controllers}
     able = [one for one, loop in loops.items() if loop.sampled and loop.parameters]
@@ -59,13 +61,13 @@ def replay_case(
 
 
 def replay(problem: Problem, controller: Controller, times: Array, measured: Array, inputs: Array, commands: Array) -> Replay:
-    """Replay a recording through a sampled controller, whose own control is replaced at each sample by the recorded one.
+    """Replay a recording through a sampled controller. At each sample the recorded control replaces the controller's.
 
-    Its estimator, model and filters run as in flight; its own control is only recorded. The model starts at the first
-    measurement: if that was noisy, this is not exactly its initial state in flight.
+    The estimator, model and filters run as in flight; the controller's proposed control is only recorded. The model starts at the
+    first measurement. If that was noisy, this is not exactly its initial state in flight.
 
     times     (N,) [s], spaced by the controller's sample time
-    measured  (N, n), the states of the plant, or with an observer (N, p), its measurements
+    measured  (N, n), the states of the plant; with an observer (N, p), its measurements
     inputs    (N, m), the control that was applied at each sample and held until the next
     commands  (N, q)
 

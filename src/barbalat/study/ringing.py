@@ -15,18 +15,18 @@ from barbalat.validate import Array
 SPAN_SHARE = 0.1
 """Smallest fraction of its known range over which an oscillating estimate moves in the tail."""
 CROSSINGS_MULTIPLE = 2.0
-"""Multiple of the speed at which the estimate would cross that range whenever the model crosses its own: a faster estimate
+"""Multiple of the speed at which the estimate would cross its range whenever the model crosses its range; a faster estimate
 counts as oscillating."""
 POINT_SHARE, ROUNDING_SHARE = 1e-3, 1e-9
-"""A range that is narrower than this fraction of its own largest value, or than this fraction of the largest value of all ranges,
+"""A range narrower than the first fraction of its largest value, or than the second fraction of the largest value of all ranges,
 counts as a point: its estimate is known and does not oscillate."""
 
 
 def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
     """(M,) whether a run has an estimate that oscillates in the tail.
 
-    width      (p,) of the known range of each estimate; infinite if it is unknown, 0 if it is nearly a point
-    crossings  rate at which the model crosses its own range [1/s]
+    width      (p,) width of the known range of each estimate; infinite if the range is unknown, 0 if it is nearly a point
+    crossings  rate at which the model crosses its range [1/s]
     """
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
     fast = metrics.theta_hat_variation_rate > CROSSINGS_MULTIPLE * crossings * width
@@ -34,7 +34,7 @@ def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
 
 
 FILLED_SHARE = 0.9
-"""Smallest fraction of its known range over which an estimate moves in the tail if it counts as filling the range."""
+"""Smallest fraction of its known range over which an estimate must move in the tail to count as filling the range."""
 
 
 def fills(metrics: Metrics, width: Array) -> Array:
@@ -44,9 +44,10 @@ def fills(metrics: Metrics, width: Array) -> Array:
 
 
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
-    """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta.
+    """(p,) the width of the known set in the direction of each estimate; without a set, the width of -|theta|_2 ... |theta|_2;
+    infinite without theta.
 
-    0 where the set is nearly a point, because an estimate that is projected onto it hardly moves.
+    The width is 0 where the set is nearly a point, because an estimate that is projected onto it hardly moves.
     """
     loop = ClosedLoop.of(problem, controller)
     theta, known_set = true_values(problem, loop), estimate_set(loop)

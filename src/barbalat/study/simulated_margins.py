@@ -1,5 +1,5 @@
-"""Adds to certificates the case's margins in simulation, with its limits, commands and noise, which the margins of
-linear loops ignore."""
+"""Adds the simulated margins of a case to its certificates. They include limits, commands and noise, which the margins of linear
+loops ignore."""
 
 from __future__ import annotations
 
@@ -53,9 +53,10 @@ def with_simulated_margins(
     lost: Lost | None = None,
     progress: Progress | None = None,
 ) -> Certificates:
-    """The certificates with ``delay_margin_measured`` [s], ``gain_margin_measured``, and the simulations for them.
+    """Return the certificates with ``delay_margin_measured`` [s] and ``gain_margin_measured``, and the simulations behind them.
 
-    They also have ``delay_onset_simulated``, the older name of the measured one, and ``delay_margin_simulated`` [s], by ``Lost``.
+    The certificates also have ``delay_onset_simulated``, the older name of the measured delay margin, and
+    ``delay_margin_simulated`` [s], by ``Lost``.
     """
     result, by = {}, Judging(judge or Judge(), lost or Lost())
     given, simulation = numbered(controllers), resolved(problem, controllers, simulation)
@@ -68,7 +69,7 @@ def with_simulated_margins(
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """The measurements of one controller: margins, its run without a modelling error, and the check by a finer step."""
+    """The measurements of one controller: margins, the run without a modelling error, and the check by a finer step."""
 
     controller: Controller
     by: Judging
@@ -171,7 +172,9 @@ class _Measured:
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
-        known = "gain_margin" in values and "gain_reduction_margin" in values  # None: no gain destabilises the linear loop
+        known = (
+            "gain_margin" in values and "gain_reduction_margin" in values
+        )  # None means that no gain destabilises the linear loop
         linear = min(up or np.inf, 1 / down if down else np.inf)
         if known and linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
             said.append(
@@ -194,12 +197,13 @@ def _until(ends: str) -> str:
 
 
 def less_than_half(measured: float, linear: float | None, largest: float = LONGEST_DELAY) -> bool:
-    """Whether a margin measured up to ``largest`` is less than half of a linear loop's; None is an infinite margin."""
+    """Whether a margin, measured up to ``largest``, is less than half the margin of a linear loop; None means an infinite
+    margin."""
     return measured < 0.5 * (largest if linear is None else min(linear, largest))
 
 
 def half_sentence(measured: str, linear: Sequence[str]) -> str:
-    """The finding that a measured margin is less than half of linear ones."""
+    """The finding that a measured margin is less than half of the linear margins."""
     return f"the measured {measured} is less than half of {'; of '.join(linear)}: of linear loops, which have no limits"
 
 

@@ -1,6 +1,7 @@
-"""Theorem 2's trade-off by simulation: the robust MRAC's tau and the size of a modelling error, with the boundary in tau.
+"""The trade-off of Theorem 2 by simulation: tau of the robust MRAC against the size of a modelling error, with the boundary in
+tau.
 
-It is measured in runs of the adapting loop, and is not a guarantee. The corresponding linear loop is in
+The trade-off is measured in runs of the adapting loop and is not a guarantee. The corresponding linear loop is in
 ``certificates.linear_loops.frozen``.
 """
 
@@ -34,14 +35,15 @@ ROUNDING_SHARE = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Grown:
-    """The criterion for a lost run: it diverged, its error has grown late in the run, or has become as large as the model's
+    """The criterion for a lost run: it diverged, its error grew late in the run, or its error became as large as the model's
     motion.
 
-    growth  the largest |e| of the run's last quarter relative to that of the best quarter before, > 1. It detects an oscillation
-            that starts and stays bounded, and an unstable mode of rate sigma [1/s] once it dominates the error and sigma t_end/4
-            > ln(growth). Each quarter should contain the same part of the command, such as one or more whole periods
-    share   of the largest |x_m| of the run, for the largest |e| after the first quarter, which is reserved for learning; detects
-            bounded oscillations and passing bursts
+    growth  the largest |e| in the last quarter of the run, relative to that in the best earlier quarter, > 1. It detects an
+            oscillation that starts and stays bounded, and an unstable mode of rate sigma [1/s] once it dominates the error and
+            sigma t_end/4 > ln(growth). Each quarter should contain the same part of the command, such as one or more whole
+            periods
+    share   limit on the largest |e| after the first quarter, which is reserved for learning, as a fraction of the largest |x_m|
+            of the run; detects bounded oscillations and passing bursts
     """
 
     growth: float = 1.5
@@ -53,7 +55,8 @@ class Grown:
             raise InputError(f"growth must be above 1, got {self.growth:g}")
 
     def judge(self, quarters: Array, amplitude: float) -> Array:
-        """(M,) truth values from the largest |e| of each quarter, (M, 4, n), NaN if diverged, and the largest |x_m|."""
+        """Return (M,) whether runs are lost, from the largest |e| in each quarter, (M, 4, n), NaN if diverged, and the largest
+        |x_m|."""
         errors = quarters.max(axis=2)
         allowed = np.maximum(self.growth * errors[:, :-1].min(axis=1), ROUNDING_SHARE * amplitude)
         tolerated = (errors[:, -1] <= allowed) & (errors[:, 1:].max(axis=1) <= self.share * amplitude)  # NaN is lost
@@ -62,12 +65,13 @@ class Grown:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TauLimits(Plotted):
-    """For S sizes of the modelling error and K values of tau.
+    """The results for S sizes of the modelling error and K values of tau.
 
     tail          (S, K) max |e| in the run's last quarter; NaN if the run is lost
-    tolerates     (S,) the smallest tau found that is tolerated, with every smaller tau of the scan lost; NaN if there is none
-    loses         (S,) the largest tau found below ``tolerates`` that is lost; 0 if the scan has none
-    at_tolerated  (S,) max |e| in the last quarter of the run at ``tolerates``; NaN if none is tolerated
+    tolerates     (S,) the smallest tau found that is tolerated, with every smaller tau of the scan lost; NaN if no tau is
+                  tolerated
+    loses         (S,) the largest tau found below ``tolerates`` that is lost; 0 if the scan found none
+    at_tolerated  (S,) max |e| in the last quarter of the run at ``tolerates``; NaN if no tau is tolerated
     runs          number of simulations
     """
 
@@ -88,7 +92,7 @@ class TauLimits(Plotted):
     def plot(self, *, shown: bool = True) -> Figure:
         """The smallest tolerated tau over the modelling error, and the error over tau, as a Matplotlib figure.
 
-        shown  whether it is displayed at once, if pyplot is in use
+        shown  whether to display the figure at once, if pyplot is in use
         """
         return _drawn(self, shown=shown)
 
@@ -115,7 +119,7 @@ class TauStudy:
     def tail_errors(
         self, sizes: Array, taus: Array, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
     ) -> Array:
-        """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN if it is lost."""
+        """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN if the run is lost."""
         members = [self._member(float(size), float(tau)) for size, tau in zip(sizes, taus, strict=True)]
         if not members:
             return np.zeros(0)
@@ -135,7 +139,7 @@ class TauStudy:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> TauLimits:
-        """The map over all pairs, then bisection at each size between the smallest tolerated tau and the next smaller tau.
+        """Compute the map over all pairs, then bisect at each size between the smallest tolerated tau and the next smaller tau.
 
         sizes, taus  ascending, above zero
         near         simulation settings near the boundary; by default those of the map. A longer run detects slower growth: a tau
@@ -152,7 +156,7 @@ class TauStudy:
         search = _TauSearch(sizes, taus, tail)
         done = 0.5
         while len((chosen := search.open_members(rounds))[0]):
-            width = (1 - done) / max(to_come, 2)  # if a longer run disagrees, there are further rounds
+            width = (1 - done) / max(to_come, 2)  # if a longer run disagrees, further rounds follow
             step = part_of(progress, done, width)
             search.take(chosen[0], self.tail_errors(sizes[chosen[0]], chosen[1], longer, threads=threads, progress=step))
             done, to_come = done + width, to_come - 1
@@ -179,7 +183,8 @@ def _amplitude(problem: Problem, simulation: Simulation) -> float:
 
 
 class _TauSearch:
-    """The brackets of S sizes: first up the scan to a tau that is also tolerated near the boundary, then bisection below it."""
+    """The brackets of S sizes: the search goes up the scan to a tau that is also tolerated near the boundary, then bisects below
+    it."""
 
     def __init__(self, sizes: Array, taus: Array, tail: Array) -> None:
         tolerated = ~np.isnan(tail)
@@ -199,7 +204,7 @@ class _TauSearch:
         return chosen, self.trial[chosen]
 
     def take(self, chosen: Array, tail: Array) -> None:
-        """Update the brackets by the results."""
+        """Update the brackets with the results."""
         lost, trial = np.isnan(tail), self.trial[chosen]
         climbing = np.isnan(self.tolerates[chosen])
         self.next[chosen[climbing]] += 1
@@ -219,7 +224,7 @@ def _ascending(name: str, values: Any) -> Array:
 FIGURE_HEIGHT = 3.8
 """Height of the figure [in]."""
 MOST_CURVES = 6
-"""Largest number of sizes of the modelling error whose curves are distinguishable."""
+"""Largest number of curves, one for each size of the modelling error, that are distinguishable."""
 
 
 def _drawn(found: TauLimits, *, shown: bool) -> Figure:

@@ -1,7 +1,7 @@
 """The results of M runs of a study: their metrics, and the judge's verdicts. A run with a modelling error is evaluated by two
 criteria: whether the loop begins to oscillate, and whether its motion is lost.
 
-The ranking of adaptive schemes depends on the criterion: see docs/robustness.md.
+The ranking of adaptive schemes depends on the criterion (see docs/robustness.md).
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ Member = tuple[TrackingProblem, Controller]
 
 
 class Criterion(Enum):
-    """The end of a margin: the start of oscillation, or the loss of the motion."""
+    """What ends a margin: the start of oscillation, or the loss of the commanded motion."""
 
     ONSET = "onset"
     LOSS = "loss"
 
     @classmethod
     def accept(cls, field: str, given: Criterion | str) -> Criterion:
-        """The criterion for an object or a name; InputError names the field."""
+        """Return the criterion for an object or a name; the InputError names the field."""
         known = [one.value for one in cls]
         if not isinstance(given, cls) and given not in known:
             raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
@@ -48,8 +48,8 @@ class Criterion(Enum):
 
 
 def verdict_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge) -> Verdict:
-    """The judge's verdict on a single run, whose error is not measured; with a tolerance that of a lost one for a run that
-    stalls."""
+    """The judge's verdict on a single run, whose error is not measured. With a tolerance, a run that stalls has the verdict
+    *lost*."""
     if simulation.tolerance is None:
         (run,) = simulate(problem, [controller], simulation, judge=judge).values()
         assert run.verdict is not None
@@ -75,11 +75,11 @@ def _only(judged: Judged | None) -> Verdict:
 class Verdicts:
     """M runs of n components.
 
-    metrics     metrics over every solver step
+    metrics     the metrics over every solver step
     lost        (M,) whether the judge's class is *lost*
     oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation is still growing at the end of the judge's search
     error       (M, n) the tail's largest |e|; infinite if the run is lost
-    rms         (M, n) the root mean square of e over the run; infinite if it is lost
+    rms         (M, n) the root mean square of e over the run; infinite if the run is lost
     band        (M, n) the judge's band for the tail's error
     scale       (M, n) the judge's scale of each component: the model's largest motion, if it moves
     """
@@ -132,7 +132,7 @@ class Verdicts:
 
     @classmethod
     def together(cls, parts: Sequence[Verdicts]) -> Verdicts:
-        """All of these runs."""
+        """All these runs together."""
         names = [name for name in vars(parts[0]) if name != "metrics"]
         rest = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return cls(metrics=Metrics.together([part.metrics for part in parts]), **rest)
@@ -149,10 +149,10 @@ class Verdicts:
 
 @dataclass(frozen=True)
 class Lost(Settings):
-    """The loss of the motion: the judge calls the run *lost*, or its error grew by ``share`` of the model's own motion.
+    """The loss of the commanded motion: the judge calls the run *lost*, or its error grew by ``share`` of the model's motion.
 
-    share  of the largest |x_m| of the run, for the increase of the tail's largest |e| over that without the modelling error. 1 by
-           default: the increase of the error has become as large as the commanded motion. It is not a stability boundary: an
+    share  limit on the increase of the tail's largest |e| due to the modelling error, as a fraction of the largest |x_m| of the
+           run. 1 by default: the increase is then as large as the commanded motion. This is not a stability boundary: an
            oscillation that projection or saturation keeps smaller than this is tolerated
     """
 
@@ -162,6 +162,6 @@ class Lost(Settings):
         validate.freeze(self, share=validate.positive("share", self.share))
 
     def judge(self, runs: Verdicts, without: Verdicts) -> Array:
-        """(M,) whether a run's motion is lost; ``without`` are the same members without the modelling error."""
+        """(M,) whether a run's motion is lost; ``without`` contains the same members without the modelling error."""
         usual = without.error.max(axis=1) + self.share * without.scale.max(axis=1)
         return np.asarray(runs.lost | ~(runs.error.max(axis=1) <= usual))

@@ -140,6 +140,7 @@ def run_study(
     bounds  certify the members where possible, which takes a second for each controller, and compare their errors with the bounds
     audit   number of members that are repeated with half of their step; see ``audit.audit``
     told    receives sentences on the store and on the current wait
+
     Raises InputError for members beyond the budget, and, with its number, for one that gives no valid case; stored rows stay.
     """
     if audit is not None:

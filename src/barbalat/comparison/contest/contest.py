@@ -79,6 +79,7 @@ def contest(
     sample_time   sample time of all controllers [s]; by default continuous ones stay continuous
     noise         fraction of the model's motion, if the case has no noise of its own
     members       number of validation runs
+
     Further arguments as in ``Rule``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)

@@ -45,6 +45,7 @@ class Cloud:
     onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 if there is none, or if it
              is too short to be simulated
     loss     (K, P) the largest added delay before the loop is lost [s], see ``Lost``
+
     The first of the P plants is the case's own. The others are those of the seeded sample of the known set.
     """
 

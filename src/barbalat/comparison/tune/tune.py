@@ -75,6 +75,7 @@ def tune(
     trials      number of tunings tried for each controller, by default 384; with more than three numbers 576, which is then the
                 smallest number allowed
     seed        seed of the plants and of the search; the same seed gives the same result
+
     Raises InputError.
     """
     text = None if isinstance(case, Case) else CaseText.read(case)

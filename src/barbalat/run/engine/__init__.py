@@ -1,1 +1,1 @@
-"""Runs kernels: one controller with its record, many members at once, and the same run with a finer step."""
+"""Runs kernels: recorded single runs, many members at once, and repetitions with a finer step."""

@@ -1,4 +1,4 @@
-"""Runs whose steps follow from a tolerance: observed during integration, and repeated once to measure their error."""
+"""Runs whose steps follow from a tolerance. They are observed during integration and repeated once to measure their error."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ from barbalat.validate import Array, InputError
 MOST_ROWS = 1 << 15
 """Approximate size of a table of nodes: a few megabytes."""
 FINER = 1 / 32
-"""Factor from the tolerance to that of the second run, which measures the first run's error; its own error is about 20
-times smaller."""
+"""Ratio of the tolerance of the second run, which measures the error of the first, to that of the first; the error of the second
+run is about 20 times smaller."""
 FINER_STEP = 0.5
-"""Factor from the first run's longest step to that of the second run, because samples and delays may limit steps more than the
-tolerance."""
+"""Ratio of the longest step of the second run to that of the first; needed because samples and delays may limit steps more than
+the tolerance does."""
 FINEST = 1e-14
-"""Smallest tolerance of a second run; below it rounding dominates."""
+"""Smallest tolerance of a second run; below it, rounding errors dominate."""
 
 
 @dataclass(eq=False)
 class Observation:
-    """A run during its computation and observation."""
+    """A run while it is computed and observed."""
 
     problem: TrackingProblem
     controller: Controller
@@ -94,7 +94,7 @@ class Observation:
         try:
             again.run()
             others = again.batch.metrics(self.simulation.grid)
-        except InputError:  # the finer tolerance may fail if rounding decides which side of a jump the motion is on
+        except InputError:  # the finer tolerance may fail if rounding errors decide on which side of a jump the trajectory is
             again.nodes.recorded[:] = np.nan
             others = None
         figures = metrics.of_member(0)
@@ -110,7 +110,7 @@ class Observation:
         )
 
     def result(self, judge: Judge | None, *, measured: bool) -> Result:
-        """The result; its error is known only if it is ``measured``."""
+        """The result; its error is known only if it was ``measured``."""
         grid, loop, batch, problem = self.simulation.grid, self.loop, self.batch, self.problem
         metrics = batch.metrics(grid)
         known = int(np.isfinite(self.nodes.recorded).all(axis=1).sum())
@@ -170,13 +170,13 @@ def counted_jumps() -> Iterator[None]:
 
 
 def compared_rows(loop: ClosedLoop) -> dict[str, Array]:
-    """The rows of a flat state, by name, that are compared to measure an error."""
+    """The rows of a flat state, by name, that are compared in order to measure an error."""
     rows = np.arange(loop.size)
     return {"x": np.reshape(loop.unpack(rows).x, -1), "theta_hat": rows[loop.theta_hat_rows]}
 
 
 REFERENCE = 1e-8
-"""Tolerance of the run that measures the error of fixed steps; its own error is also measured and reported."""
+"""Tolerance of the run that measures the error of fixed steps. The error of that run is also measured and reported."""
 MOST_ATTEMPTS = 10_000_000
 """Largest number of steps of such a run, which takes about ten seconds for a small loop."""
 

@@ -22,7 +22,7 @@ from barbalat.validate import InputError
 AFFORDED_STEPS = 10_000_000
 """Largest number of steps of a finer run, which takes a second for a small loop."""
 FINER_BY = (10, 100, 1000)
-"""The step is divided by these in turn, until a run stays inside the region of stability."""
+"""Divisors of the step, tried in turn until a run stays inside the region of stability."""
 
 
 def check_numerics(
@@ -33,14 +33,14 @@ def check_numerics(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """The results with a ``check``, see FinerStep, for each run that left its region of stability.
+    """Return the results, each with a ``check`` (see ``FinerStep``) if the run left its region of stability.
 
     The run is repeated with a tenth of its step, then with a hundredth and a thousandth if it still leaves the region. A finer
     run takes at most ``afforded_steps``, and no more than the budget allows: if it does not reach t_end, the two steps are
-    compared over the time that it reaches, and if it does not reach the label's time, the check says so.
+    compared up to the time that it reaches, and if it does not even reach the time of the label, the check says so.
 
-    measured  also give each run with fixed steps its ``measured_error``, by two runs with a tolerance, which take seconds if
-              adaptation is fast; if a tolerance can't be used with a case, the result says so
+    measured  also compute the ``measured_error`` of each run with fixed steps, by two runs with a tolerance, which take seconds
+              if adaptation is fast. If a case does not admit a tolerance, the result says so
     """
     if not isinstance(results, Mapping):
         raise InputError(f"results must be results by name, as simulate returns them, got {type(results).__name__}")
@@ -55,7 +55,7 @@ def check_numerics(
     for factor in FINER_BY:
         groups = _groups(pending, factor, afforded_steps)
         for members in groups:
-            width = 0.9 * (1 - done) / len(groups)  # most runs are settled by the first factor
+            width = 0.9 * (1 - done) / len(groups)  # the first factor settles most runs
             for name, (found, fine) in _compared(
                 members, factor, afforded_steps, threads, part_of(progress, done, width)
             ).items():
@@ -76,7 +76,7 @@ def _with_error(result: Result) -> Result:
 
 
 def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[dict[str, Result]]:
-    """The runs that can be repeated with a step finer by ``factor``; those of one problem and step are computed together."""
+    """The runs that can be repeated with a step finer by ``factor``; runs of one problem with one step are computed together."""
     groups: dict[tuple[int, Simulation], dict[str, Result]] = {}
     for name, result in pending.items():
         if _horizon(result, factor, afforded) is not None:
@@ -87,12 +87,13 @@ def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[d
 def _compared(
     members: Mapping[str, Result], factor: int, afforded: int, threads: int | None, progress: Progress | None
 ) -> dict[str, tuple[FinerStep | None, Seen]]:
-    """The checks by a step finer by ``factor``, None for a run that leaves the region again; and the observed quantities."""
+    """Return the checks with a step finer by ``factor`` (None for a run that leaves the region again), and the observed
+    quantities."""
     first = next(iter(members.values()))
     given, horizon = first.simulation, _horizon(first, factor, afforded)
     assert horizon is not None
     controllers = [result.controller for result in members.values()]
-    # the steps of a law that is sampled by Euler steps are made finer too, because they are also checked
+    # the steps of a law that is sampled by Euler's method are refined too, because they are checked as well
     refined = [one.refined(factor) if isinstance(one, Stepping) else one for one in controllers]
     finer = replace(given, t_end=horizon, dt=given.dt / factor)
     fine = simulate(first.problem, refined, finer, judge=first.judge, threads=threads, progress=progress).values()

@@ -1,4 +1,4 @@
-"""Members after the end of their run, with commands and disturbances held and without measurement noise."""
+"""Continues members after the end of their run, with commands and disturbances held and without measurement noise."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 class Seen(NamedTuple):
-    """The observations in a window of some members: (M, m) each, (M,) whether they diverged, and (M, n) the largest magnitudes
-    of the components."""
+    """The observations of some members in a window: (M, m) per control, (M,) whether the members diverged, and (M, n) the largest
+    magnitudes of the components."""
 
     low: Array
     high: Array
@@ -29,7 +29,7 @@ class Seen(NamedTuple):
 
     @classmethod
     def together(cls, pieces: Sequence[Seen]) -> Seen:
-        """The observations of one window that joins these pieces; reversals between two pieces are not counted."""
+        """The observations of the window that these pieces form; reversals between two pieces are not counted."""
         low, high, reversals, lost, largest = zip(*pieces, strict=True)
         ends = np.min(low, axis=0), np.max(high, axis=0)
         return cls(*ends, np.sum(reversals, axis=0), np.any(lost, axis=0), np.max(largest, axis=0))
@@ -43,30 +43,30 @@ class Continuation(Protocol):
         ...
 
     def window(self, steps: int, members: Array) -> Seen:
-        """Continue for this number of steps; only the observations of these ``members`` are needed."""
+        """Continue for this number of steps; only these ``members`` must be observed."""
         ...
 
     def traced(self, steps: int, samples: int, members: Array) -> tuple[Array, Array]:
-        """Instants (K,) [s] over this number of steps, about ``samples``, with the farthest point of each control of these
+        """About ``samples`` instants (K,) [s] over this number of steps, with the farthest point of each control of these
         ``members``, (K, len(members), m)."""
         ...
 
 
 class Continuing(Protocol):
-    """Members of a batch, with the numbers ``columns``, that continue together."""
+    """The members with the numbers ``columns`` of a batch, which continue together."""
 
     @property
     def columns(self) -> slice | Array: ...
 
     def continued(self, simulation: Simulation, held: Array) -> Continuation:
-        """The members' continuation from the end of the run, with the signals held at these values; the members themselves are
+        """The continuation of the members from the end of the run, with the signals held at these values; the members are
         unchanged."""
         ...
 
 
 @dataclass(eq=False)
 class Continued:
-    """A group after the end of its run, with commands and disturbances held and without measurement noise."""
+    """Continues a group after the end of its run, with commands and disturbances held and without measurement noise."""
 
     group: Group
     simulation: Simulation
@@ -75,7 +75,7 @@ class Continued:
 
     @classmethod
     def of(cls, group: Group, simulation: Simulation, held: Array) -> Continued:
-        """The continuation from the end of the group's run; the group itself is unchanged."""
+        """The continuation from the end of the group's run; the group is unchanged."""
         return cls(replace(group, recorded=[], quiet=True), simulation, held, simulation.steps).copied()
 
     def copied(self) -> Continued:

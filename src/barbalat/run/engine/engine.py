@@ -31,7 +31,7 @@ from barbalat.validate import Array
 
 
 def best_lanes(members: int) -> int:
-    """Members in one kernel call: one, or two vector registers, whose chains of operations then overlap."""
+    """Members in one kernel call: one, or two vector registers, so that chains of operations overlap."""
     if members == 1:
         return 1
     return min(2 * vector_width(), 1 << (members - 1).bit_length())
@@ -44,7 +44,7 @@ class Blocks:
     starts, lengths  (B,) in steps
     states           (B, size, M) at each block's start; NaN once all members of a kernel's call have diverged
     accumulators     (B, accumulators, M) over each block's steps; NaN in the same case
-    memory           (B, rows, M) of the judge at each block's start; NaN in the same case
+    memory           (B, rows, M) the judge's memory at each block's start; NaN in the same case
     """
 
     starts: Array
@@ -63,12 +63,12 @@ class Blocks:
 class Batch:
     """Members of one structure: the same step program, with different initial states and parameters.
 
-    loop     the first member's; states (size, M), parameters (p, M)
+    loop     the loop of the first member; states (size, M), parameters (p, M)
     lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), the value of each of its m inputs before t = 0
     seeds    (M,) and numbers (M,) for a step with noise: the stream of each member, 0 ... M - 1 by default
     record   keep every block's initial state and accumulators
     watch    the windows of a program with a monitored quantity
-    steps    of the whole run
+    steps    number of steps of the whole run
     """
 
     loop: ClosedLoop
@@ -99,14 +99,14 @@ class Batch:
         adjustable: bool = False,
         watched: Watched | None = None,
     ) -> Batch:
-        """All of these members in one batch, see ``Members``."""
+        """All these members (see ``Members``) in one batch."""
         read = Members.read(members, simulation, windows=windows, adjustable=adjustable, watched=watched)
         return cls.part(read, slice(0, len(read)), record=record, lanes=lanes)
 
     @classmethod
     def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
-        """Some of the members; their results don't depend on the others, bit for bit. Raises InputError for members with a
-        tolerance."""
+        """Some of the members; their results do not depend on the others and are bit-identical. Raises InputError for members
+        with a tolerance."""
         members.simulation.require_steps("what is asked for here")
         some = members.some(which)
         return cls(
@@ -143,7 +143,7 @@ class Batch:
             self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self._watching(width)))
 
     def _watching(self, width: int) -> Watch | None:
-        """A watch for one group; a single member uses the batch's."""
+        """A watch for one group; a single member uses the batch's watch."""
         given = self.watch if self.program.watches(width) else None
         if given is None or self.states.shape[1] == 1:
             return given
@@ -192,7 +192,8 @@ class Batch:
         return groups
 
     def resumed(self, state: Array) -> Group:
-        """The single member, starting from this state (size,) with an empty delay: at t = 0, or at any time without a delay."""
+        """The single member, starting from this state (size,) with an empty delay. With a delay this is possible only at t =
+        0."""
         (group,) = self.groups
         past = None if group.past is None else Rings(group.past.lags, group.past.history)
         return replace(group, state=np.vstack([state[:, None], *self._unjudged(1)]), past=past, recorded=[])
@@ -202,8 +203,9 @@ class Batch:
 class Group:
     """The members of one kernel call, as many as the kernel has lanes.
 
-    quiet        without the measurement's noise
-    before_tail  (rows, W) the judge's memory of the run before its tail, and ``judged`` of all of it; None until it is known
+    quiet        whether to omit the measurement noise
+    before_tail  (rows, W) the judge's memory of the run before its tail, and ``judged`` its memory of the whole run; None until
+                 known
     """
 
     batch: Batch
@@ -240,11 +242,11 @@ class Group:
             self.judged[memory.responses] = self.state[own:][memory.responses]
 
     def at_end(self) -> Array:
-        """A copy of the state, (rows, W), with which that step begins."""
+        """A copy of the state, (rows, W), with which the step at t_end begins."""
         return self.state.copy()
 
     def renew(self, at: Begins) -> Array:
-        """The judge's memory so far, (rows, W); the parts for the tail, or for a window, restart."""
+        """Return the judge's memory so far, (rows, W), and restart the parts for the tail or a window."""
         own, memory = self.batch.loop.size, self.batch.program.memory
         before = self.state[own:].copy()
         if memory is not None:
@@ -265,7 +267,8 @@ class Group:
         return Continued.of(self, simulation, held)
 
     def held_rows(self, simulation: Simulation, step: int, steps: int, values: Array) -> Array:
-        """Rows of signals as from ``grid.signal_table``, held at ``values``; a NaN is replaced by the time, which continues."""
+        """Rows of signals, as returned by ``grid.signal_table``, held at ``values``. NaN is replaced by the time, which
+        continues."""
         nodes = simulation.solver.nodes
         held = np.tile(values, (steps, len(nodes), 1))
         if np.isnan(values).any():
@@ -301,7 +304,7 @@ def run(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Advance all batches from 0 to t_end. Only the record of a batch makes memory grow with t_end."""
+    """Advance all batches from 0 to t_end. Memory grows with t_end only if a batch is recorded."""
     (in_pieces,) = {batch.program.shape.in_pieces for batch in batches}
 
     def rows(segment: Segment) -> Array:
@@ -351,8 +354,8 @@ def advance(
 
 
 TASK_STEPS = 2**14
-"""Smallest number of kernel steps in a task of a pool, about a millisecond, if there are enough groups: starting a task takes
-some 50 us, which would otherwise be added for each group of short members."""
+"""Smallest number of kernel steps in a task of a pool, about a millisecond, if there are enough groups. Starting a task takes
+about 50 us, which would otherwise be added for each group with a short run."""
 
 
 def _advance(groups: Sequence[Group], segment: Segment, table: Array) -> None:

@@ -37,12 +37,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class EnsembleResult(Plotted):
-    """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
+    """Metrics of M members, in the given order; ``varied`` is how many numbers differ between them.
 
     quarters  (M, 4, n) the largest |e| in each quarter of the run, without t_end, if requested; NaN for a member that diverged
-    lost      the effect of jumps and corners inside steps on all members, as in a single run's ``Result``
-    judged    the verdicts, if a judge was given
-    stalled   (M,) with a tolerance: the members that no step was short enough for. Their metrics are NaN, and they count as lost
+    lost      the effect of jumps and corners inside steps on all members, as in the ``Result`` of a single run
+    judged    the verdicts, if the call had a judge
+    stalled   (M,) with a tolerance: whether no step was short enough for the member. The metrics of such members are NaN, and
+              they count as lost
     """
 
     simulation: Simulation
@@ -63,9 +64,9 @@ class EnsembleResult(Plotted):
         return f"<EnsembleResult: {size}, {lost}; worst |e| in the tail {worst}>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The fraction of the members with at most a given error, in the whole run and in the tail, as a Matplotlib figure.
+        """The fraction of the members with at most a given error, for the whole run and for the tail, as a Matplotlib figure.
 
-        shown  whether it is displayed at once, if pyplot is in use
+        shown  whether to display the figure at once, if pyplot is in use
         """
         from barbalat.pictures.shares import Shares, draw
 
@@ -104,18 +105,18 @@ def simulate_ensemble(
     All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number: theta, x0,
     gamma, kappa, the box, A_m and therefore P, ... Numbers that are equal for all members are compiled in.
 
-    members         read once, in order, and not stored: a generator is accepted, and a million members then take little memory
+    members         read once, in order, and not stored. A generator is accepted, with which a million members take little memory
     numbers         determine each member's measurement noise, together with the seed; by default 0, 1, ... in the given order.
                     Members with the same number and seed have the same noise
-    quarters        also keep the largest |e| of each quarter of the run; needs at least eight steps
-    judge           judges every member; None (default) for no verdicts. Model, signals and labels are the first member's
-    frequencies     whether to measure those of limit cycles, which doubles the time if members are in limit cycles
-    With a tolerance each member has its own steps, and the members' errors are not measured, since there is no second run. A
-    member whose steps become too short to advance it stalls, and ends alone: see ``EnsembleResult.stalled``.
-
+    quarters        also keep the largest |e| in each quarter of the run; needs at least eight steps
+    judge           judges every member; None (default) for no verdicts. Model, signals and labels are those of the first member
+    frequencies     whether to measure the frequencies of limit cycles, which doubles the time if members are in limit cycles
     threads, lanes  affect only the speed; the results are the same bit for bit
     progress        reading members counts as part of the work if their number is known beforehand
-    estimated       whether the budget is known to allow all steps: with a tolerance a run of the first member is then saved
+    estimated       whether the budget is known to allow all steps: with a tolerance, this saves a trial run of the first member
+
+    With a tolerance, each member has its own steps, and the errors of members are not measured, because there is no second run. A
+    member whose steps become too short to advance it stalls, without effect on the others (see ``EnsembleResult.stalled``).
     """
     count = _require(members, simulation, quarters, lanes)
     reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
@@ -206,7 +207,7 @@ def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controll
 
 
 def _quarters(batch: Batch, simulation: Simulation) -> Array:
-    """(M, 4, n) from the recorded blocks: each belongs to the quarter that contains its middle."""
+    """(M, 4, n) from the recorded blocks; a block belongs to the quarter that contains its middle."""
     blocks = batch.blocks(simulation)
     quarter = (4 * (blocks.starts + 0.5 * blocks.lengths) / simulation.steps).astype(int)
     e = np.maximum(-blocks.figure("e", "min"), blocks.figure("e", "max"))

@@ -42,12 +42,13 @@ from barbalat.validate import Array
 
 
 def watched_in_sweeps(judge: Judge) -> Watched:
-    """The judge's memory for members of which only the verdict is needed."""
+    """The judge's memory for members that need only a verdict."""
     return Watched(judge.cycle, weighed=True)
 
 
 def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
-    """The judge's memory for a single run: also the metrics and, if the command moves in steps, the responses."""
+    """The judge's memory for a single run, which also contains the metrics and, if the command moves in steps, the step
+    responses."""
     names, (A, B, C) = component_names(problem), problem.model.matrices
     stepping = all(isinstance(one, SlopedSignal) and one.slope == 0 for one in problem.commands)
     found = Watched(judge.cycle, detailed=True, settles=FOLLOWS_SHARE)
@@ -60,7 +61,7 @@ def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
 
 
 GAIN_ROUNDING = 1e-9
-"""A component whose steady-state gain is below this fraction of the largest gain counts as having none: it returns after a
+"""A component whose steady-state gain is below this fraction of the largest gain counts as zero: the component returns after a
 step."""
 
 
@@ -83,7 +84,7 @@ class Terms:
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation, judge: Judge) -> Terms:
-        """Raise InputError for a band of a component that the problem does not have."""
+        """Raise InputError for a band on a component that the problem does not have."""
         judge, names, labels = judge.named(problem), component_names(problem), problem.labels
         return cls(
             judge,
@@ -125,7 +126,8 @@ def judged(
     """The verdicts on a batch after its run.
 
     among        (M,) members that are searched for limit cycles; all by default
-    excused      whether to skip the long examination of members that follow the model and whose commands explain their reversals
+    excused      whether to skip the long examination of members that follow the model and whose control reversals are explained
+                 by the command
     frequencies  whether to measure the frequencies of limit cycles, each of which takes at least one more window of the run
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
@@ -159,7 +161,7 @@ def judged(
 
 
 def tail_is_short(problem: TrackingProblem, simulation: Simulation) -> bool:
-    """Whether the tail may hide a limit cycle as slow as the model: it has less than SLOWEST_PERIODS of its slowest mode."""
+    """Whether the tail may hide a limit cycle as slow as the model: it is shorter than SLOWEST_PERIODS of the slowest mode."""
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
     return tail < SLOWEST_PERIODS * slowest_period(problem.model.matrices[0])
 
@@ -185,7 +187,7 @@ def _limited(kept: Kept, simulation: Simulation) -> Array:
 
 
 def _initial(batch: Batch) -> Array:
-    """(M, n) the components at t = 0; zeros with output feedback, since such a plant starts at rest."""
+    """(M, n) the components at t = 0; zeros with output feedback, because such a plant starts at rest."""
     loop = batch.loop
     if loop.measured_outputs:
         return np.zeros((batch.states.shape[1], loop.errors))
@@ -198,8 +200,8 @@ def _noise(loop: ClosedLoop) -> Array | None:
 
 
 def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> tuple[Array, Array]:
-    """(M,) the time at which a run diverged, to the step, or by which a component had left its band, according to the record
-    [s]; NaN if neither is known. Also (M,) how much earlier this may have happened [s]: the length of the record's piece, or 0
+    """(M,) the time [s] at which a run diverged, exact to the step, or by which a component had left its band according to the
+    record; NaN if neither is known. Also (M,) how much earlier this may have happened [s]: the length of the recorded block, or 0
     for a divergence."""
     found, within = np.asarray(simulation.time(batch.diverged_step)), np.zeros(len(batch.diverged_step))
     if not batch.record:
@@ -219,7 +221,7 @@ def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> tuple[Array, 
 
 
 SAMPLES_EACH_REVERSAL = 20
-"""Samples per cycle of a measured frequency: its switching times are then known to a twentieth of the time between two."""
+"""Samples per cycle of a measured frequency: the reversal times are then known to 1/20 of the interval between two of them."""
 
 
 def _cycles(
@@ -266,11 +268,10 @@ def _cycles(
 
 
 def _decisions(going: Continuation, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array, Array]]:
-    """The windows that decide about these ``members`` of a group, (M, n) the largest magnitudes of the components, and the
-    members about which they decide.
+    """The windows that decide the class of these ``members`` of a group, (M, n) the largest magnitudes of the components, and the
+    members whose class they decide.
 
-    Each member is judged by the first windows that decide about it, so no verdict depends on the other
-    members of a group.
+    Each member is judged by the first windows that decide its class, so no verdict depends on the other members of a group.
     """
     seen: list[Seen] = []
     if steps >= FIRST_PIECES:

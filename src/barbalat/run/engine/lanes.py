@@ -1,4 +1,5 @@
-"""The lanes of one kernel: each advances a member with its own steps; one whose member has ended takes the next."""
+"""The lanes of one kernel. Each lane advances a member with individual steps; when the member has ended, the lane takes the next
+one."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ from barbalat.run.kernel.step import CompiledLoop
 from barbalat.validate import Array
 
 FEWEST_AT_ONCE, MOST_AT_ONCE = 16, 128
-"""Attempts per call of the kernel. After each call every lane is examined, which takes as long as some ten attempts; a lane
+"""Attempts per call of the kernel. After each call every lane is examined, which takes as long as about ten attempts; a lane
 whose member has ended waits for the end of the call."""
 
 
@@ -45,7 +46,7 @@ class Turns:
     _lock: Lock = field(default_factory=Lock)
 
     def next(self) -> int | None:
-        """The number of the next member to begin; None if there is none."""
+        """The number of the next member to begin; None if all have begun."""
         with self._lock:
             if self._begun == self.members:
                 return None
@@ -62,7 +63,7 @@ class Turns:
 
 
 class Side(Protocol):
-    """Members whose motions the lanes of all threads advance."""
+    """The members whose motions the lanes of all threads advance."""
 
     observed: Observed
     turns: Turns
@@ -78,12 +79,12 @@ class Side(Protocol):
         ...
 
     def begun(self, number: int) -> tuple[Motion, Array]:
-        """A member's motion, and the column of the kernel's state with which it begins."""
+        """The motion of a member, and the column of the kernel's state with which it begins."""
         ...
 
     def goes_on(self, number: int, motion: Motion, column: Array, records: Array | None) -> bool:
-        """Take the results of a member that has paused, ended, diverged or stalled; returns whether it continues, with this
-        column."""
+        """Take the results of a member that has paused, ended, diverged or stalled; returns whether it continues, with the
+        contents of this column."""
         ...
 
 
@@ -102,8 +103,8 @@ def advance(side: Side, workers: int, width: int) -> None:
 class Lanes:
     """The members that one thread advances side by side, at most ``most`` at once; lanes without a member are idle.
 
-    motions   of the members, and numbers, theirs in the batch; None for an idle lane
-    attempts  of each member so far, at most
+    motions   the motions of the members, and their numbers in the batch; None for an idle lane
+    attempts  upper bound on the number of attempts of each member so far
     """
 
     side: Side
@@ -134,7 +135,8 @@ class Lanes:
         return self.side.observed.row(name)
 
     def run(self, most: float = inf) -> int:
-        """Advance members until none is left, or until each lane has made about ``most`` attempts; returns their number."""
+        """Advance members until none is left, or until each lane has made about ``most`` attempts; return the number of
+        attempts."""
         for lane in range(min(self.width, self.most)):
             self._fill(lane)
         count, made = FEWEST_AT_ONCE, 0
@@ -204,7 +206,7 @@ class Lanes:
             self._calls.clear()
 
     def _stopped(self) -> list[int]:
-        """The lanes whose members have reached their tail or their end, or must be checked for progress."""
+        """The lanes whose member has reached its tail or its end, or must be checked for progress."""
         side, state = self.side, self.state
         at = side.observed.places
         settled = (state[at["waits"]][0] == 0) & (state[at["observed"]][0] == 0) & (state[self.row("renew")] == 0)

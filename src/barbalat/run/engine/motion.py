@@ -1,4 +1,4 @@
-"""A run whose steps follow from a tolerance: its steps, by successive calls of the kernel, and the nodes at which it is
+"""A run whose steps follow from a tolerance: the steps, made by successive calls of the kernel, and the nodes at which the run is
 observed."""
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from barbalat.validate import Array, InputError
 FIRST_STEP = 1e-6
 """Length of the first attempt as a fraction of the horizon; each success multiplies it by 6."""
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
-"""Number of attempts per call of the kernel, whose output then stays in the cache."""
+"""Number of attempts per call of the kernel; the output of so many stays in the cache."""
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
-"""Number of attempts in which a motion must advance by this fraction of its horizon; a slower one would take 2e11 of them, a
-day."""
+"""Number of attempts in which a motion must advance by this fraction of its horizon; a slower one would take 2e11 attempts, which
+is a day."""
 LEAST_PROGRESS_AMONG_OTHERS = 1e-4
-"""This share for one of many members, and for a motion in which most steps end at a jump of the equations. A slower one would
-take 2e8 attempts, a minute. Oscillations of a million radians in a run are faster."""
+"""The same fraction for one of many members, and for a motion in which most steps end at a jump of the equations. A slower motion
+would take 2e8 attempts, which is a minute. Oscillations of a million radians per run are faster."""
 SLIDES = 0.5
-"""Fraction of the steps that end at a jump of the equations, above which a motion slides along it: one that crosses a jump twice
-in a period makes several steps between."""
+"""Fraction of the steps that end at a jump of the equations, above which a motion counts as sliding along it. A motion that
+crosses a jump twice per period makes several steps in between."""
 RESOLVED = 1e-9
-"""A tolerance above the rounding errors of Section V at a gain of 1e4, which reach 1e-10 of the estimates."""
+"""A tolerance above the rounding errors of Section V's runs at a gain of 1e4, which reach 1e-10 of the estimates."""
 
 
 @lru_cache(maxsize=64)
 def compiled_attempts(program: Program, begin: Program, shape: LoopShape) -> CompiledLoop:
-    """The code of attempts. It is optimised after enough attempts, since their number is not known beforehand; this does not
-    change the results."""
+    """The code of attempts. It is optimised once there were enough attempts, because their number is not known beforehand; this
+    does not change the results."""
 
     def make(quickly: bool) -> Kernel:
         return Kernel(program, shape, (0.0,) * shape.accumulators, 1, begin, quickly=quickly)
@@ -67,7 +67,7 @@ class Delay:
 
 
 def _traced_by(attempts: Attempts) -> Hashable | None:
-    """Everything on which the programs depend: the loop with all its numbers, and the signals that are formulas."""
+    """Everything on which the programs depend: the loop with all its numbers, and the formulas of signals."""
     if comes_from_outside(attempts.loop):  # a function from outside may depend on anything
         return None
     member = Member(attempts.loop, None)
@@ -75,19 +75,19 @@ def _traced_by(attempts: Attempts) -> Hashable | None:
 
 
 class StalledError(InputError):
-    """A motion for which no step is short enough, or whose steps no longer advance it."""
+    """No step is short enough for a motion, or steps no longer advance it."""
 
 
 @dataclass(eq=False)
 class Motion:
     """The integration of one member.
 
-    start       (S,) the loop's state at t = 0, and parameters (p,), the values of the symbols of ``attempts``
-    rows        rows of its pieces, of which the last is its end: see ``Pieces.rows``
-    delay       at its input; None if there is none
-    records     the content of the delay, and free entries: see ``past``
-    steps, rejected, choices  numbers so far; choices counts the steps that ended where the equations jump or bend
-    longest     of its steps so far [s]
+    start       (S,) the loop's state at t = 0; parameters (p,) are the values of the symbols of ``attempts``
+    rows        rows of its pieces, the last of which is its end (see ``Pieces.rows``)
+    delay       delay at the input; None without a delay
+    records     the content of the delay, and free entries (see ``past``)
+    steps, rejected, choices  counts so far; ``choices`` is the number of steps that ended at a jump or a corner of the equations
+    longest     longest step so far [s]
     """
 
     attempts: Attempts
@@ -100,7 +100,7 @@ class Motion:
     rows: Array
     delay: Delay | None = None
     records: Array | None = None
-    at_once: int = 16  # attempts of the last call; those after the arrival are unused
+    at_once: int = 16  # attempts of the last call; attempts after the arrival are unused
     steps: int = 0
     rejected: int = 0
     choices: int = 0
@@ -147,7 +147,7 @@ class Motion:
         return cls(attempts, code, start, parameters, state, tolerance, pieces, pieces.rows(kept), delay)._before_its_start()
 
     def again(self, tolerance: float, t_end: float, most: float = inf) -> Motion:
-        """The same motion from t = 0 with a different tolerance, in steps of at most ``most`` [s]."""
+        """This motion from t = 0 with a different tolerance, in steps of at most ``most`` [s]."""
         state = self.attempts.initial(self.start, FIRST_STEP * t_end, most)
         again = replace(
             self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, longest=0.0, looked=(0, 0.0, 0, 0)
@@ -155,13 +155,13 @@ class Motion:
         return again._before_its_start()
 
     def _before_its_start(self) -> Motion:
-        """The motion at t = 0 with only its history in the delay."""
+        """The motion at t = 0, when the delay contains only the history."""
         past = self.attempts.past
         assert (past is None) == (self.delay is None)
         return self if past is None or self.delay is None else replace(self, records=past.beginning(self.delay.history))
 
     def sparse(self) -> Motion:
-        """The same motion without dense output, of which only the end of each piece is known: an attempt has three evaluations
+        """This motion without dense output, so only the end of each piece is known, and each attempt needs three evaluations
         fewer."""
         attempts = self.attempts
         return replace(self, code=compiled_attempts(attempts.program(dense=False), attempts.begin(), attempts.shape))
@@ -178,7 +178,7 @@ class Motion:
         return found
 
     def held(self, values: Array, stop: float) -> Motion:
-        """The motion from the present time up to ``stop`` [s], with the signals held at these values and without noise."""
+        """The motion from the present time up to ``stop`` [s], with signals held at these values and without noise."""
         pieces = replace(self.pieces, noise=None)
         rows = pieces.rows(np.array([self.t, stop]), values, sampled_already=True)
         return replace(self.along(rows), pieces=pieces)
@@ -208,7 +208,7 @@ class Motion:
 
     @property
     def stalled(self) -> bool:
-        """Whether it can't be continued: no step is short enough."""
+        """Whether the motion can't be continued because no step is short enough."""
         return bool(self.state[self._at("status")] == STALLED)
 
     def stop(self) -> None:
@@ -217,7 +217,7 @@ class Motion:
 
     @property
     def over(self) -> bool:
-        """Whether it has reached its end, where a controller may sample once more, or diverged."""
+        """Whether the motion has diverged or reached its end, where a controller may sample once more."""
         return self.diverged or (self.state[self._at("piece")] == len(self.rows) - 1 and self.state[self._at("renew")] == 0)
 
     def further(self) -> Array:
@@ -252,7 +252,7 @@ class Motion:
         self.state[rows] -= left
 
     def take(self, records: Array | None) -> None:
-        """The content of the delay, from records that end at the motion's present time; None if there is no delay."""
+        """Copy the contents of the delay from records that end at the current time; None without a delay."""
         if records is None:
             return
         rows = [self._at("leaving"), self._at("records")]
@@ -261,8 +261,8 @@ class Motion:
         self.state[rows] -= first
 
     def require_progress(self, least: float = LEAST_PROGRESS) -> None:
-        """StalledError for a motion that rounding moves back and forth across a jump of its equations, or that slides along it,
-        and advances by less than this fraction of its horizon."""
+        """Raise StalledError for a motion that rounding moves back and forth across a jump of its equations, or that slides along
+        the jump, if it advances by less than this fraction of its horizon."""
         (before, t, steps, choices), attempts, t_end = self.looked, self.steps + self.rejected, float(self.rows[-1, 0])
         if attempts - before < LOOKED_AT_EVERY:
             return
@@ -286,7 +286,7 @@ class Motion:
         self.looked = attempts, self.t, self.steps, self.choices
 
     def require_step(self) -> None:
-        """StalledError for a stalled motion that no tolerance can follow; a finite escape is a divergence."""
+        """Raise StalledError for a stalled motion that no tolerance can resolve; a finite escape is a divergence."""
         if self._escapes():
             return
         raise StalledError.of(
@@ -296,8 +296,7 @@ class Motion:
         )
 
     def _escapes(self) -> bool:
-        """Whether a motion that no step follows counts as diverged because its state is so large; if so, mark it as
-        diverged."""
+        """Return whether a stalled motion counts as diverged because its state is so large; if so, mark it as diverged."""
         escapes = bool(np.abs(self.x).max() > ESCAPING * max(np.abs(self.start).max(), 1.0))
         if escapes:
             self.state[self._at("status")] = DIVERGED
@@ -305,12 +304,12 @@ class Motion:
 
 
 ESCAPING = 1e4
-"""A state this many times larger than at the start escapes to infinity if no step is small enough for it."""
+"""If no step is short enough for a state that is this many times larger than at the start, it counts as escaping to infinity."""
 
 
 @lru_cache(maxsize=64)
 def node_kernel(states: int) -> Kernel:
-    """The states at the first NODES_EACH_STEP nodes, except that at the start, of a row written by a motion, as accumulators."""
+    """The states at the first NODES_EACH_STEP nodes, without the start, of a row written by a motion, as accumulators."""
     import casadi as ca
 
     row, found = ca.SX.sym("row", 3 + 8 * states), []
@@ -325,7 +324,7 @@ def node_kernel(states: int) -> Kernel:
 
 
 def _first_nodes(written: Array, states: int) -> Array:
-    """The states at NODES_EACH_STEP nodes of each of these steps, except those at their starts."""
+    """The states at NODES_EACH_STEP nodes of each of these steps, without those at their starts."""
     found = np.empty((len(written), NODES_EACH_STEP, states))
     kernel, out = node_kernel(states), np.empty((len(written), (NODES_EACH_STEP - 1) * states))
     kernel(len(written), 1, np.empty(0), np.empty(0), np.ascontiguousarray(written), out)
@@ -338,9 +337,9 @@ class Nodes:
     """The observation of a motion: its nodes as rows for the observer's kernel, and its states at the instants of a grid.
 
     grid      the run as if it had one step between successive recorded instants
-    first     the step of the grid at which the motion begins, and last the one at which it ends
+    first     the grid step at which the motion begins; ``last`` is the grid step at which it ends
     held      the values (k,) at which the signals are held; None if they continue
-    instants  (last - first + 1,) [s] that are recorded, from the motion's beginning to its end, in place of the grid's
+    instants  (last - first + 1,) [s] recorded instants from the beginning of the motion to its end, in place of the grid
     recorded  (last - first + 1, S) the states at the grid's instants, NaN for times that the motion has not reached
     """
 
@@ -352,7 +351,7 @@ class Nodes:
     held: Array | None = None
     instants: Array | None = None
     recorded: Array = field(init=False)
-    _kept: list[Array] = field(init=False)  # of nodes not yet returned: times, states, weights, smooth, whether it ends a piece
+    _kept: list[Array] = field(init=False)  # nodes not yet returned: times, states, weights, smooth, whether one ends a piece
     _end_weight: float = field(init=False, default=0.0)
     _joins: bool = field(init=False, default=False)
     _before_end: Array = field(init=False)  # the state before the events at the end
@@ -370,8 +369,7 @@ class Nodes:
         return np.asarray(self.grid.time(np.arange(self.first, self.last + 1))) if self.instants is None else self.instants
 
     def rows(self, start: int, stop: int, most: int) -> tuple[Array, int]:
-        """The table of whole steps of the grid from ``start`` to ``stop``, or about ``most`` rows, and the number of
-        steps."""
+        """The table of the grid's whole steps from ``start`` to ``stop``, but of about ``most`` rows, and the number of steps."""
         while not self._closed:
             times = self._kept[0]
             reached = self._steps(times[-1:]).max(initial=start)
@@ -410,18 +408,18 @@ class Nodes:
         self._close()
 
     def final(self, end_weight: float | None = None) -> Array:
-        """The row at the motion's end, with zero length; with the weight of its squares, if the caller knows it."""
+        """The row at the end of the motion, with zero length and, if the caller knows it, the weight of its squares."""
         weight = self._end_weight if end_weight is None else end_weight
         t, x = np.array([self.motion.t]), self.motion.x
         return np.concatenate([self._driving(t, np.zeros(1, dtype=bool))[0], x, [weight, 0.0, 0.0, 0.0, 1.0, 1.0]])[None]
 
     def _steps(self, times: Array) -> Array:
-        """The steps of the grid that contain these instants [s]; up to rounding, an instant at the beginning of a step belongs
-        to it."""
+        """The grid steps that contain these instants [s]; an instant that equals the beginning of a step up to rounding belongs
+        to that step."""
         return self.first + np.searchsorted(self._instants * (1 - SAME_INSTANT), times, side="right") - 1
 
     def _driving(self, times: Array, ends: Array) -> Array:
-        """The signals of the loop there, (K, signal_count); before their jumps if a piece ``ends`` (K,).
+        """The signals of the loop at these nodes, (K, signal_count), before their jumps if a piece ``ends`` there (K,).
 
         The output of a delay is left at zero, since no output depends on it.
         """
@@ -452,7 +450,8 @@ class Nodes:
         self._kept = [np.concatenate([old, new]) for old, new in zip(self._kept, parts, strict=True)]
 
     def _record(self, written: Array, states: int) -> None:
-        """If a step begins at an instant, its beginning is recorded, which a sample may have changed."""
+        """Record states at instants; if a step begins at an instant, record its initial state, which a sample may have
+        changed."""
         t, h = written[:, 1], written[:, 2]
         begins = t * (1 - SAME_INSTANT)
         wanted = np.arange(*np.searchsorted(self._instants, [begins[0], self.motion.t * (1 - SAME_INSTANT)]))
@@ -466,9 +465,9 @@ class Nodes:
             self.recorded[-1] = self.motion.x
 
     def _observed(self, written: Array, states: int) -> tuple[Array, ...]:
-        """The nodes of these steps as they are stored, each with the step's start, and with its end if that ends a piece.
+        """The nodes of these steps in their stored form: each step's start is included, and its end if it ends a piece.
 
-        There a signal or the state may jump: the end is then a node just before the beginning of the next piece.
+        At the end of a piece a signal or the state may jump, so the end is a node just before the beginning of the next piece.
         """
         code, t, h, x = written[:, 0], written[:, 1], written[:, 2], written[:, 3 : 3 + states]
         ended = code == PIECE

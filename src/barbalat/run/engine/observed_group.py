@@ -1,4 +1,4 @@
-"""Members of a batch whose steps follow from a tolerance: each is observed at the nodes of its motion."""
+"""Members of a batch whose steps follow from a tolerance: each member is observed at the nodes of its motion."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from barbalat.validate import Array
 class ObservedBatch(Batch):
     """Members, each observed at the nodes of its motion.
 
-    remembered  number of entries of the kernel's state after the judge's memory
-    stalled     (M,) which members no step was short enough for, in their run or in its continuation by the judge
+    remembered  number of entries that the kernel's state has after the judge's memory
+    stalled     (M,) whether no step was short enough for the member, in its run or in the continuation by the judge
     """
 
     remembered: int = 0

@@ -1,4 +1,4 @@
-"""The step with which the method neither damps nor excites oscillations that it does not resolve."""
+"""Finds the step at which the method neither damps nor excites oscillations that it does not resolve."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from barbalat.validate import Array
 
 NEGLIGIBLE = 0.3
 """Largest admissible change of the logarithm of an oscillation's amplitude due to the method, for a run that is as stiff
-throughout as at its stiffest instant. Of 696 runs of Section V that passed, at steps from 1 to 1/64 ms, none oscillated
-differently than at 10 us or had another class; of 955 that pass 10 instead, ten oscillated differently (docs/judge.md)."""
+throughout as at its stiffest instant. Of 696 runs of Section V that met this limit at steps from 1 to 1/64 ms, none oscillated
+differently than at 10 us or had a different class; of 955 runs that meet a limit of 10, ten oscillated differently
+(docs/judge.md)."""
 FACTORS = (2, 4, 8, 16, 32, 64, 128)
-"""Divisors that are tried if the method's own damping or growth is not negligible."""
+"""Divisors that are tried if the numerical damping or growth of the method is not negligible."""
 ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
 """The divisors for a method of order eight, for which the given step may be sufficient."""
 ROOM = 0.9
-"""Fraction of the tr J^2 admissible at a finer step that the run at the coarser step may reach: at the finer step it may be
-larger."""
+"""Fraction of the tr J^2 that is admissible at a finer step which the run at the coarser step may reach, because at the finer
+step it may be larger."""
 
 
 class Refining(NamedTuple):
@@ -37,24 +38,24 @@ class Refining(NamedTuple):
 
     @classmethod
     def of(cls, solver: Tableau, *, delayed: bool) -> Refining:
-        """The method of order eight, which damps far less per evaluation; the run's own if a delay is interpolated."""
+        """The method of order eight, which damps far less per evaluation; the method of the run if a delay is interpolated."""
         return cls(solver, FACTORS) if delayed or solver.order >= 8 else cls(order_eight(), ORDER_EIGHT_FACTORS)
 
     def work(self, factor: Array, solver: Tableau) -> Array:
-        """Evaluations of the equations as a multiple of those of a run by ``solver``."""
+        """Number of evaluations of the equations, relative to a run with ``solver``."""
         return factor * (len(self.solver.b) / len(solver.b))
 
 
 def finer_by(batch: Batch, simulation: Simulation) -> Array:
-    """(M,) the refinement that each member of a sweep needs, so the method neither damps nor excites oscillations that it does
-    not resolve.
+    """(M,) the refinement that each member of a sweep needs, at which the method neither damps nor excites oscillations that it
+    does not resolve.
 
-    0 if its own step is sufficient, else the factor by which steps of ``Refining`` must be smaller, infinite if no factor is
-    sufficient; NaN if nothing was monitored.
+    0 if the given step is sufficient; otherwise the factor by which the steps of ``Refining`` must be smaller, infinite if no
+    factor is sufficient; NaN if nothing was monitored.
 
     The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 for an oscillation that the equations may leave
-    undamped: no spectrum is computed, and the whole run is treated as if it were as stiff as at its stiffest instant. A sampled
-    law does not depend on the solver.
+    undamped. No spectrum is computed, and the whole run is treated as being as stiff as at its stiffest instant. A sampled law
+    does not depend on the solver.
     """
     coupling = np.full((1, batch.states.shape[1]), np.nan)
     if batch.loop.sampled:
@@ -70,7 +71,8 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
 
 
 def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
-    """The result of ``finer_by`` for a member, from its loop's modes at the start, because constant modes are not monitored."""
+    """The result of ``finer_by`` for a member, from the modes of its loop at the start, because constant modes are not
+    monitored."""
     if simulation.tolerance is not None:  # which resolves them
         return 0.0
     modes = _modes(loop, simulation, flatten(loop.initial())[None], np.zeros((1, loop.signal_count)))
@@ -80,10 +82,10 @@ def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
 
 
 def finer_by_along(batch: Batch, simulation: Simulation, states: Array, signals: Array) -> float:
-    """The refinement that one recorded member needs with its own method; NaN if nothing was monitored.
+    """The refinement that one recorded member needs with its method; NaN if nothing was monitored.
 
-    Each window of a continuous loop counts with its duration. For a sampled loop the plant's modes between samples count, at
-    recorded instants with these ``states`` (K, size) and ``signals`` (K, signal_count).
+    Each window of a continuous loop counts with its duration. For a sampled loop, the modes of the plant between samples count,
+    at recorded instants with these ``states`` (K, size) and ``signals`` (K, signal_count).
     """
     factors = (1, *FACTORS)
     if batch.loop.sampled:
@@ -96,7 +98,7 @@ def finer_by_along(batch: Batch, simulation: Simulation, states: Array, signals:
 
 
 MOST_INSTANTS = 32
-"""Instants of a record at which the modes between samples are computed; those of a linear plant are constant."""
+"""Instants of a record at which the modes between samples are computed; a linear plant has constant modes."""
 
 
 def _modes(loop: ClosedLoop, simulation: Simulation, states: Array, signals: Array) -> Array:
@@ -109,7 +111,7 @@ def _modes(loop: ClosedLoop, simulation: Simulation, states: Array, signals: Arr
 
 
 def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> float:
-    """The smallest of the factors with which the method resolves these modes [1/s]; infinite if there is none.
+    """The smallest of the factors with which the method resolves these modes [1/s]; infinite if no factor is sufficient.
 
     A decaying mode must also decay with the method, and an oscillating one must keep its damping.
     """
@@ -127,7 +129,7 @@ def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Se
 def _needed(coupling: Array, steps: int, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> Array:
     """(M,) the smallest sufficient factor, for this number of steps in each of K windows with these tr J^2, (K, M).
 
-    Minus infinity if nothing varies, and NaN if nothing was monitored.
+    The result is minus infinity if nothing varies, and NaN if nothing was monitored.
     """
     omega = np.sqrt(np.maximum(coupling, 0.0) / 2)
     found = np.full(coupling.shape[1], np.inf)

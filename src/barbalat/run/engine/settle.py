@@ -21,11 +21,11 @@ from barbalat.solvers.simulation import Simulation
 
 
 def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
-    """The same results, with the class at a finer step for each one whose verdict has not been examined (``verdict.settled`` is
+    """Return the results, with the class at a finer step wherever the verdict has not been examined (``verdict.settled`` is
     None).
 
-    Runs that left their region of stability are left to ``check_numerics``. A run is unchanged if no factor that is tried
-    resolves it, or if the finer run would take more steps than ``afforded_steps`` or than the budget allows.
+    Runs that left their region of stability are left to ``check_numerics``. A result is unchanged if none of the tried factors
+    resolves the run, or if the finer run would take more steps than ``afforded_steps`` or than the budget allows.
     """
     settled, pending = dict(results), [name for name, one in results.items() if _open(one, afforded_steps)]
     for i, name in enumerate(pending):
@@ -34,10 +34,10 @@ def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEP
 
 
 def halved(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
-    """The same results, with ``half_step``, the error at half the step, for each one that was judged and did not diverge.
+    """Return the results, with ``half_step``, the error at half the step, for each run that was judged and did not diverge.
 
-    A sampled controller keeps its sample time. Runs that left their region of stability are left to ``check_numerics``; a run is
-    also unchanged if its timer has jitter, and if half its step takes more steps than ``afforded_steps`` or than the budget
+    A sampled controller keeps its sample time. Runs that left their region of stability are left to ``check_numerics``; a result
+    is also unchanged if the timer has jitter, and if half its step takes more steps than ``afforded_steps`` or than the budget
     allows.
     """
     found = dict(results)
@@ -55,11 +55,11 @@ def _open(result: Result, afforded: int) -> bool:
 
 def _halvable(result: Result) -> bool:
     verdict = result.verdict
-    if result.simulation.tolerance is not None:  # its error was measured by a second run
+    if result.simulation.tolerance is not None:  # a second run measured its error
         return False
     computer = result.loop.computer
     if computer is not None and computer.around is not None and computer.around.jitters:
-        return False  # the calls of a timer with jitter are rounded to steps: at half the step the scenario differs
+        return False  # the calls of a timer with jitter are rounded to steps: so at half the step the scenario differs
     return verdict is not None and verdict.kind is not Class.LOST and result.stiffness.unstable_from is None
 
 
@@ -91,7 +91,7 @@ def _halved(result: Result, progress: Progress | None) -> Result:
 
 
 def _finer(result: Result, factor: float, progress: Progress | None) -> tuple[Batch, Simulation]:
-    """The run with a step smaller by ``factor``, without a record; and its simulation."""
+    """The run with a step smaller by ``factor``, without a record, and its simulation settings."""
     assert result.judge is not None
     finer = replace(result.simulation, dt=result.simulation.dt / factor)
     batch = Batch.of([(result.problem, result.controller)], finer, watched=watched_in_sweeps(result.judge))

@@ -1,4 +1,4 @@
-"""Members with a tolerance in the lanes of one kernel, each with its own steps: their runs and their continuations."""
+"""Runs and continuations of members with a tolerance in the lanes of one kernel, each with individual steps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 COUNTED = 200_000
-"""Number of attempts, some half a second, from which that of a whole run is extrapolated."""
+"""Number of attempts (about half a second) from which the attempts of a whole run are extrapolated."""
 
 
 def run_members(
@@ -40,7 +40,8 @@ def run_members(
 ) -> ObservedBatch:
     """Some of the members after their runs.
 
-    The results are the same bit for bit for any threads, lanes and other members. A member that stalls has no metrics.
+    The results are bit-identical for any number of threads and lanes, and do not depend on other members. A member that stalls
+    has no metrics.
     """
     workers = threads or os.cpu_count() or 1
     runs = Runs(members, which, workers, lanes or vector_width(), progress)
@@ -115,7 +116,7 @@ class Runs:
         return motion, column
 
     def goes_on(self, number: int, motion: Motion, column: Array, records: Array | None) -> bool:
-        """See ``Side``: from the head to the tail."""
+        """See ``Side``. Changes from the head to the tail."""
         if motion.diverged or motion.stalled or motion.t >= self.stop:
             self._end(number, motion, column, records)
             return False
@@ -182,7 +183,7 @@ class MembersBatch(ObservedBatch):
 
 @dataclass(frozen=True, eq=False)
 class BesideEachOther:
-    """These members of a batch, by their numbers."""
+    """The members of a batch with these numbers."""
 
     batch: MembersBatch
     columns: Array
@@ -194,8 +195,8 @@ class BesideEachOther:
 
 @dataclass(eq=False)
 class ContinuedMembers:
-    """These members of a batch in lanes, with commands and disturbances held and without measurement noise; ``groups`` contains
-    those that have continued, by their numbers in ``columns``."""
+    """Members of a batch that continue in lanes, with commands and disturbances held and without measurement noise; ``groups``
+    contains those that have continued, by their numbers in ``columns``."""
 
     batch: MembersBatch
     columns: Array
@@ -232,7 +233,7 @@ class ContinuedMembers:
         return Seen(low, high, turned, lost, largest)
 
     def traced(self, steps: int, samples: int, members: Array) -> tuple[Array, Array]:
-        """See ``Continuation``: one after the other; NaN for a member that stalls."""
+        """See ``Continuation``. Members are computed one after another; NaN for a member that stalls."""
         memory = self.batch.program.memory
         assert memory is not None
         t, found, only = np.zeros(1), dict[int, Array](), np.zeros(1, dtype=int)
@@ -290,7 +291,7 @@ class Window:
 
 
 def motion_of_member(members: Members, i: int, like: Motion | None = None) -> Motion:
-    """The motion of member ``i``, numbered from 0, at t = 0; ``like`` is one with the same pieces."""
+    """The motion of member ``i``, numbered from 0, at t = 0; ``like`` is a motion with the same pieces."""
     simulation, attempts = members.simulation, members.attempts
     assert attempts is not None
     assert simulation.tolerance is not None

@@ -1,4 +1,4 @@
-"""Simulates controllers on a problem, each with its own kernel, all in parallel, and records their motion."""
+"""Simulates controllers on a problem, each with its own kernel, all in parallel, and records their trajectories."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def simulate(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """Run every controller on the problem and return the results by the controllers' names; equal names are numbered.
+    """Run every controller on the problem and return the results by controller name; equal names are numbered.
 
-    judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
+    judge     the criteria for the verdicts; derived from the model's motion by default
     threads   all cores by default; results do not depend on it
-    progress  called with the fraction done
+    progress  called with the completed fraction
 
-    Raises InputError for a controller that does not fit the problem, with its name, and for runs that exceed the budget. A run
-    that diverges is a result and not an error.
+    Raises InputError, with the controller's name, if it does not fit the problem, and if the runs exceed the budget. A run that
+    diverges is a result and not an error.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
@@ -88,7 +88,7 @@ def result_of(
     metrics = batch.metrics(simulation)
     if not np.isnan(metrics.diverged_at[0]):
         stop = batch.diverged_step[0]
-        kept = int(np.searchsorted(steps, stop))  # the instants before it
+        kept = int(np.searchsorted(steps, stop))  # the instants before divergence
         steps, states = steps[:kept], states[:kept]
     made = Run(problem, simulation, batch, steps, states, stop)
     t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
@@ -155,7 +155,7 @@ def _each(batch: Batch, problem: TrackingProblem, simulation: Simulation, first:
 
 
 def _between(every: int) -> int:
-    """Steps from a sample to halfway to the next one: a timer's jitter is at most a quarter of a sample."""
+    """The number of steps from a sample to halfway to the next one; the jitter of a timer is at most a quarter of a sample."""
     return every - every // 2
 
 
@@ -170,7 +170,7 @@ def _halfway(batch: Batch, problem: TrackingProblem, simulation: Simulation, eve
 
 def largest_numbers(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Array:
     """The largest magnitude of each number that a sampled controller keeps over the run that ``simulate`` makes, up to its
-    divergence: its flat state, then the bump of a shell."""
+    divergence: its flat state, followed by the bump of a shell."""
     batch = Batch.of([(problem, controller)], simulation, lanes=1)
     template, T = initial_acting(batch.loop), batch.loop.sample_time
     assert T is not None
@@ -189,10 +189,10 @@ def largest_numbers(problem: TrackingProblem, controller: Controller, simulation
 
 
 def with_missed_samples(results: Mapping[str, Result]) -> Results:
-    """The same results, with ``missed`` for each sampled controller with a shell or faults.
+    """Return the results, with ``missed`` for each sampled controller with a shell or faults.
 
-    Each of these runs is repeated, bit for bit, and evaluated between successive samples. Runs that diverged and runs by
-    tolerance are unchanged.
+    Each of these runs is repeated, bit for bit, and evaluated between successive samples. Results of diverged runs and of runs
+    with a tolerance are unchanged.
     """
     return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
 
@@ -230,6 +230,7 @@ def _missed(result: Result) -> MissedSamples | None:
 
 
 def _refused(around: Around, rows: Held, states: Array) -> Array:
-    """(K,) 1 for each sample that a shell without a count of its own rejects, of (K + 1) states, the first before all samples."""
+    """(K,) 1 for each sample that a shell without a counter rejects, from (K + 1) states, the first of which precedes all
+    samples."""
     before = map_arrays(lambda part: states[:-1, part].T, rows)
     return 1.0 - around.plausible(states[1:, rows.around.offered].T, states[:-1, rows.measured.reshape(-1)].T, before, 1.0)

@@ -1,8 +1,8 @@
-"""Whether a run stayed inside its solver's region of stability, and the step at which it left the region.
+"""Finds out whether a run stayed inside the stability region of its solver, and the step at which it left the region.
 
-During a run, its kernel keeps for each of some two thousand windows the state at which ``coupling_function`` was largest; the
-exact spectrum is computed there. A window that shows an exit is simulated again in ever shorter ones, down to the step. The
-windows depend only on the run's steps, so the result does not depend on the record.
+During a run, the kernel keeps, for each of about two thousand windows, the state at which ``coupling_function`` was largest. The
+exact spectrum is computed for this state. A window that shows an exit is simulated again in ever shorter windows, down to the
+step. The windows depend only on the run's steps, so the result does not depend on the record.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from barbalat.validate import Array
 MOST_WINDOWS = 2000
 """Largest number of windows of a run; their lengths are multiples of WATCH_EVERY."""
 MOST_LOOKS = 200
-"""Number of windows for which the spectrum is computed: half of them are the stiffest, the others are spread evenly; before an
-exit, all are used."""
+"""Number of windows for which the spectrum is computed. Half of them are the stiffest; the others are spread evenly. Before an
+exit, all windows are used."""
 QUICK_SPECTRUM = 100
-"""Number of states of a loop whose spectrum takes some 10 ms; a run computes at most MOST_LOOKS spectra."""
+"""Number of states for which a spectrum takes about 10 ms; a run computes at most MOST_LOOKS spectra."""
 FEWEST_LOOKS = 2
 """Number of spectra for a loop with very many states."""
 WINDOW_PIECES = 64
@@ -74,10 +74,10 @@ def stiffness_along(run: Run) -> Stiffness:
 
 
 def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
-    """For a large loop no window is monitored or simulated again; of a few recorded instants, those with the largest tr J^2 are
-    examined."""
+    """The stiffness of a large loop, for which no window is monitored or simulated again. Only the recorded instants with the
+    largest tr J^2, of a few, are examined."""
     size = run.batch.loop.size
-    looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (QUICK_SPECTRUM / size) ** 3))  # each takes size^3 operations
+    looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (QUICK_SPECTRUM / size) ** 3))  # each spectrum takes size^3 operations
     recorded = np.unique(np.linspace(0, len(run.starts) - 1, 4 * looks).astype(int))
     steps = run.starts[recorded]
     at = Instants(steps, run.acted(steps, run.states[recorded]))
@@ -90,7 +90,7 @@ def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
 def _kept(watch: Watch, stop: float, size: int) -> tuple[Instants, Array]:
     """The instant of the largest monitored quantity in each window before the step ``stop``, and its value.
 
-    ``size``: the number of the loop's states, after which the judge's memory may follow.
+    ``size`` is the number of states of the loop, after which the judge's memory may follow.
     """
     rows = watch.rows[(watch.rows[:, 0] > -np.inf) & (watch.rows[:, -1] < stop)]
     return Instants(rows[:, -1].astype(int), rows[:, 1 : 1 + size]), rows[:, 0]
@@ -108,13 +108,13 @@ def _first(at: Instants, look: Look) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A recorded run of one member, parts of which can be simulated again, bit for bit the same.
+    """A recorded run of one member. Parts of it can be simulated again, bit for bit.
 
-    A loop with a delay is restarted at t = 0, since the record does not contain the values in the delay; any other at a recorded
-    step.
+    A loop with a delay is restarted at t = 0, because the record does not contain the contents of the delay; other loops are
+    restarted at a recorded step.
 
     starts  (B,) recorded steps, states (B, size) from which the kernel continued
-    stop    the step of the divergence; beyond the last step if there is none
+    stop    the step of the divergence; beyond the last step if the run did not diverge
     """
 
     problem: TrackingProblem
@@ -125,7 +125,7 @@ class Run:
     stop: float
 
     def first_outside(self, step: int, window: int, look: Look) -> int:
-        """The first step outside the region in the window with this stiffest step; it is exact if 8 successive steps are
+        """The first step outside the region in the window with this stiffest step. It is exact if eight successive steps are
         outside."""
         begin = step // window * window
         known = self._known(max(begin - WATCH_EVERY + 1, 0))
@@ -175,7 +175,8 @@ class Run:
         return after
 
     def signals(self, steps: Array) -> Array:
-        """(signal_count, K). The delayed input is left at zero: no output and no frozen Jacobian depends on it."""
+        """The signals (signal_count, K). The delayed input is left at zero, because no output and no frozen Jacobian depends on
+        it."""
         problem, loop = self.problem, self.batch.loop
         signals = np.zeros((loop.signal_count, len(steps)))
         for i, signal in enumerate(problem.signals):

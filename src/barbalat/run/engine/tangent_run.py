@@ -1,4 +1,5 @@
-"""Runs members together with the tangents of their states: the derivatives of all metrics, and the instants of extrema."""
+"""Runs members together with the tangents of their states, which give the derivatives of all metrics and the instants of
+extrema."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ Signals = tuple[Signal, ...]
 
 @dataclass(frozen=True, eq=False)
 class SignalSlope:
-    """The derivative of all signals in one number: a combination of central differences.
+    """The derivative of all signals with respect to one number: a combination of central differences.
 
     pairs  signals with a larger and with a smaller number, and the factor of their difference [1/unit of the number]
     """
@@ -35,10 +36,10 @@ class SignalSlope:
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """The derivative of the kernel's arguments in one number of the case, for M members.
+    """The derivative of the kernel's arguments with respect to one number of the case, for M members.
 
     parameters (p, M), states (size, M); history (m, M) with a delay
-    signals  of all members; None if they do not change
+    signals  slopes of the signals of all members; None if the signals do not change
     """
 
     parameters: Array
@@ -49,7 +50,7 @@ class Direction:
 
 @dataclass(frozen=True, eq=False)
 class TangentRun:
-    """Figures of M members by their names, see ``Metrics.columns``; NaN for a member that diverged.
+    """Metrics of M members by name (see ``Metrics.columns``); NaN for a member that diverged.
 
     values    (M,) by name
     tangents  (directions, M) by name
@@ -73,8 +74,8 @@ def run_tangents(
 ) -> TangentRun:
     """Run all members from 0 to t_end with their tangents. InputError with a tolerance, and for code that has no derivative.
 
-    The metrics are those of the run without tangents, bit for bit. Directions that do not move signals run side by side, one in
-    each lane, with the run itself repeated in each: lanes cost less than further directions in one lane.
+    The metrics are those of the run without tangents, bit for bit. Directions that do not change signals run side by side, one in
+    each lane, with the run repeated in each lane: lanes cost less than further directions in one lane.
     """
     if not directions:
         return _run(members, signals, None, threads, progress)
@@ -97,7 +98,7 @@ def run_tangents(
 
 
 def _together(directions: Sequence[Direction]) -> Direction:
-    """One direction for the members of all."""
+    """Combine the directions of several sets of members into one."""
     if len(directions) == 1:
         return directions[0]
     histories = [one.history for one in directions if one.history is not None]

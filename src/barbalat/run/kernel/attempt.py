@@ -1,6 +1,7 @@
-"""One attempt at a step whose length follows from a tolerance, by DOP853, as operations: a member's time is part of its state.
+"""One attempt at a step whose length follows from a tolerance, by DOP853, as operations. The time of a member is part of its
+state.
 
-Every attempt is one step of the kernel's loop, whether it succeeds or not, so parallel members have steps of their own; a member
+Every attempt is one step of the kernel's loop, whether it succeeds or not, so parallel members have individual steps; a member
 that has reached the end waits for the others. Where the equations have a jump or a corner, a step keeps the branches ("choices")
 that were active when it began (``lowering.switching``); if another branch is active at its end, the step is repeated with the
 length at which the change happens.
@@ -36,20 +37,21 @@ if TYPE_CHECKING:
 RUNNING, DIVERGED, STALLED = 0.0, 1.0, 2.0
 """A member's status. A stalled member would need a step that is too short to change its time."""
 ALL, SLOPE = 1.0, 2.0
-"""The quantities that are recomputed before an attempt: the choices and the slope, or only the slope if the choices changed."""
+"""What is recomputed before an attempt: the choices and the slope, or only the slope if the choices changed."""
 SAFETY, SHRINKS, GROWS = 0.9, 1 / 3, 6.0
 """After a failed step the next is 0.9 err^(-1/8) times as long, within these limits. After a successful step, its length is
-filtered, H211b with b = 4, because the estimate depends on the phase of an oscillation; without the filter every third attempt
-fails.
+filtered (H211b with b = 4), because the error estimate depends on the phase of an oscillation; without the filter every third
+attempt fails.
 
 Source: Soderlind, Digital filters in adaptive time-stepping, ACM Transactions on Mathematical Software 29 (2003), table 1."""
 FILTERED = 0.85
-"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Of the values 0.82, 0.88
-and 0.94, the last needs a fifth more attempts on Section V at equal error, since an eighth of them fail."""
+"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Among the values 0.82,
+0.88 and 0.94, the last needs 20 % more attempts on Section V at equal error, because one in eight fails."""
 SMALL = 1e-6
-"""A state's relative error refers to at least this fraction of the largest magnitude of any state."""
+"""The relative error of a state refers to at least this fraction of the largest magnitude of any state."""
 TINY = 1e-9
-"""It also refers to at least this magnitude, in the state's unit, so rounding errors of a state at rest are not resolved."""
+"""The relative error also refers to at least this magnitude, in the unit of the state, so rounding errors of a state at rest are
+not resolved."""
 MEETS = 0.1
 """Fraction of the tolerance by which the state may move between a change of choice and the end of the step."""
 JOINS = 4.0
@@ -59,14 +61,14 @@ LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
 BEYOND = 2.0
 """Multiple of that movement beyond which a choice is certain."""
 BARELY = 16 * BEYOND
-"""Multiple of it up to which a change of choice can't be located more closely: the search, which shortens a step by up to three,
-would end in a step that is not certain to have changed."""
+"""Multiple of that movement up to which a change of choice can't be located more closely. The search shortens a step by up to a
+factor of three and would end in a step that is not certain to have changed."""
 SECANTS = 4
 """Number of secant steps in the search for the time of a change of choice; after these the step is halved instead."""
 LOOKS = (5, 9, 10)
 """Stages at 0.33, 0.6 and 0.86 of a step, which detect a choice that changes and returns before the end."""
 NEAREST = 0.05
-"""No change of choice is located before this fraction of an attempt: a secant from a change that has just occurred is useless."""
+"""No change of choice is located before this fraction of an attempt: secants are useless for a change that has just occurred."""
 LARGEST = 1e300
 """Largest finite number; margins of infinite values are not compared."""
 SMOOTH, CHOICE, PIECE = 1.0, 2.0, 3.0
@@ -83,8 +85,8 @@ MOST_TRIES = 200
 class Carried:
     """The kernel's state: the loop's state (S,), followed by the data for the next attempt; J is the number of choices.
 
-    ``leaving`` is the number of the record that leaves a delay, ``records`` the number of the record of this step, see
-    ``past``. No attempt is made from the time ``pause`` [s] on, at which a piece must begin.
+    ``leaving`` is the number of the record that is leaving the delay, and ``records`` the number of the record of this step (see
+    ``past``). Attempts pause at the time ``pause`` [s], at which a piece must begin.
     """
 
     states: int
@@ -106,8 +108,8 @@ class Carried:
         return int(self.places["pause"].stop)
 
     def initial(self, x: np.ndarray, h: float, most: float = np.inf) -> np.ndarray:
-        """(size,) at t = 0, with the lengths of the first attempt and of the longest [s]; record 0 is that of a delay's
-        history."""
+        """(size,) the state at t = 0, with the lengths [s] of the first and of the longest attempt; record 0 is the history of
+        the delay."""
         found, at = np.zeros(self.size), self.places
         found[at["x"]], found[at["largest"]] = x, np.abs(x)
         found[at["h"]], found[at["renew"]] = h, ALL
@@ -120,8 +122,8 @@ class Carried:
 
 @dataclass(frozen=True)
 class Written:
-    """The output of an attempt: 0 if it failed, else how the step ended, t [s], h [s], x at its end and the seven coefficients,
-    (S,) each, of ``dense_output``.
+    """The output of an attempt: 0 if it failed, otherwise how the step ended; t [s], h [s], the final x, and the seven
+    coefficients, (S,) each, of ``dense_output``.
     """
 
     states: int
@@ -136,8 +138,8 @@ class Attempts:
     """The programs of a loop's attempts: ``begin``, if something must be recomputed, and then ``program``.
 
     parameters  the column of the loop's symbols, which are arguments of the kernel before the tolerance and the delay, if there
-                is one; None if there are none
-    numbered    the loop with its numbers, which fix the instants of samples, where ``loop`` has symbols for some of them
+                is a delay; None without symbols
+    numbered    the loop with its numbers, which determine the sampling instants; ``loop`` has symbols for some of them
     """
 
     loop: ClosedLoop
@@ -153,7 +155,7 @@ class Attempts:
 
     @cached_property
     def past(self) -> DelayedInput | None:
-        """The records of a delayed input; None if there is no delay."""
+        """The records of a delayed input; None without a delay."""
         return DelayedInput.of(self.loop)
 
     @property
@@ -167,7 +169,8 @@ class Attempts:
         return np.ascontiguousarray(np.column_stack([ends, sampled, signals, noise]), dtype=float)
 
     def driven_by(self, signals: TimeSignals) -> Attempts:
-        """The attempts with other signals. The programs are the same unless the signals' formulas, which they contain, differ."""
+        """These attempts with different signals. The programs are the same unless the formulas of the signals, which they
+        contain, differ."""
         found = replace(self, signals=signals)
         if signals.formulas == self.signals.formulas:
             vars(found).update(self.traced)
@@ -175,7 +178,7 @@ class Attempts:
 
     @cached_property
     def calls(self) -> Callable[[float], np.ndarray]:
-        """See ``Around.calls``; all members of these attempts share it."""
+        """See ``Around.calls``; all members of these attempts share the value."""
         assert self.sampling.around is not None
         faults = [one for one in self.signals.signals if isinstance(one, FaultSignal)]
         return cache(partial(self.sampling.around.calls, faults))
@@ -186,8 +189,8 @@ class Attempts:
 
     @cached_property
     def _rates(self) -> ca.Function:
-        """Functions of (state, parameters, signals): the slope with the rate limiters' outputs at rest, the input of the delay if
-        there is one, and the limiters' demands and limits."""
+        """Functions of (state, parameters, signals): the slope with constant outputs of the rate limiters, the input of a delay,
+        and the demands and limits of the limiters."""
         import casadi as ca
 
         state_column, state = symbols("state", self.loop.size)
@@ -297,7 +300,7 @@ class Attempts:
             x = ca.if_else(renew != 0, self._joined(x, found.limiters, parts, tolerance), x)
             found = self._switched(x, s, None)
         conditions = found.conditions
-        given = self._switched(x, s, parts["choices"]).conditions  # after the change, another condition may have no choice left,
+        given = self._switched(x, s, parts["choices"]).conditions  # after the change, some condition may have no choice left,
         old, chosen = ca.vertsplit(parts["choices"]), []
         for one, now, before, was in zip(conditions, given, old, ca.vertsplit(parts["margins"]), strict=True):
             open_now = ca.logic_or(ca.fabs(now.margin) == np.inf, ca.fabs(was) == np.inf)  # or have one for the first time
@@ -316,18 +319,18 @@ class Attempts:
         return self._behind_a_sample(self._lowered("begin", [*inputs, acted], [self._packed(parts | new)]))
 
     def _joined(self, x: ca.SX, limiters: Limiters, parts: dict[str, ca.SX], tolerance: ca.SX) -> ca.SX:
-        """The state, with the output of each limiter that has reached its demand within the step's tolerance set to that
-        demand."""
+        """The state in which the output of each limiter that has reached its demand, within the tolerance of the step, is set to
+        that demand."""
         rows, scale = self.loop.limiter_rows, _scale(parts["largest"], tolerance)
         return with_rows(x, rows, limiters.joined(JOINS * MEETS * scale[list(rows)]))
 
     @property
     def _own(self) -> int:
-        """Number of entries of a sampled controller's own state, which are last in the loop's."""
+        """Number of entries of a sampled controller's state, which come last in the state of the loop."""
         return len(flatten(initial_acting(self.loop))) if self.loop.sampled else 0
 
     def _behind_a_sample(self, begin: Program) -> Program:
-        """``begin`` after the controller's list, which is the same as with fixed steps."""
+        """``begin`` preceded by the operations of the controller, which are the same as with fixed steps."""
         import casadi as ca
 
         if not self.loop.sampled:
@@ -347,8 +350,8 @@ class Attempts:
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
     def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, list[ca.SX]]:
-        """The carried state by its parts; the row of numbers, which are those of its piece, the delay, the number of known
-        records and those records; the tolerance; and all inputs."""
+        """The carried state by its parts; the row of numbers (those of the current piece, the delay, the number of known records
+        and these records); the tolerance; and all inputs."""
         import casadi as ca
 
         carried = self.carried
@@ -431,7 +434,7 @@ class Attempts:
     def _record(
         self, parts: dict[str, ca.SX], numbers: ca.SX, x_new: ca.SX, t_new: ca.SX, h: ca.SX, level: ca.SX, more: ca.SX
     ) -> ca.SX:
-        """The record that the step leaves; ``more`` are the coefficients of its dense output."""
+        """The record that the step leaves; ``more`` contains the coefficients of its dense output."""
         import casadi as ca
 
         assert self.past is not None
@@ -509,7 +512,7 @@ class Attempts:
         self, parts: dict[str, ca.SX], numbers: ca.SX, x: ca.SX, t: ca.SX, slope: ca.SX, scale: ca.SX, h: ca.SX,
         inside: list[tuple[float, list[Any]]],
     ) -> _Meeting:  # fmt: skip
-        """Whether a step crosses a choice, at its end or at one of its stages, and where."""
+        """Find out whether a step changes a choice, at its end or at one of its stages, and where."""
         import casadi as ca
 
         s = self._driven(t, numbers)
@@ -523,7 +526,7 @@ class Attempts:
         seen, barely = [ca.SX(0.0)] * len(inside), ca.SX(1.0)
         for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
             least = ca.fmin(SAME * one.size, LARGEST)  # of the switching quantity; infinite margins are excluded
-            way = 1 - 2 * chosen  # a margin multiplied by this is positive if its side has changed
+            way = 1 - 2 * chosen  # a margin times this is positive if it has changed sides
             at_start = ca.logic_and(first_try, ca.fabs(was) <= least)
             there = [way * conditions_there[i].margin > BEYOND * least for _, conditions_there in inside]
             other = way * one.margin > BEYOND * least
@@ -562,8 +565,8 @@ class Driving(NamedTuple):
 class _Evaluated(NamedTuple):
     """The equations at one instant.
 
-    entering  the input of the delay, if there is one
-    limiters  the rate limiters, if there are any
+    entering  the input of the delay, if there is a delay
+    limiters  the rate limiters, if any
     """
 
     slope: ca.SX
@@ -576,10 +579,11 @@ class _Evaluated(NamedTuple):
 class _Meeting:
     """The crossing at the end of an attempt.
 
-    due      whether some choice has changed
+    due      whether any choice has changed
     ready    whether the attempt need not be repeated
-    aim      the estimated length [s] at which it changes
-    at_once  whether it had changed when the step began: then the choices ``flipped`` (J,) are changed without a step
+    aim      the estimated length [s] at which the choice changes
+    at_once  whether the choice had already changed when the step began; then the choices ``flipped`` (J,) are changed without a
+             step
     margins  (J,) at the end
     inside   whether ``aim`` is the position of a stage at which a choice had already changed
     """
@@ -609,7 +613,7 @@ def _scale(largest: ca.SX, tolerance: ca.SX) -> ca.SX:
 def _length(parts: dict[str, ca.SX], t_stop: ca.SX, ahead: Ahead | None) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The attempt's length, the time at its end, and whether a limit other than the error has shortened it.
 
-    t_stop  the end of its piece of the run [s]
+    t_stop  the end of the current piece of the run [s]
     """
     import casadi as ca
 
@@ -655,7 +659,7 @@ def _next(
     tries = parts["tries"]
     aim = ca.if_else(
         ca.logic_and(tries >= 1, ca.logic_not(found.inside)), ca.fmax(2 * found.aim - h, 0.5 * h), found.aim
-    )  # to the left of it; the next one is exact from there
+    )  # to the left of it, from which the next secant step is exact
     aim = ca.if_else(tries >= SECANTS, ca.fmin(0.5 * h, aim), aim)
     inside = ca.logic_and(choosing, ca.logic_not(found.at_once))
     choices = parts["choices"]

@@ -1,7 +1,7 @@
-"""Signals and motions with jumps or corners inside solver steps: such a step is split, or its error is reported.
+"""Signals and motions with jumps or corners inside solver steps: such steps are split, or their error is reported.
 
 A method of order p keeps this order as long as the right-hand side is smooth within each step. A jump inside a step causes an
-error of order h, a corner one of order h^2, whatever p is. A jump on the grid causes no error, because a step's last stage uses
+error of order h, a corner one of order h^2, for any p. A jump on the grid causes no error, because a step's last stage uses
 limits from the left. Signals declare their breaks beforehand (``breaks``), and steps are split there. The time at which a control
 saturates, or an estimate reaches the boundary of its known set, is unknown before the run: steps are not split there, and the
 effect is reported.
@@ -29,11 +29,11 @@ ON_GRID_SHARE = 1e-12
 """A break whose distance to the grid is below this fraction of a step is treated as on the grid. No method resolves a smaller
 distance."""
 ON_GRID_ROUNDINGS = 64
-"""The same limit in roundings of the time: instants are products of frequencies, phases and pi, with a few rounding errors
-each."""
+"""The same limit as a number of rounding errors of the time: instants are products of frequencies, phases and pi, with a few
+rounding errors each."""
 MOST_PIECES = 100
-"""Largest number of pieces of a step. A signal with more breaks in the first step is not split: the tables of a kernel call
-would take gigabytes."""
+"""Largest number of pieces of a step. Steps are not split for a signal with more breaks in the first step, because the tables of
+a kernel call would take gigabytes."""
 LONGEST_WINDOW = 1 << 16
 """Steps whose breaks are processed together: up to 50 MB with the largest number of pieces."""
 BEND_ORDER = 2
@@ -43,13 +43,13 @@ _ORDERS = {1: "first", 2: "second", 3: "third", 4: "fourth"}
 
 @dataclass(frozen=True)
 class LostOrder:
-    """The effect of breaks inside steps on a run whose steps are not split there.
+    """The effect of breaks inside steps on a run whose steps are not split at these breaks.
 
     jumps     number of steps inside which the command or a disturbance jumps; None if they are too many to count
-    corners   number of steps without a jump but with a corner of these signals; corners of the motion itself are not counted, see
-              ``lost_along``
-    order     the order in the step that remains in the worst case
-    sentence  the same as a sentence
+    corners   number of steps without a jump but with a corner of these signals; corners of the trajectory are not counted (see
+              ``lost_along``)
+    order     the order of convergence that remains in the worst case
+    sentence  the effect as a sentence
     bends     whether the plant receives corners of the control through a delay, which are interpolated
     """
 
@@ -83,7 +83,7 @@ def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
 def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool, bends: bool = False) -> LostOrder | None:
     """The loss of order of a run, if any. Only the steps of a ``delayed`` loop and those with too many breaks are not split.
 
-    bends  whether the control that the plant receives through a delay has corners, see ``delay.brings_bends``
+    bends  whether the control that the plant receives through a delay has corners, as ``delay.brings_bends`` determines
     """
     order = simulation.solver.order
     if _too_dense(signals, simulation):
@@ -111,7 +111,7 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
 def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: int) -> tuple[Array, Array]:
     """The signal's breaks (K,) inside these steps, and which of them are jumps.
 
-    The signal itself shows which are on the grid: a jump is on the grid if it occurs at the nearest time of the grid.
+    The signal shows which breaks are on the grid: a jump is on the grid if it occurs exactly at the nearest grid time.
     """
     first, last = float(simulation.time(start)), float(simulation.time(stop))
     instants = np.asarray(signal.breaks(first, last), dtype=float)
@@ -126,7 +126,7 @@ def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: in
 def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
     first, second = (float(simulation.time(k)) for k in (0, 1))
     counts = [len(signal.breaks(first, second)) for signal in signals if isinstance(signal, BreakingSignal)]
-    if max(counts, default=0) > 10 * MOST_PIECES:  # whether on the grid or not: this takes seconds for millions of breaks
+    if max(counts, default=0) > 10 * MOST_PIECES:  # on the grid or not: telling them apart takes seconds for millions of breaks
         return True
     return len(breaks_inside(signals, simulation, 0, 1)) >= MOST_PIECES
 
@@ -141,7 +141,7 @@ def _windows(simulation: Simulation) -> Iterator[tuple[int, int]]:
 
 
 def _counted(signals: tuple[Signal, ...], simulation: Simulation) -> tuple[int, int]:
-    """The number of steps with a jump inside, and of those with only a corner."""
+    """The number of steps with a jump inside, and the number of steps with only a corner inside."""
     breaking = [signal for signal in signals if isinstance(signal, BreakingSignal)]
     jumps = corners = 0
     for start, stop in _windows(simulation) if breaking else ():
@@ -168,9 +168,9 @@ PASSED = "the motion passes {} inside steps: second order there"
 def lost_along(
     found: LostOrder | None, loop: ClosedLoop, simulation: Simulation, largest: Array | None, estimates: Array | None = None
 ) -> LostOrder | None:
-    """The loss of order that a run's own motion causes, added to the loss so far.
+    """Add the loss of order that the trajectory of a run causes to the loss so far.
 
-    largest    (M, m) the largest |u_i| of members that share the loop's limits; None if their limits differ
+    largest    (M, m) the largest |u_i| of members that have the same limits; None if their limits differ
     estimates  (K, n) along the run, if they were recorded: a projection has a corner where they reach the known set's boundary
     """
     reached = [largest is None or not (largest[:, i] < _within(path)).all() for i, path in enumerate(loop.paths)]
@@ -187,7 +187,7 @@ def lost_along(
 
 
 def _at_input(path: InputPath, loop: ClosedLoop, saturated: bool) -> Iterator[tuple[int, str]]:
-    """The remaining orders, with sentences. The output of a sampled controller jumps only at samples."""
+    """The remaining orders at the input, with sentences. The output of a sampled controller jumps only at samples."""
     if path.quantum is not None and not loop.sampled:
         yield 1, QUANTISED
     if path.saturation is not None and saturated and not loop.sampled:
@@ -197,14 +197,14 @@ def _at_input(path: InputPath, loop: ClosedLoop, saturated: bool) -> Iterator[tu
 
 
 def _within(path: InputPath | None) -> float:
-    """The bound of |u| below which no saturation is reached."""
+    """The bound on |u| below which no saturation is reached."""
     if path is None or path.saturation is None:
         return np.inf
     return float(np.min(np.abs(path.saturation))) - (path.quantum or 0.0) / 2
 
 
 def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, str]]:
-    """The places at which rates have a corner or jump. The output of a sampled controller has neither between its samples."""
+    """The parts whose rates have a corner or a jump. The output of a sampled controller has neither between its samples."""
     for thing in (loop.plant,) if loop.sampled else (loop.plant, loop.equations):
         for part in _parts(thing):
             if isinstance(part, Bending) and part.bend is not None:

@@ -13,16 +13,16 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import counted
 
 RECORD_COPIES = 5
-"""Number of copies of the record: from the kernel, as columns, joined, and in the result."""
+"""Number of copies of the record: in the kernel, as columns, joined, and in the result."""
 TERM_SECONDS = 3e-8
 """Cost of a sine per step."""
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
 """Cost of a member of an ensemble in addition to its states and steps: reading, columns, evaluation."""
 ATTEMPT_STEPS = 40.0
 """Fixed steps of an ensemble's member that take as long as one attempt with a tolerance, which evaluates the equations 15 times
-and is observed at eight nodes: 30 to 45 for the controllers of Section V over 2 s and 20 s."""
+and is observed at eight nodes; measured: 30 to 45 for the controllers of Section V over 2 s and 20 s."""
 BEGUN_STEPS = 1e5
-"""Fixed steps that take as long as the beginning and the end of such a run, 1 ms."""
+"""Fixed steps that take as long as the beginning and the end of such a run, which take 1 ms."""
 
 JUDGED_COMPONENT, JUDGED_INPUT, JUDGED_COPIES = 3, 10, 4
 """Largest number of rows of the judge's memory for each component of the error and each input, and the number of copies of
@@ -30,7 +30,7 @@ each row."""
 
 
 def require_states(loop: ClosedLoop) -> None:
-    """InputError, before its equations are traced, for a loop with too many states."""
+    """Raise InputError for a loop with too many states, before its equations are traced."""
     dense, size = _plant_states(loop), loop.size
     budget.require(
         "the closed loop", size, lambda states: budget.of_kernel(states, dense), given=f"has {counted(size, 'state')}, and "
@@ -40,7 +40,7 @@ def require_states(loop: ClosedLoop) -> None:
 
 
 def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
-    """InputError, before anything is traced, for parallel recorded runs with too many points or too many steps."""
+    """Raise InputError for parallel recorded runs with too many points or steps, before anything is traced."""
     made, steps = _made(loops), simulation.steps
 
     def room(points: float) -> Estimate:
@@ -62,7 +62,7 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
 
 
 def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
-    """Raise InputError with the number of controllers that fit, if their kernels alone exceed the budget."""
+    """Raise InputError, with the number of controllers that fit, if the kernels alone exceed the budget."""
     points = min(simulation.steps, simulation.record_points)
 
     def cost(count: float) -> Estimate:
@@ -76,7 +76,7 @@ def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simula
 
 
 def steps_within(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation, most: int) -> int:
-    """Steps of a further run, at most ``most``, that the budget allows; 0 if it allows none."""
+    """The number of steps of a further run, at most ``most``, that the budget allows; 0 if it allows none."""
 
     def fits(steps: int) -> bool:
         points = min(steps, simulation.record_points)
@@ -106,8 +106,8 @@ def steps_like(attempts: float) -> float:
 
 
 def steps_of(simulation: Simulation) -> float:
-    """The steps of a study's runs; with a tolerance, the fixed steps that take as long as the largest expected number of
-    attempts, at least one for twice the resolution."""
+    """The steps of a study's runs. With a tolerance, the number of fixed steps that take as long as the largest expected number
+    of attempts, which is at least one for every two steps of the resolution."""
     return simulation.steps if simulation.tolerance is None else steps_like(simulation.t_end / (2 * simulation.resolution))
 
 

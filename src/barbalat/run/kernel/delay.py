@@ -1,10 +1,10 @@
-"""The exact input delay on a fixed grid: the values that a step stores, those that a step needs, and their combination.
+"""The exact input delay on a fixed grid: the values that a step stores, the values that a step needs, and how these are combined.
 
 For each input a step stores two values: at its start, and at its end with the signals' limits from the left. The difference
 between the end of one step and the start of the next is a jump of the input: from a command, a sampled controller, a noisy
 measurement, or the history before t = 0. No interpolation crosses a jump. The delayed input of a step is the cubic through four
 neighbouring values with the jumps removed, whose error is of fourth order in the step, like that of RK4; the jump inside the step
-is represented by stage values with its moments, see ``jump_weights``.
+is represented by stage values that match its moments (see ``jump_weights``).
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     import casadi as ca
 
 MOST_DELAY_STEPS = 10_000_000
-"""Largest number of steps that a member may store: 160 MB each."""
+"""Largest number of steps that a member may store, which take 160 MB."""
 
 CHANNELS_PER_INPUT = 2
 """The stored values of each input: at a step's start and at its end."""
 
 
 class DelayTooShortError(InputError):
-    """A delay between 0 and one solver step: ``delay`` and ``dt`` [s]; every dt up to ``delay`` is possible."""
+    """A delay between 0 and one solver step: ``delay`` and ``dt`` [s]; any dt up to ``delay`` is possible."""
 
     def __init__(self, delay: float, dt: float) -> None:
         super().__init__(
@@ -99,7 +99,8 @@ def whole_steps(delay: float, dt: float) -> int:
 
 
 def brings_bends(loop: ClosedLoop) -> bool:
-    """Whether a delayed loop's past has corners, across which ``weights`` interpolates: u has a corner at t = 0, where it begins.
+    """Whether the past of a delayed loop has corners, across which ``weights`` interpolates: u has a corner at t = 0, where it
+    begins.
 
     The output of a sampled controller has only jumps, which the weights reproduce, if nothing after it has memory.
     """
@@ -108,12 +109,12 @@ def brings_bends(loop: ClosedLoop) -> bool:
 
 
 def weights(delay: float, dt: float, solver: Tableau, *, fused: bool = True) -> Array:
-    """(nodes, channels times taps of an input): the factors of the values at the starts of stored steps, then of those at their
-    ends, newest first.
+    """(nodes, channels times taps of an input): the factors of the values at the starts of stored steps, followed by the factors
+    of the values at their ends, newest first.
 
     With d = floor(delay/dt) and the remaining fraction f, step k receives the last part f of step k - d - 1 and then the first
     part 1 - f of step k - d. The cubic uses the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2.
-    Without fused multiply-adds they are computed by an operation list, as in a page, if a step has two parts.
+    Without fused multiply-adds and if a step has two parts, the weights are computed by an operation list, as in a page.
     """
     fraction = max(delay / dt - whole_steps(delay, dt), 0.0)
     if fraction * dt <= 1e-9 * delay:

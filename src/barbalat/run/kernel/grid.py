@@ -40,7 +40,7 @@ class Segment:
 def segments_of(simulation: Simulation, *, recorded: bool) -> Iterator[Segment]:
     """The run divided into kernel calls; no block contains the tail's start in its interior, so metrics of the tail are exact.
 
-    A recorded run has one block between two recorded instants; any other has one for each call.
+    A recorded run has one block between two recorded instants; any other run has one block for each call.
     """
     length = min(max(1, round(simulation.steps / simulation.record_points)), CHUNK_STEPS) if recorded else CHUNK_STEPS
     per_chunk = max(1, CHUNK_STEPS // length)
@@ -61,7 +61,7 @@ class StepPiece(NamedTuple):
     """The last entries of a row of the table, which describe a piece of a step.
 
     length        in steps
-    begins, ends  1 if the piece begins a step, or ends one; else 0. The kernel reads them at a row's end
+    begins, ends  1 if the piece begins or ends a step, otherwise 0. The kernel reads these entries at the end of a row
     """
 
     length: Value
@@ -75,7 +75,7 @@ WHOLE_STEP = StepPiece(1.0, 1.0, 1.0)
 def signal_table(
     signals: tuple[Signal, ...], simulation: Simulation, start: int, steps: int, *, in_pieces: bool = False
 ) -> Array:
-    """Values for each step and stage: (steps, nodes * signals), the signals of the first node first.
+    """Values for each step and stage, (steps, nodes * signals); the signals of the first node come first.
 
     A step's last node uses the limit from the left, so a jump on the grid belongs entirely to the next step. With
     ``in_pieces`` each step is split where a signal breaks: a row for each piece, with its ``StepPiece`` after the signals.
@@ -112,7 +112,7 @@ def _rows(signals: tuple[Signal, ...], simulation: Simulation, start: int, steps
 
 
 def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, StepPiece]:
-    """The grid t [s] and k, in steps, with the breaks inserted into both; and the pieces in between."""
+    """The grid, t [s] and k in steps, with the breaks inserted into both, and the pieces in between."""
     step = np.searchsorted(t, breaks, side="right") - 1
     places = k[step] + (breaks - t[step]) / (t[step + 1] - t[step])
     on_grid = np.insert(np.ones(len(t)), step + 1, 0.0)

@@ -2,7 +2,7 @@
 
 A limiter either follows its demand or moves towards it at its limit. It becomes active when the demand jumps or changes faster
 than the limit, and inactive when it has reached the demand again; steps end at both instants. While it is inactive, its output
-has the rate of the demand along the motion.
+changes at the rate of the demand.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ SAME = 32 * 2.0**-52
 class Limiters:
     """All limiters of a loop at one instant, (L,) each.
 
-    outputs  of the limiters; demands are what they follow, and speeds the rates of the demands [1/s]
-    limits   of the rates [1/s]
+    outputs  outputs of the limiters; ``demands`` are their inputs, and ``speeds`` the rates of the demands [1/s]
+    limits   limits of the rates [1/s]
     """
 
     outputs: ca.SX
@@ -33,8 +33,8 @@ class Limiters:
     limits: ca.SX
 
     def conditions(self, choices: ca.SX | None) -> list[Condition]:
-        """For each limiter, whether it moves upwards at its limit, and whether downwards; with ``choices`` (2 L,), whether it
-        continues to."""
+        """For each limiter, whether it moves upwards at its limit, and whether it moves downwards at its limit; with ``choices``
+        (2 L,), whether it continues to do so."""
         import casadi as ca
 
         found = []

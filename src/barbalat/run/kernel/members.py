@@ -1,4 +1,4 @@
-"""Members of one structure, read one after another: the data of their shared kernel, and the numbers of each."""
+"""Members of one structure, read one after another: the data of their shared kernel, and the numbers of each member."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """The kernel of M members and its data: weights and lags of the delay, history, streams of noise, rhythm.
+    """The kernel of M members and its data: weights and lags of the delay, history, noise streams, rhythm.
 
-    loop     the first member's; states (size, M), parameters (p, M)
+    loop     the loop of the first member; states (size, M), parameters (p, M)
     lags     (M,) for a step with a delay, see ``delay.lag``; with a tolerance, delays (M,) [s] replace them
     history  (m, M) for a step with a delay: the value of each of its m inputs before t = 0
     seeds    (M,) and numbers (M,) for a step with noise: the stream of each member
-    attempts    for steps by a tolerance, if there is one, and observed ones; the program is then the observer's, with
+    attempts    for steps by a tolerance: attempts that are observed. The program is then that of the observer, with
                 ``remembered`` stored entries
-    windows  largest number of windows of the run for which the kernel of a single member keeps the monitored quantity; 0 if it
-             monitors nothing, as for a large loop
+    windows  largest number of windows of the run for which the kernel of a single member keeps the monitored quantity; 0 if the
+             kernel monitors nothing, as for a large loop
     """
 
     loop: ClosedLoop
@@ -63,7 +63,7 @@ class Members:
     remembered: int = 0
 
     def driven_by(self, signals: tuple[Signal, ...]) -> Members:
-        """The members with these signals, which with a tolerance are part of the attempts."""
+        """The members with these signals. With a tolerance, signals are part of the attempts."""
         if self.attempts is None or signals == self.signals:
             return self
         assert self.observed is not None
@@ -86,13 +86,13 @@ class Members:
 
         adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so one kernel serves them all. A step
                     takes 6 to 9 % longer and differs in the last bits; use it for sweeps over these quantities. Without fused
-                    multiply-adds it is always set, and the members' numbers are arguments too, so no bit depends on which of them
+                    multiply-adds it is always set, and the members' numbers are arguments too, so no bit depends on which numbers
                     vary
         watched     the judge's quantities to be kept; None for runs without a judge
         first       the beginning of messages about the first member; other members are named by their numbers
         taken       called regularly with the number of members read so far
 
-        Raises InputError, with the member's number, if one can't be used or has a different structure than the first.
+        Raises InputError, with the member's number, if a member can't be used or differs in structure from the first.
         """
         given = iter(members)
         one = next(given)
@@ -120,7 +120,7 @@ class Members:
         return int(self.states.shape[1])
 
     def some(self, which: slice | Array) -> Members:
-        """Some of the members, which may be repeated, with the same kernel."""
+        """Some of the members, with the same kernel; members may be repeated."""
         return replace(
             self,
             states=self.states[:, which],
@@ -133,13 +133,13 @@ class Members:
         )
 
     def watch(self) -> Watch | None:
-        """The windows in which the kernel of one member keeps the monitored quantity; None if there is none."""
+        """The windows in which the kernel of one member keeps the monitored quantity; None if it keeps none."""
         steps = self.simulation.steps
         return Watch(self.program.shape.states, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
 
 
 class OtherRhythmError(InputError):
-    """A member whose samples or noise have other periods than the first member's."""
+    """The samples or the noise of a member have different periods than those of the first member."""
 
 
 TOLD_EVERY = 1000
@@ -152,7 +152,7 @@ class Reader:
 
     simulation: Simulation
     adjustable: bool
-    problem: TrackingProblem  # the first member's, with its controller and its loop
+    problem: TrackingProblem  # data of the first member, with its controller and its loop
     controller: Controller
     loop: ClosedLoop
     rhythm: Rhythm
@@ -200,13 +200,13 @@ class Reader:
         return replace(self, bind=Bindings(), columns=columns, initial=initial, weights=weights, known_delays={}, **firsts)
 
     def add(self, problem: TrackingProblem, controller: Controller) -> None:
-        """InputError or StructureError for a member that can't be combined with the first."""
+        """Add a member; raises InputError or StructureError if it can't be combined with the first."""
         if problem.signals != self.problem.signals:
             raise InputError(f"all members must share their signals, but this one has {validate.show(problem.signals)}")
         self.take(problem, controller)
 
     def take(self, problem: TrackingProblem, controller: Controller, equations: Any = None) -> None:
-        """Read a member, whatever its signals, with its equations if they are known; errors as in ``add``."""
+        """Read a member with any signals, using its equations if they are already known. The errors are those of ``add``."""
         loop = ClosedLoop.of(problem, controller, bind=self.bind if equations is None else lambda _, __: equations)
         noise, first_noise = problem.noise, self.problem.noise
         if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
@@ -222,7 +222,7 @@ class Reader:
             self.weights.add(weights)
 
     def _apart(self, problem: TrackingProblem) -> Array | None:
-        """Store what is not part of the loop; returns the weights of the delay."""
+        """Store what is not part of the loop; return the weights of the delay."""
         self.delays.append(problem.delay)
         if problem.noise is not None:
             self.seeds.append(problem.noise.seed)
@@ -243,16 +243,16 @@ class Reader:
         return self.known_delays[time]
 
     def arguments(self) -> Array:
-        """(N,) truth values: which numbers of a member are passed to the kernel."""
+        """(N,) which numbers of a member are passed to the kernel."""
         return argument_numbers(self.columns, opened=not self.simulation.fused)
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
-        """(p, M) the numbers selected by ``which``; StructureError if members differ in others beyond rounding."""
+        """(p, M) the numbers selected by ``which``; StructureError if members differ in other numbers by more than rounding."""
         found = self.columns.chosen(which, rounding)
         return with_grid(found, self.simulation.dt, self.weights) if self.adjustable else found
 
     def members(self, windows: int, *, many_delays: bool = False) -> Members:
-        """The members that were read; with ``many_delays`` the kernel uses each member's own delay even if all are equal."""
+        """The members that were read; with ``many_delays`` the delays are arguments of the kernel even if all are equal."""
         windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
         simulation, signals, which = self.simulation, self.problem.signals, self.arguments()
         if simulation.tolerance is not None:
@@ -320,7 +320,7 @@ class Reader:
         return program if self.watched is None else program.judged(loop, self.watched, dt, column)
 
     def _traced_by(self, which: Array, how: dict[str, bool], *more: Hashable) -> Hashable | None:
-        """Everything on which the step's program depends: the structure and the numbers that are not arguments."""
+        """Everything on which the step's program depends: the structure, and the numbers that are not arguments."""
         member: Member = self.columns.first
         if comes_from_outside(member.loop):  # a function from outside may depend on anything
             return None

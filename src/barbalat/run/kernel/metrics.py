@@ -26,8 +26,8 @@ _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0
 
 
 def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value:
-    """The quantity of a flat state that is compared with that limit. Other integrated quantities may be large because of their
-    unit or by design (u^2, a covariance)."""
+    """The quantity of a flat state that is compared with DIVERGENCE_LIMIT. Other integrated quantities may be large because of
+    their unit or by design (u^2, a covariance)."""
     state = loop.unpack(flat)
     fed_back = (outputs.y, outputs.e) if outputs.y.shape[0] else (state.x, state.x_m, loop.theta_hat(state.controller))
     first, *others = (np.sum(np.abs(part)) for part in fed_back)
@@ -38,10 +38,10 @@ def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value
 class Accumulators:
     """The accumulators of a loop with n components of e and of theta_hat, in kernel order: (quantity, operation, entries).
 
-    e, u, theta_hat: extrema over the instants 0...N; e^2: sum over them; |change of theta_hat|: sum over the steps. "alive" is
-    1 until the first diverged step of a block; "steps" counts the steps before it. If a step is made in pieces, the instants
-    inside
-    it count for the extrema and for the change, but not for the sum of squares, which weights all steps equally.
+    For e, u and theta_hat: extrema over the instants 0...N. For e^2: the sum over these instants. For |change of theta_hat|: the
+    sum over the steps. "alive" is 1 until the first diverged step of a block; "steps" counts the steps before it. If a step is
+    made in pieces, the instants inside it count for the extrema and for the change, but not for the sum of squares, in which all
+    steps have the same weight.
     """
 
     errors: int
@@ -85,12 +85,12 @@ class Accumulators:
         ends: Value = 1.0,
         turning: dict[str, Value] | None = None,
     ) -> Value:
-        """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|.
+        """The accumulators after one step; ``outputs`` are the outputs at its start, and ``moved`` is |change of theta_hat|.
 
-        ``size`` is the ``divergence_measure`` after it.
+        ``size`` is the ``divergence_measure`` after the step.
 
-        After a piece of a step: ``begins`` is 1 for its first, ``ends`` 1 for its last piece, else 0. ``begins`` weights the
-        squares; ``turning`` has further values that count for the extrema.
+        The accumulators after a piece of a step: ``begins`` is 1 for the first piece and ``ends`` is 1 for the last piece,
+        otherwise 0. ``begins`` weights the squares; ``turning`` has further values that count for the extrema.
         """
         at = self.slices()
         good = np.where(size <= DIVERGENCE_LIMIT, 1.0, 0.0)
@@ -115,11 +115,11 @@ class Accumulators:
 
 @dataclass(frozen=True, eq=False)
 class Metrics:
-    """Figures of a run or of an ensemble: every array has the members' axis first, (M, ...).
+    """Metrics of a run or of an ensemble: every array has the members' axis first, (M, ...).
 
     max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs; theta_hat_final, theta_hat_tail_min,
     theta_hat_tail_max, theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other
-    metrics of a run that diverged are NaN. max_abs_y (M,) where the output is measured, else None. The tail is the last quarter
+    metrics of a run that diverged are NaN. max_abs_y (M,) if the output is measured, otherwise None. The tail is the last quarter
     of [0, t_end].
     """
 
@@ -145,7 +145,7 @@ class Metrics:
         return Metrics(**{name: None if values is None else values[which] for name, values in vars(self).items()})
 
     def columns(self) -> dict[str, Array]:
-        """(M,) metrics under the names of ``run --json``, a component in brackets."""
+        """(M,) metrics under the names of ``run --json``, with the component in brackets."""
         found: dict[str, Array] = {}
         for name, values in vars(self).items():
             if values is None:

@@ -1,8 +1,8 @@
-"""Attempts with an observer in the same kernel: each successful one adds its nodes to its member's metrics and to the judge's
-memory.
+"""Attempts with an observer in the same kernel: each successful attempt adds its nodes to the metrics of its member and to the
+judge's memory.
 
-Parallel members then run from beginning to end inside the kernel. The operations at the nodes and their operands are those of a
-single run's observer, so the results agree bit for bit.
+Parallel members then run from beginning to end inside the kernel. The operations at the nodes and their operands are those of the
+observer of a single run, so the results agree bit for bit.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     pass
 
 NODES_EACH_STEP = 8
-"""Least number of nodes per step, an even number; a step covers some 1.5 rad of the fastest oscillation."""
+"""Least number of nodes per step, an even number; a step covers about 1.5 rad of the fastest oscillation."""
 WITHIN = 0.9
-"""Largest distance between nodes, as a fraction of that between recorded instants."""
+"""Largest distance between nodes, as a fraction of the distance between recorded instants."""
 STATE, ACCUMULATORS, _, SIGNALS = range(4)
-"""Arguments of a step's list."""
+"""Arguments of the operation list of a step."""
 
 Places = tuple[int, ...]
 """Positions of values among the operations."""
@@ -38,13 +38,14 @@ Places = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Observed:
-    """The kernel of attempts whose nodes are observed; its state is that of the attempts, followed by the parts of ``places``.
+    """The kernel of attempts whose nodes are observed. Its state is the state of the attempts, followed by the parts of
+    ``places``.
 
-    A call of its step observes up to NODES_EACH_STEP nodes. A step with more nodes takes further calls, in which no step is
-    attempted.
+    A call of the kernel's step observes up to NODES_EACH_STEP nodes. A step with more nodes takes further calls, in which no step
+    is attempted.
 
     observer  the observer of the nodes
-    dt        interval between two recorded instants [s]; steps is the number of intervals up to t_end [s]
+    dt        interval between two recorded instants [s]; ``steps`` is the number of intervals up to t_end [s]
     """
 
     attempts: Attempts
@@ -59,7 +60,7 @@ class Observed:
         return cls(attempts, observer, grid.dt, grid.steps, grid.t_end)
 
     def of_attempts(self, attempts: Attempts) -> Observed:
-        """This kernel for other attempts, whose signals may differ."""
+        """This kernel for different attempts, whose signals may differ."""
         found = replace(self, attempts=attempts)
         if attempts.signals.formulas == self.attempts.signals.formulas:
             vars(found).update(self.traced)
@@ -72,16 +73,16 @@ class Observed:
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """The rows of each part of the state after those of the attempts.
+        """The rows of each part of the state that follows the state of the attempts.
 
-        kept      the judge's memory and the observer's
+        kept      memory of the judge and of the observer
         figures   the accumulators
-        apart     1 if new figures begin with the next step
-        joins     whether the last step ended smoothly, and before, the weight of its end
+        apart     1 if new metrics begin with the next step
+        joins     whether the last step ended smoothly; ``before`` is the weight of its end
         waits     1 if the last node awaits the state that follows it: its time, weight, whether the motion is smooth there, the
                   signals and the state
         observed  number of nodes of a step that are already observed; 0 between steps
-        written   by that step, and piece, the row of its piece
+        written   row written by that step; ``piece`` is the row of its piece
         """
         loop, accumulators = self.attempts.loop, self.observer.accumulators
         assert accumulators is not None
@@ -102,7 +103,7 @@ class Observed:
         return int(self.attempts.carried.places[name].start)
 
     def initial(self, attempts: np.ndarray) -> np.ndarray:
-        """(size,) at t = 0, for this state of the attempts."""
+        """(size,) the state at t = 0, for this state of the attempts."""
         assert self.observer.accumulators is not None
         memory, at = self.observer.memory, self.places
         found = np.zeros(self.size)
@@ -155,7 +156,7 @@ class Observed:
         return drop_dead(Program(tuple(line.operations), (outputs, (), *record)))
 
     def _seen(self, line: _Line, due: int, state: Places, figures: Places, row: Sequence[int]) -> tuple[Places, Places]:
-        """The memory and the metrics: after the node if it is ``due``, otherwise unchanged."""
+        """The memory and the metrics after the node if it is ``due``; otherwise unchanged."""
         size = self.attempts.loop.size
         values = {(STATE, i): place for i, place in enumerate(state)}
         values |= {(ACCUMULATORS, i): place for i, place in enumerate(figures)}
@@ -166,7 +167,8 @@ class Observed:
     def _step(
         self, line: _Line, old: Mapping[str, Places], written: Places, piece: Places, times: tuple[Places, Places]
     ) -> _Step:
-        """The observations of a call for the step that has ``written``; ``times`` are those before and after the attempt [s]."""
+        """The observations of a call for the step that has ``written``; ``times`` are the times before and after the attempt
+        [s]."""
         values = (*written[:3], *(place for name in ("observed", "joins", "before", "time") for place in old[name]))
         found = line.add(self._rows(), {(0, i): place for i, place in enumerate((*values, *times[0], *times[1]))})
         shares, instants, weights, smooth, due, last, lengths, alone = found
@@ -194,7 +196,7 @@ class Observed:
         )  # fmt: skip
 
     def _rows(self) -> Program:
-        """From the step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and
+        """Compute, from the step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and
         ``before``, the time of the waiting node, and the times before and after the attempt [s]: the data that a single run
         writes for its nodes besides signals and states, and the nodes that are due."""
         import casadi as ca
@@ -231,9 +233,9 @@ class Observed:
 
     @cached_property
     def _end(self) -> Program:
-        """The data that a single run writes for its nodes in addition to signals and states, and the nodes that are due; from the
-        step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and ``before``, the time of the
-        waiting node, and the times before and after the attempt [s]."""
+        """The data that a single run writes for its nodes in addition to signals and states, and the nodes that are due. The
+        arguments are the step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and
+        ``before``, the time of the waiting node, and the times before and after the attempt [s]."""
         import casadi as ca
 
         states = self.attempts.loop.size
@@ -242,7 +244,8 @@ class Observed:
 
     @cached_property
     def _driving(self) -> Program:
-        """The signals at a time, from the row of its piece. The delay's output is zero there, because no output depends on it."""
+        """The signals at a time, from the row of its piece. The output of the delay is zero there, because no output depends on
+        it."""
         import casadi as ca
 
         attempts = self.attempts
@@ -265,12 +268,12 @@ class _Node(NamedTuple):
 class _Step(NamedTuple):
     """The nodes that a call observes.
 
-    due, following, lengths  of each node: whether it counts, and the state at the next node and the time to it
+    due, following, lengths  for each node: whether it counts, the state at the next node, and the time to the next node
     left           the waiting node and the data for the next step, if the call has finished its step (``ready``)
     since_waiting  the time from the node that waited to the beginning of the attempt
     first          whether the call begins with the step's first node
     active         whether there is a step
-    observed       number of its nodes that are observed then
+    observed       number of its nodes that are then observed
     """
 
     nodes: list[_Node]
@@ -304,10 +307,10 @@ class _Line:
         return self._appended([Operation("constant", value=value) for value in values])
 
     def add(self, program: Program, inputs: Mapping[tuple[int, int], int]) -> tuple[Places, ...]:
-        """The outputs of a list whose inputs are the given values or the kernel's arguments."""
+        """Append a list whose inputs are the given values or arguments of the kernel; return its outputs."""
         return append(self.operations, program, inputs)
 
     def select(self, condition: int, values: Sequence[int], others: Sequence[int]) -> Places:
-        """The values if the condition holds, else the others."""
+        """Select the first values if the condition holds, otherwise the others."""
         pairs = zip(values, others, strict=True)
         return self._appended([Operation("select", (condition, value, other)) for value, other in pairs])

@@ -1,8 +1,8 @@
 """Computes the metrics and the judge's memory of a motion with dense output, from nodes of that output.
 
-The kernel is an ordinary one with steps in pieces: a piece is between two nodes, and a step between two recorded instants. If a
-quantity has an extremum between nodes, it is taken from the parabola through three nodes without a corner or jump in between;
-squares are integrated by Simpson's rule over the nodes of each integration step.
+The kernel is an ordinary kernel with steps in pieces: a piece extends between two nodes, and a step between two recorded
+instants. An extremum between nodes is taken from the parabola through three nodes without a corner or jump in between; squares
+are integrated by Simpson's rule over the nodes of each integration step.
 """
 
 from __future__ import annotations
@@ -26,18 +26,19 @@ from barbalat.run.kernel.step import StepProgram, accumulators_of
 PIECE = 3
 """Entries at the end of a row that describe the piece of a step: its length, and whether it begins or ends a step."""
 HELD_BACK = 1e-3
-"""A limiter counts as active if it moves at its limit for longer than this fraction of the time between two recorded instants."""
+"""A rate limiter counts as active if it moves at its limit for longer than this fraction of the time between two recorded
+instants."""
 OBSERVED = ("e", "u", "theta_hat", "y")
 """The signals whose extrema are kept."""
 
 
 class NodeRow(NamedTuple):
-    """A row of the table: the signals at a node, the state at the next one, and the node's weights.
+    """A row of the table: the signals at a node, the state at the next node, and the node's weights.
 
-    weight  of the squares at the node, in steps
-    smooth  1 if the motion has no corner at the node, -1 if it is the end of a piece: the motion from there to the next node,
-            which begins at the same instant, belongs to the next node's metrics
-    apart   1 if everything before it belongs to other metrics
+    weight  weight of the squares at the node, in steps
+    smooth  1 if the trajectory has no corner at the node, -1 if the node ends a piece: the motion from there to the next node,
+            which is at the same instant, belongs to the metrics of the next node
+    apart   1 if everything before the node belongs to other metrics
     """
 
     signals: Value
@@ -61,8 +62,8 @@ def row_length(loop: ClosedLoop) -> int:
 
 
 class Turn(NamedTuple):
-    """The stored data of the previous two nodes: the quantities (Q,) at each, the time from each to the next, and whether each
-    is smooth. All zeros at the start."""
+    """The stored data of the previous two nodes: for each node the quantities (Q,), the time to the next node, and whether the
+    node is smooth. All zeros at the start."""
 
     last: Value
     before: Value
@@ -78,11 +79,11 @@ class Turn(NamedTuple):
         return cls(flat[:count], flat[count : 2 * count], *flat[2 * count :])
 
     def vertex(self, now: Value, smooth_now: Value) -> tuple[Value, Value]:
-        """The quantities' extrema near the last node, or their present values if there are none, and by how much an extremum
-        exceeds the values at the nodes.
+        """The extrema of the quantities near the last node, or the present values without an extremum, and by how much an
+        extremum exceeds the values at the nodes.
 
-        An extremum between the last node and a node that is not smooth, at which a piece begins or ends, is not taken from a
-        parabola around the latter.
+        For an extremum between the last node and a node that is not smooth (where a piece begins or ends), the parabola around
+        the latter node is not used.
         """
         first = (self.last - self.before) / np.where(self.since_before > 0, self.since_before, 1.0)
         second = (now - self.last) / np.where(self.since_last > 0, self.since_last, 1.0)
@@ -99,7 +100,7 @@ class Turn(NamedTuple):
 
 
 def _where(condition: Value, other: Value) -> Value:
-    """1 if both conditions hold, else 0."""
+    """1 if both conditions hold, otherwise 0."""
     return np.where(condition, 1.0, 0.0) * np.where(other, 1.0, 0.0)
 
 

@@ -1,8 +1,8 @@
-"""The delay at a plant's input if steps follow from a tolerance: each step leaves a record, which later steps read.
+"""The delay at a plant's input if steps follow from a tolerance: each step leaves a record that later steps read.
 
-A record contains the delay's input during its step as a polynomial, so the delay is as exact as the dense output of the
-motion. Every event recurs one delay later, smoother by one derivative if the control depends continuously on the plant's state.
-Steps end at these instants, up to the derivatives that the order of the method resolves.
+A record contains the delay's input during its step as a polynomial, so the delay is as exact as the dense output of the motion.
+Every event recurs one delay later. It is then smoother by one derivative, if the control depends continuously on the plant's
+state. Steps end at these instants, up to the derivatives that the order of the method resolves.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     import casadi as ca
 
 RECORDS = 4
-"""Number of successive records that a step reads: no step is longer than this many steps of one delay earlier."""
+"""Number of successive records that a step reads: no step is longer than this many of the steps made one delay earlier."""
 PLACES = (1 - np.cos(np.pi * np.arange(8) / 7)) / 2
 """Fractions of a step at which the polynomial equals the delay's input; its order is that of the dense output."""
 COEFFICIENTS = np.linalg.inv(np.vander(2 * PLACES - 1, increasing=True))
-"""(8, 8) from these values to coefficients of powers of the position in the step, from -1 to 1."""
+"""(8, 8) matrix from these values to coefficients of powers of the position in the step, which runs from -1 to 1."""
 SMOOTH_LEVEL = 8.0
 """A jump in this derivative of the delay's input, or in a higher one, does not disturb the method; 0 is the control
 itself."""
@@ -44,7 +44,7 @@ class Record(NamedTuple):
     begins, ends  the step [s]
     level         the lowest derivative that jumps at its end
     rate          1 / (ends - begins); 0 for the record of the history, which is constant
-    coefficients  (k m,) of the polynomials, k for each input in turn
+    coefficients  (k m,) coefficients of the polynomials, k for each input in turn
     """
 
     begins: ca.SX
@@ -58,7 +58,7 @@ class Ahead(NamedTuple):
     """The limits that the records set for a step.
 
     meets  the next instant [s] at which the delay's output is not smooth, and its level
-    most   the latest end of the step [s]
+    most   latest admissible end of the step [s]
     """
 
     meets: ca.SX
@@ -70,7 +70,7 @@ class Ahead(NamedTuple):
 class DelayedInput:
     """The records of a loop with ``inputs`` inputs behind a delay.
 
-    held  whether the control changes only at samples: it is then constant within a step and known until the next sample
+    held  whether the control changes only at samples; it is then constant within a step and known until the next sample
     """
 
     inputs: int
@@ -78,12 +78,12 @@ class DelayedInput:
 
     @classmethod
     def of(cls, loop: ClosedLoop) -> DelayedInput | None:
-        """None for a loop without a delay."""
+        """The records of a loop; None without a delay."""
         return cls(loop.inputs, not brings_bends(loop)) if loop.delayed else None
 
     @property
     def each(self) -> int:
-        """Coefficients of an input."""
+        """Number of coefficients of an input."""
         return 1 if self.held else len(PLACES)
 
     @property
@@ -96,7 +96,7 @@ class DelayedInput:
         return Recalled(self.width, RECORDS, first, last)
 
     def beginning(self, history: Array) -> Array:
-        """(1, width) the record before t = 0, for a history (m,)."""
+        """(1, width) the record of the time before t = 0, for a history (m,)."""
         coefficients = np.zeros((self.inputs, self.each))
         coefficients[:, 0] = history
         return np.concatenate([[-1.0, 0.0, 0.0, 0.0], coefficients.reshape(-1)])[None]
@@ -170,8 +170,8 @@ class DelayedInput:
 
 
 def with_room(records: Array, first: Array, last: Array, steps: int) -> tuple[Array, Array]:
-    """Each member's records (W, R, width) from number ``first`` (W,) up to ``last`` (W,), with space for those of further steps,
-    and the number of records omitted before them (W,).
+    """The records (W, R, width) of each member from number ``first`` (W,) up to ``last`` (W,), with space for further records,
+    and the number of omitted earlier records (W,).
 
     Raises InputError if they don't fit into the budget.
     """

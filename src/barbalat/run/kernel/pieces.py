@@ -25,7 +25,7 @@ AT_AN_END = 1e-9
 class Pieces:
     """The events of a loop over time.
 
-    noise   the measurement's noise; None if there is none, or if it is left out
+    noise   the measurement's noise; None without noise, or if it is omitted
     number  the stream of that noise
     until   end of the run [s], after which signals are held and there is no jitter
     """
@@ -39,7 +39,7 @@ class Pieces:
         """(K, count) rows of the pieces of [kept[0], kept[-1]], followed by the end; the times ``kept`` (k,) [s] are kept
         exactly.
 
-        values           values at which the signals are held; None if they continue
+        values           values at which the signals are held; None if the signals continue
         sampled_already  whether a sample at the beginning has already been taken
         """
         signals = self.attempts.signals
@@ -67,7 +67,7 @@ class Pieces:
         return calls[(calls >= first - within) & (calls <= last + within)]
 
     def noise_at(self, times: Array, before: Array | bool = False) -> Array:
-        """(K, channels) the measurement's noise from these times (K,) [s] on, or up to them if ``before`` (K,) is true."""
+        """(K, channels) the measurement's noise after these times (K,) [s], or before them where ``before`` (K,) is true."""
         channels = self.attempts.loop.signals.noise
         if self.noise is None or not channels:
             return np.zeros((len(times), channels))
@@ -99,7 +99,7 @@ def require_within(field: str, period: float, t_end: float) -> None:
 
 
 def _multiples(period: float, first: float, last: float) -> Array:
-    """The multiples of a period [s], none of them negative, from ``first`` to ``last`` [s]."""
+    """The nonnegative multiples of a period [s] from ``first`` to ``last`` [s]."""
     return period * np.arange(max(np.ceil(first / period - AT_AN_END), 0.0), np.floor(last / period + AT_AN_END) + 1)
 
 

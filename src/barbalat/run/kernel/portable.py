@@ -1,7 +1,7 @@
 """Signals, outputs and noise of a run, computed outside its kernel, bit for bit the same on every computer.
 
-They use the operation lists of the kernels: NumPy's own sine, like the C library's, depends in its last bits on the library and
-on the processor's instructions.
+They use the operation lists of the kernels: the last bits of NumPy's sine, like those of the C library's, depend on the library
+and on the processor's instructions.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LIST_NAMES: dict[np.ufunc, str] = {
 
 
 def instants(simulation: Simulation, step: Array | float) -> Array:
-    """The times [s] of steps, or of fractions between two, in the form that signals receive."""
+    """The times [s] of steps, or of fractions between two steps, in the form that signals receive."""
     return run_times(simulation, simulation.time(step))
 
 
@@ -36,7 +36,7 @@ def run_times(simulation: Simulation, t: Array) -> Array:
 
 
 def at_instants(function: casadi.Function, simulation: Simulation, *columns: Array) -> list[Array]:
-    """The results (rows, K) of a function of columns, at K instants of a run."""
+    """The results (rows, K) of a function of columns at K instants of a run."""
     if simulation.fused:
         return [np.asarray(value) for value in function.call(list(columns))]
     return tabulator(function)(*columns)
@@ -76,11 +76,11 @@ def _portable(found: Any) -> Any:
 
 
 NUMBERS_PER_BLOCK = 4
-"""Numbers per count of a Philox counter."""
+"""Number of random numbers per count of a Philox counter."""
 
 
 def standard_normal(seed: int, member: int, first: int, rows: int, channels: int) -> Array:
-    """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels).
+    """Rows ``first`` to ``first + rows - 1`` of a member's standard Gaussian numbers, (rows, channels).
 
     They are computed by the operation list that pages also use. It does not call a library's logarithm, so its bits are the same
     on every computer.
@@ -96,7 +96,7 @@ def standard_normal_at(seed: int, member: int, rows: Array, channels: int) -> Ar
 
 def _drawn(seed: int, member: int, parts: Sequence[tuple[int, int]], channels: int) -> Array:
     """Join the rows of these parts, each given as (first row, rows), in rising order."""
-    counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on its own count
+    counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts at a new count
     generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
     raw, passed = [], 0
     for first, rows in parts:

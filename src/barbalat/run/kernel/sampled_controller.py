@@ -1,9 +1,10 @@
-"""A sampled controller's own operations: they run before a step of a simulation or, in flight, separately with one sample per
+"""The operations of a sampled controller. They run before a step of a simulation or, in flight, separately with one sample per
 call.
 
-The controller's list is the same in a simulation and on a flight computer: it uses no fused multiply-adds, which not every target
-has, and it is optimised separately, so it does not depend on the plant. The step used in flight contains neither a plant nor a
-clock, so any simulator can be the plant. It agrees bit for bit with the exported C, which is the same list.
+The controller's list is the same in a simulation and on a flight computer: it uses no fused multiply-adds, which some targets
+lack, and it is optimised separately, so it does not depend on the plant. The step used in flight contains neither a plant nor a
+clock, so any simulator can be the plant. The result agrees bit for bit with the exported C, which is generated from the same
+list.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STATE, MEASURED, PARAMETER, COMMAND, FREEZE = range(5)
-"""Arguments of a controller's list; its one output is the state one sample later."""
+"""Arguments of a controller's list; its only output is the state one sample later."""
 
 
 def controller_program(loop: ClosedLoop, parameters: ca.SX | None = None) -> Program:
@@ -59,7 +60,8 @@ def initial_acting(loop: ClosedLoop) -> Acting:
 
 
 def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None = None, dt: Value = None) -> Program:
-    """The operations before a step at a sample: from the arguments of ``step``, see ``step_function``, to the loop's state."""
+    """The operations at a sample, before a step: from the arguments of ``step`` (see ``step_function``) to the state of the
+    loop."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
@@ -77,12 +79,12 @@ def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None
 def acting_on(
     handed: Program, loop: ClosedLoop, parameters: ca.SX | None = None, dt: Value = None
 ) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
-    """The controller's and its shell's operations after those of ``handed``, and the positions of the controller's new state.
+    """The operations of ``handed``, of the shell and of the controller, and the positions of the controller's new state.
 
     handed  computes the loop's state, the measurement, the command and, with a shell or faults, the faults
     """
     now, measured, command, *values = handed.outputs
-    own = len(flatten(initial_acting(loop)))  # the controller's state is last in the loop's
+    own = len(flatten(initial_acting(loop)))  # the controller's state comes last in the state of the loop
     operations = (*handed.operations, Operation("constant"))
     before, freeze = now[-own:], len(operations) - 1
     taken: tuple[int, ...] = ()
@@ -103,8 +105,7 @@ def acting_on(
 
 @dataclass(frozen=True, eq=False)
 class Shelled:
-    """The shell before and after a controller's list, as lists without reordering, because the C code has the same
-    lines.
+    """The shell before and after a controller's list, as lists that are not reordered, because the C code has the same lines.
 
     taking, putting  the shell's operations, as functions of one column of arguments each
     freeze           position of the freeze switch in the result of taking a sample
@@ -165,12 +166,12 @@ def parameters_column(parameters: ca.SX | None) -> ca.SX:
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """The agreement, sample by sample, of a flown controller with the simulated list that received the same measurements.
+    """How a flown controller agrees, sample by sample, with the simulated list for the same measurements.
 
-    flights     number of flights for which it is known; if a simulator fails, it is unknown
+    flights     number of flights for which the agreement is known; it is unknown if a simulator fails
     samples     number of compared samples
-    refused     number of these samples that the exported C rejected as outside its design, holding its last control
-    difference  the first number that is not equal bit for bit, as a phrase; empty if all of u and of the state are equal
+    refused     number of these samples that the exported C rejected as outside its design range; it then held its last control
+    difference  a phrase that names the first number that differs; empty if u and the state are bit-identical throughout
     """
 
     flights: int = 1
@@ -180,12 +181,12 @@ class Agreement:
 
     @property
     def equal(self) -> bool | None:
-        """None if nothing was compared."""
+        """Whether everything is equal; None if nothing was compared."""
         return not self.difference if self.samples else None
 
     @classmethod
     def together(cls, several: Iterable[Agreement | None], *, flights: int | None = None) -> Agreement:
-        """The joint agreement of several flights, some of which may lack a report, or of parts of ``flights`` flights."""
+        """The combined agreement of several flights, some of which may lack a report, or of parts of ``flights`` flights."""
         told = [one for one in several if one is not None]
         return cls(
             flights=sum(one.flights for one in told) if flights is None else flights,
@@ -196,7 +197,7 @@ class Agreement:
 
 
 class Step(Protocol):
-    """A controller in the process in which it flies. Do not use it in several threads."""
+    """A controller in the process in which it flies. It must not be used in several threads."""
 
     @property
     def name(self) -> str: ...
@@ -228,7 +229,7 @@ class Flyable(Protocol):
     def sample_time(self) -> float: ...
 
     def step(self) -> Step:
-        """Prepare the controller in that process."""
+        """Prepare the controller in the process in which it flies."""
 
 
 Maker = Callable[[TrackingProblem, Controller], Flyable]
@@ -236,17 +237,18 @@ Maker = Callable[[TrackingProblem, Controller], Flyable]
 
 
 SIGNALS = 3
-"""The argument of a kernel's step with the sampled values."""
+"""The argument of a kernel's step that contains the sampled values."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SampledList:
-    """The operations of a controller from sample to sample, with the positions of its outputs; independent of its class.
+    """The operations of a controller from sample to sample, with the positions of its outputs. They do not depend on the
+    controller's class.
 
     program            a kernel's step, with the measurement, the command and the freeze switch as one row of signals
     initial            (S,) the state before the first sample
-    u, x_m, theta_hat  their places in the state
-    measured, signals  number of entries of the measurement, and of the row
+    u, x_m, theta_hat  positions in the state
+    measured, signals  numbers of entries of the measurement and of the row
     """
 
     name: str
@@ -263,7 +265,7 @@ class SampledList:
     def of(cls, problem: TrackingProblem, controller: Controller, program: Program | None = None) -> SampledList:
         """Raise InputError if the controller does not fit the problem, or acts in continuous time.
 
-        program  a list of the same controller without parameters, which replaces its own
+        program  a list of the same controller without parameters, which replaces the list of that controller
         """
         loop = ClosedLoop.of(problem, controller)
         if not loop.sampled:
@@ -294,7 +296,7 @@ class SampledList:
 
 
 class SampledStep:
-    """A compiled list; each call is a sample. Do not use it in several threads."""
+    """A compiled list; each call is a sample. It must not be used in several threads."""
 
     def __init__(self, contents: SampledList) -> None:
         self.contents, states = contents, len(contents.initial)

@@ -1,4 +1,4 @@
-"""From a closed loop to a compiled kernel: one solver step with the metrics' accumulators, traced and compiled once."""
+"""From a closed loop to a compiled kernel: one solver step with the accumulators of the metrics, traced and compiled once."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STEPS_WORTH_OPTIMISING = 250_000
-"""Number of steps of a kernel, in all its runs together, above which optimisation pays. Optimised code of Section V's loops
-takes 6 ms longer to compile and saves 24 ns per step. For loops with 16,000 and 34,000 operations it takes 0.15 ms longer and
-saves 0.45 ns per operation. The break-even number of steps is thus the same for any loop, within a third."""
+"""Number of steps of a kernel, over all its runs, above which optimisation pays. Optimised code of Section V's loops takes 6 ms
+longer to compile and saves 24 ns per step. For loops with 16,000 and 34,000 operations compilation takes 0.15 ms longer and each
+step saves 0.45 ns, both per operation. The break-even number of steps is thus about the same for any loop, to within a third."""
 
 
 @dataclass(eq=False)
 class CompiledLoop:
-    """A loop's code, which is first compiled quickly and is optimised after enough steps."""
+    """The code of a loop, which is first compiled quickly and is optimised after enough steps."""
 
     make: Callable[[bool], Kernel]
     steps: float = 0.0
@@ -78,9 +78,10 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     """|sum of J_ij J_ji over i != j| + sum of J_ii^2, without constant terms; J is the Jacobian of the right-hand side.
 
     Without the absolute value it is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillation of adaptation
-    it is 2 omega_a^2. A rate limiter's J_ii is omitted: the limiter follows its demand within one step, so h J_ii is -1 at
-    every step and would look like a mode that no step resolves. The arguments are those of ``step``, see ``step_function``;
-    ``dt`` [s] is its length, ``parameters`` the symbols in the loop. Minus infinity if the run has diverged.
+    it is 2 omega_a^2. A rate limiter's J_ii is omitted: the limiter follows its demand within one step, so h J_ii is -1 at every
+    step and would look like a mode that no step resolves. The arguments are those of ``step`` (see ``step_function``); ``dt`` [s]
+    is the length of the step, and ``parameters`` are the symbols in the loop. The value is minus infinity if the run has
+    diverged.
     """
     import casadi as ca
 
@@ -100,7 +101,7 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
 
 
 def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
-    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without constant terms and without J_ii^2 of the rows ``without``."""
+    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without constant terms and without the J_ii^2 of the rows ``without``."""
     import casadi as ca
 
     own, crossed = ca.SX(0), ca.SX(0)
@@ -139,7 +140,7 @@ class StepProgram:
     memory: Memory | None = None
 
     def judged(self, loop: ClosedLoop, watched: Watched, dt: Value, parameters: ca.SX | None) -> StepProgram:
-        """The same step with the judge's list appended; ``loop``, ``dt`` and ``parameters`` are those with which it was
+        """This step with the judge's list appended; ``loop``, ``dt`` and ``parameters`` are the ones with which the step was
         traced."""
         assert self.accumulators is not None
         at, shape, memory = self.accumulators.slices(), self.shape, watched.memory(loop)
@@ -170,12 +171,11 @@ class StepProgram:
         return tuple(found)
 
     def watches(self, lanes: int) -> bool:
-        """Whether its kernel monitors: a long quantity is monitored only in runs of one member."""
+        """Whether the kernel monitors its quantity; a long one is monitored only in runs of one member."""
         return self.watch is not None and (lanes == 1 or len(self.watch.operations) <= LONGEST_INSIDE)
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
-        """Compile for this number of further steps; for few steps the code is compiled quickly; the results are the same bit for
-        bit."""
+        """Compile for this number of further steps. For few steps the code is compiled quickly; the results are bit-identical."""
         resets = () if self.accumulators is None else self.accumulators.resets
         watch = self.watch if self.watches(lanes) else None
         return compiled(self.program, self.shape, resets, lanes, self.sample, watch, self.outside).for_steps(steps)
@@ -190,14 +190,14 @@ class Rhythm:
 
     @classmethod
     def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
-        """Raise InputError if a time is not a whole number of steps, or is longer than the run, or if the loop can't be
+        """Raise InputError if a time is not a whole number of steps or is longer than the run, or if the loop can't be
         simulated."""
         loop.require_run()
         sample_time = loop.sample_time
         every = 0 if sample_time is None else whole_steps("sample_time", sample_time, simulation)
         if loop.around is not None and loop.around.jitters:
             loop.around.require_steps(simulation.dt)
-            every = 1  # each step checks whether the timer is due
+            every = 1  # each step checks whether a call of the timer is due
         return cls(
             every,
             1 if noise is None else whole_steps("sensor.noise.sample_time", noise.sample_time, simulation),
@@ -227,7 +227,7 @@ def step_function(
 ) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
-    Its accumulators are returned too; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, are given
+    The accumulators are returned too; there are none without ``figures``. ``delay_weights`` (see ``delay.weights``) are given
     with a delay: past then contains the stored values and ``remember`` the values to add. ``loop``, ``dt`` and the weights may
     contain symbols; ``parameters`` is then their CasADi column. With ``in_pieces``, the function advances a piece of a step,
     which the last entries of the signals describe.
@@ -298,9 +298,9 @@ def step_program(
     in_pieces: bool = False,
     fused: bool = True,
 ) -> StepProgram:
-    """Trace and optimise the step: see ``step_function``; with ``watch``, ``coupling_function`` is monitored.
+    """Trace and optimise the step (see ``step_function``). With ``watch``, ``coupling_function`` is monitored.
 
-    ``adjustable``: the rhythm is not part of the program, but an argument of every call of its kernel. ``fused``: see
+    With ``adjustable``, the rhythm is not part of the program but an argument of every call of its kernel. For ``fused``, see
     ``optimize``.
     """
     function, accumulators = step_function(
@@ -331,14 +331,14 @@ def step_program(
 Traced = TypeVar("Traced")
 _programs: dict[Hashable, tuple[Any, object]] = {}
 """Cache of traced steps; the key is everything on which a step depends. A search runs the same step repeatedly, for example with
-other delays."""
+different delays."""
 MOST_PROGRAMS = 64
-"""Largest number of traced steps that are kept, the same as for compiled ones."""
+"""Largest number of traced steps that are kept, the same as for compiled steps."""
 
 
 def traced_once(key: Hashable | None, of: object, trace: Callable[[], Traced]) -> Traced:
     """The result of ``trace``, cached unless ``key`` is None. The key states everything on which the result depends; ``of`` is
-    kept alive, since a key may contain ids of its parts."""
+    kept alive, because a key may contain ids of its parts."""
     if key is None:
         return trace()
     found = _programs.pop(key, None) or (trace(), of)
@@ -350,7 +350,8 @@ def traced_once(key: Hashable | None, of: object, trace: Callable[[], Traced]) -
 
 
 def output_function(loop: ClosedLoop) -> ca.Function:
-    """The outputs (e, u, theta_hat, x, x_m) as a CasADi function of (state, signals); columns of many instants may be given."""
+    """The outputs (e, u, theta_hat, x, x_m) as a CasADi function of (state, signals); the arguments may have columns for many
+    instants."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)

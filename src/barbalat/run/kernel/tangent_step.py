@@ -1,9 +1,9 @@
-"""A step with tangents: the step of a run together with its derivative along several directions in the kernel's numbers.
+"""A step with tangents: the step of a run together with its derivatives along several directions of the kernel's numbers.
 
 The tangents are integrated by the same steps as the run, so they are the derivatives of the discrete run itself. The state is
-followed by its tangents, one direction after the other, and by the number of steps so far; accumulators, parameters, signals and
-stored values are followed by their tangents as well. An extremum's tangent is that at its active instant, whose number of steps
-is kept too. The random numbers of noise have no tangent.
+followed by its tangents, one direction after another, and by the number of steps so far; accumulators, parameters, signals and
+stored values are followed by their tangents as well. The tangent of an extremum is the tangent at the instant at which it occurs;
+the step number of this instant is kept too. The random numbers of noise have no tangent.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Source = tuple[int, int]
 
 @dataclass(frozen=True)
 class _Places:
-    """The inputs of a step with tangents, by those of the step itself."""
+    """The inputs of a step with tangents, by the inputs of the plain step."""
 
     shape: LoopShape
     directions: int
@@ -44,7 +44,7 @@ class _Places:
 
     @property
     def sizes(self) -> dict[int, int]:
-        """The numbers of each argument that have tangents."""
+        """How many numbers of each argument have tangents."""
         s = self.shape
         taps = s.delayed * TAPS_PER_CHANNEL
         own = {STATE: s.states, ACCUMULATORS: s.accumulators, PARAMETERS: s.parameters}
@@ -82,7 +82,7 @@ class _Places:
 def with_tangents(step: StepProgram, directions: int) -> StepProgram:
     """The step with its tangents along this number of directions, which may be zero; it has neither a judge nor a watch.
 
-    ValueError for an operation without a derivative, and for a controller that is code of its own.
+    Raises ValueError for an operation without a derivative, and for a controller that is separately compiled code.
     """
     assert step.accumulators is not None and step.memory is None
     if step.outside is not None:
@@ -142,13 +142,14 @@ def _sample(sample: Program, places: _Places) -> Program:
 
 @dataclass(frozen=True)
 class TangentAccumulators(Accumulators):
-    """The accumulators of a step with tangents: its own, their tangents along each direction, and the instants of extrema."""
+    """The accumulators of a step with tangents: the accumulators of the plain step, their tangents along each direction, and the
+    instants of extrema."""
 
     directions: int = 0
 
     @property
     def size(self) -> int:
-        """Number of the step's own accumulators."""
+        """Number of accumulators of the plain step."""
         return sum(entries for _, _, entries in self.layout)
 
     @property
@@ -167,7 +168,7 @@ class TangentTotals(Totals):
         self.size, self.directions = accumulators.size, accumulators.directions
 
     def _beside(self, rows: slice) -> Array:
-        """(1 + directions, entries) the rows of the tangents, and last those of the instants, of some accumulators."""
+        """(1 + directions, entries) the rows of the tangents of some accumulators, followed by the rows of their instants."""
         return np.arange(rows.start, rows.stop) + self.size * np.arange(1, self.directions + 2)[:, None]
 
     def _merge(self, segment: Segment, out: Array, members: slice) -> None:
@@ -195,13 +196,13 @@ class TangentTotals(Totals):
         super().merge_final(out, members)
 
     def _take(self, total: Array, rows: slice, operation: str, values: Array, beside: Array) -> None:
-        """Take the tangents (1 + directions, entries, M) of extrema that exceed those so far, before these are updated."""
+        """Store the tangents (1 + directions, entries, M) of extrema that exceed the previous ones, before these are updated."""
         farther = values < total[rows] if operation == "min" else values > total[rows]
         places = self._beside(rows)
         total[places] = np.where(farther, beside, total[places])
 
     def tangents(self, simulation: Simulation, final: Array) -> tuple[list[Metrics], Metrics]:
-        """The metrics' tangents along each direction, and the instants [s] of those that are extrema, NaN for others.
+        """The tangents of the metrics along each direction, and the instants [s] of metrics that are extrema; NaN for others.
 
         final  (directions, n, M) the tangents of theta_hat at the end
         """
@@ -209,7 +210,7 @@ class TangentTotals(Totals):
         return found, self._instants(simulation)
 
     def _extremum(self, quantity: str, d: int, *parts: Array) -> Array:
-        """(entries, M) the tangent along direction d, or the last one's instant, of the largest magnitude."""
+        """(entries, M) the tangent of the largest magnitude along direction d; for the last index, its instant."""
         low, high = self.at[quantity, "min"], self.at[quantity, "max"]
         values = np.stack([one for part in parts for one in (-part[low], part[high])])
         sign = 1.0 if d == self.directions else -1.0
@@ -258,6 +259,6 @@ class TangentTotals(Totals):
 
 
 def _along(out: Array, beside: Array, best: Array) -> Array:
-    """(1 + directions, entries, M) the values beside the extrema in the blocks ``best`` (entries, M)."""
+    """(1 + directions, entries, M) the values that accompany the extrema in the blocks ``best`` (entries, M)."""
     values = out[:, beside]  # (blocks, 1 + directions, entries, M)
     return np.asarray(np.take_along_axis(values, best[None, None], axis=0)[0])

@@ -21,7 +21,7 @@ _BYTES = struct.Struct("d").pack
 
 
 class StructureError(Exception):
-    """A member differs in more than numbers."""
+    """A member differs from the first in more than numbers."""
 
 
 class _ColumnPart(NamedTuple):
@@ -36,13 +36,13 @@ class _ColumnPart(NamedTuple):
 class Columns:
     """The leaves of members, which are their arrays and numbers, in the order of their parts.
 
-    A leaf that has the first member's bits in every member takes no memory; any other has an entry for each member up to the last
-    that differs, and the remaining members have the first's. A part that is the same object as in the first member is not
+    A leaf with the same bits in every member takes no memory. Any other leaf has an entry for each member up to the last one that
+    differs; the remaining members have the first member's value. A part that is the same object as in the first member is not
     examined.
     """
 
     def __init__(self, first: Any, depth: int = 0) -> None:
-        """``depth``: the depth of ``first`` within the examined object."""
+        """``depth`` is the depth of ``first`` within the examined object."""
         self.first = first
         self.count = 1
         self._leaves: list[Array] = []
@@ -67,7 +67,7 @@ class Columns:
         return other
 
     def add(self, member: Any) -> None:
-        """Read the next member; StructureError if it differs in more than numbers."""
+        """Read the next member; raises StructureError if it differs in more than numbers."""
         self._take(member, self._whole)
         self.count += 1
 
@@ -98,7 +98,7 @@ class Columns:
             self._filled(leaf).extend(given)
 
     def _filled(self, leaf: int) -> bytearray:
-        """The stored values of a leaf, with the first's bits for all members since the last that differed."""
+        """The stored values of a leaf, completed with the first member's value for all members after the last that differed."""
         kept, same = self._kept.setdefault(leaf, bytearray()), self._bytes[leaf]
         missing = self.count - len(kept) // len(same) if same else 0
         if missing:
@@ -126,13 +126,13 @@ class Columns:
         return self._numbers
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
-        """(p, M) the numbers selected by ``which``, (N,) truth values; StructureError if any other number differs between
-        members.
+        """(p, M) the numbers selected by the truth values ``which`` (N,); raises StructureError if any other number differs
+        between members.
 
-        rounding  difference that is allowed for the other numbers, relative to the largest finite number of their array
+        rounding  difference allowed for the other numbers, relative to the largest finite number of their array
         """
         found = np.repeat(self.first_numbers()[which][:, None], self.count, axis=1)
-        for i in self._kept:  # the other leaves have the first member's bits in every member
+        for i in self._kept:  # the other leaves have the same bits in every member
             leaf, values = self._leaves[i], self._values(i)
             begin = sum(one.size for one in self._leaves[:i])
             wanted, row = which[begin : begin + leaf.size], int(which[:begin].sum())
@@ -143,7 +143,7 @@ class Columns:
 
     @staticmethod
     def _differs_beyond(rounding: float, leaf: Array, values: Array, which: Array) -> bool:
-        """Whether some numbers differ from the first member's by more than ``rounding``; numbers that are not finite are
+        """Whether some numbers differ from those of the first member by more than ``rounding``; numbers that are not finite are
         compared bit for bit."""
         first, found = leaf.reshape(-1, 1)[which], values[which]
         other = found != first
@@ -154,7 +154,7 @@ class Columns:
             return not bool((np.abs(found - first)[other] <= rounding * largest).all())
 
     def _values(self, leaf: int) -> Array:
-        """(entries, M), or (entries, 1) if all members are equal."""
+        """The values (entries, M), or (entries, 1) if all members are equal."""
         if leaf not in self._kept:
             return self._leaves[leaf].reshape(-1, 1)
         return np.frombuffer(self._filled(leaf)).reshape(self.count, -1).T
@@ -170,7 +170,7 @@ class Member:
     """Everything on which a member's step depends."""
 
     loop: ClosedLoop
-    delay_weights: Array | None  # as from ``delay.weights``
+    delay_weights: Array | None  # as returned by ``delay.weights``
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ class Template:
     """The first member with a symbol in place of each number that differs.
 
     values  (p, M) the values of the symbols; ``column`` contains the symbols
-    dt      a symbol if the step is one of them, else None
+    dt      a symbol if the step has one, otherwise None
     """
 
     loop: ClosedLoop
@@ -206,8 +206,8 @@ class Template:
         return cls(begun, found.delay_weights, values, column)
 
     def adjustable(self, dt: float, weights: Columns | None) -> Template:
-        """The template with symbols also for the step ``dt`` [s] and for all of the delay's weights, which are read separately
-        from the members."""
+        """This template with additional symbols for the step ``dt`` [s] and for all weights of the delay, which are read
+        separately from the members."""
         import casadi as ca
 
         values = with_grid(self.values, dt, weights)
@@ -228,13 +228,13 @@ def with_grid(values: Array, dt: float, weights: Columns | None) -> Array:
 
 
 def argument_numbers(members: Columns, *, opened: bool) -> Array:
-    """(N,) truth values: which numbers of a member are arguments of the kernel; ``opened`` as in ``Template.of``."""
+    """(N,) which numbers of a member are arguments of the kernel, as truth values; ``opened`` as in ``Template.of``."""
     differing = members.differing()[0]
     return differing | open_numbers(members.first) if opened else differing
 
 
 def open_numbers(member: Member) -> Array:
-    """(N,) truth values: which of a member's numbers are parameters of a kernel whose list does not depend on them.
+    """(N,) which numbers of a member are parameters of a kernel whose list does not depend on them, as truth values.
 
     These are all numbers except the zeros of matrices, which determine the structure, and the numbers of parts from outside the
     package, whose code may use a number in ways that a symbol does not support.
@@ -250,7 +250,7 @@ def open_numbers(member: Member) -> Array:
 
 
 def with_symbols(part: Any, values: Iterator[Any], depth: int = 0) -> Any:
-    """A copy with each number for which ``values`` has a symbol replaced by it, in the order of ``Columns``."""
+    """A copy in which each number for which ``values`` has a symbol is replaced by the symbol, in the order of ``Columns``."""
     if isinstance(part, np.ndarray):
         entries = [next(values) for _ in range(part.size)]
         return part if all(entry is None for entry in entries) else _array_of(part, entries)

@@ -1,4 +1,4 @@
-"""The signals of a run at any time, not only on a grid: as formulas in t, or as straight lines between their breaks."""
+"""The signals of a run at any time, not only on a grid, as formulas in t or as straight lines between breaks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def is_formula(signal: Signal) -> bool:
-    """Whether it can also be evaluated on CasADi's arrays, and does not jump."""
+    """Whether the signal can also be evaluated on CasADi's arrays and does not jump."""
     if not isinstance(signal, Continuous) or isinstance(signal, (InterpolatedSignal, Constant)):
         return False
     _, t = symbols("t", 1)
@@ -30,16 +30,16 @@ def is_formula(signal: Signal) -> bool:
 
 
 def is_straight(signal: Signal) -> bool:
-    """Whether it is linear between its breaks."""
+    """Whether the signal is linear between its breaks."""
     resting = isinstance(signal, SlopedSignal) and signal.slope == 0
     return isinstance(signal, InterpolatedSignal) or (resting and isinstance(signal, (BreakingSignal, Constant)))
 
 
 @dataclass(frozen=True, eq=False)
 class TimeSignals:
-    """The signals of a loop in their order.
+    """The signals of a loop, in order.
 
-    A piece of a run lies between two instants at which a signal breaks, and has its own numbers, see ``rows``.
+    A piece of a run lies between two instants at which a signal breaks; its numbers are described in ``rows``.
     """
 
     signals: tuple[Signal, ...]
@@ -62,42 +62,43 @@ class TimeSignals:
     def formulas(self) -> tuple[Signal | None, ...]:
         """The signals that are formulas of t, and None for the others, which a piece's numbers describe.
 
-        They are determined once, in the thread that begins, because CasADi must not be used in several threads at the same time.
+        They are determined once, in the thread that starts the run, because CasADi must not be used in several threads at the
+        same time.
         """
         return tuple(signal if is_formula(signal) else None for signal in self.signals)
 
     @property
     def numbers(self) -> int:
-        """Count of the numbers of a piece: its beginning, whether the signals are held, and the value and slope of each
+        """How many values describe a piece: its beginning, whether the signals are held, and the value and slope of each
         signal."""
         return 2 + 2 * len(self.signals)
 
     def breaks(self, t_end: float) -> Array:
-        """The instants in (0, t_end) at which any of them breaks."""
+        """The instants in (0, t_end) at which any of the signals breaks."""
         found = [np.asarray(one.breaks(0.0, t_end), float) for one in self.signals if isinstance(one, BreakingSignal)]
         return np.unique(np.concatenate([np.zeros(0), *found]))
 
     def rows(self, begins: Array, ends: Array) -> Array:
-        """(K, numbers) of pieces that begin and end at these times (K,) [s]; a piece of zero length has the values at its
-        beginning."""
+        """(K, numbers) the rows of pieces that begin and end at these times (K,) [s]. A piece of zero length has the values at
+        its beginning."""
         columns = [begins, np.zeros(len(begins))]
         for signal, formula in zip(self.signals, self.formulas, strict=True):
             if formula is not None:
                 columns += [np.zeros(len(begins))] * 2
                 continue
             first = last = np.asarray(signal(begins), float)
-            if not isinstance(signal, FaultSignal):  # it is evaluated only at samples, where pieces begin
+            if not isinstance(signal, FaultSignal):  # the signal is evaluated only at samples, where pieces begin
                 last = np.asarray(signal.before(ends), float)
             columns += [first, (last - first) / np.where(ends > begins, ends - begins, 1.0)]
         return np.column_stack(columns)
 
     def held(self, begins: Array, values: Array) -> Array:
-        """(K, numbers) of pieces in which each signal keeps one of ``values``, except a clock, whose value is NaN."""
+        """(K, numbers) the rows of pieces in which each signal keeps one of ``values``, except a clock, whose value is NaN."""
         numbers = np.ravel([(float(value), 0.0) for value in values])
         return np.column_stack([begins, np.ones(len(begins)), np.tile(numbers, (len(begins), 1))])
 
     def at(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
-        """(signal_count,) at the time t of a piece with these ``numbers``."""
+        """(signal_count,) the signals at the time t of a piece with these ``numbers``."""
         import casadi as ca
 
         begins, held, found = numbers[0], numbers[1], []

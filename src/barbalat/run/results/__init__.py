@@ -1,1 +1,1 @@
-"""The results of a run: its series and metrics, and the findings of their examination."""
+"""The results of a run: its series and metrics, and findings about them."""

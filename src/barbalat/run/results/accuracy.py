@@ -1,4 +1,4 @@
-"""The error of a run from t = 0 on, measured by a run with a tolerance; a run with a tolerance is compared with a second one."""
+"""The error of a run from t = 0 on, measured by a run with a tolerance; a run with a tolerance is compared with a second run."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ class Accuracy:
 
     tolerance  admissible error of each step
     finer      the tolerance of the second run
-    error      by the state's name, "x" and "theta_hat", the largest difference of the two runs at the recorded instants, relative
+    error      by state name ("x" and "theta_hat"), the largest difference between the two runs at the recorded instants, relative
                to the component's largest magnitude; None if a run does not reach the end
-    figures    by a metric's name, the largest difference of the two runs relative to its value in the second one; None in the
+    figures    by metric name, the largest difference between the two runs, relative to the value in the second run; None in the
                same case
-    steps      accepted steps; ``rejected`` ones failed, ``choices`` ended where the equations jump or bend
+    steps      number of accepted steps; ``rejected`` steps failed, and ``choices`` steps ended at a jump or corner of the
+               equations
     """
 
     tolerance: float
@@ -42,7 +43,7 @@ class Accuracy:
 
     @property
     def in_brief(self) -> str:
-        """Only the measured error and the metrics that the tolerance does not resolve, in one line."""
+        """The measured error and the metrics that the tolerance does not resolve, on one line."""
         told = _told(self.error)
         if not told:
             return f"error not measured, since a run at {self.finer:g} does not reach the end"
@@ -67,10 +68,10 @@ class Accuracy:
 class MeasuredError:
     """The error of a run with fixed steps, measured by a run with a tolerance.
 
-    tolerance  of that run
+    tolerance  tolerance of that run
     error      as in ``Accuracy``, up to the time ``until`` [s] that both runs reach; empty if nothing is measured
-    own        the error of that run itself, measured by another one with a finer tolerance
-    reason     why nothing is measured; None if it is
+    own        the error of that run, measured by another run with a finer tolerance
+    reason     the reason if nothing is measured, otherwise None
     """
 
     tolerance: float
@@ -93,7 +94,8 @@ class MeasuredError:
 
 
 def differences(states: Array, others: Array, rows: Mapping[str, Array]) -> dict[str, float | None]:
-    """The largest differences of the states (K, S) of two runs by the names of ``rows``, relative to components' magnitudes."""
+    """The largest differences between the states (K, S) of two runs by the names of ``rows``, relative to the magnitudes of the
+    components."""
     with np.errstate(invalid="ignore"):
         largest = np.maximum(np.abs(others).max(axis=0), np.finfo(float).tiny)
         differs = np.abs(states - others).max(axis=0) / largest
@@ -102,8 +104,8 @@ def differences(states: Array, others: Array, rows: Mapping[str, Array]) -> dict
 
 
 def relative_differences(figures: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, float | None]:
-    """The largest difference of each metric of two runs, relative to its largest entry in the other one; None if there is
-    none."""
+    """The largest difference in each metric between two runs, relative to its largest entry in the other run; None without a
+    value."""
     found: dict[str, float | None] = {}
     for name, value in figures.items():
         one, other = (np.atleast_1d(np.array(given, dtype=float)) for given in (value, others[name]))

@@ -1,7 +1,7 @@
-"""Is the controller adapting? Excitation of the regressor, path of the estimates, and time on the projection bounds.
+"""Shows whether a controller adapts: excitation of the regressor, path of the estimates, and time on the projection bounds.
 
 Motion between recorded instants is included: the distance is summed over every step, and the fraction of time on the bounds is
-enclosed by extrema over every step. Only the excitation is an integral over recorded instants, which the output states.
+enclosed by extrema over every step. Only the excitation is an integral over recorded instants; the output says so.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ WINDOWS_OF_A_RUN = 40
 class Excitation(NamedTuple):
     """Persistent excitation: the smallest eigenvalue of 1/T times the integral of phi phi' over windows of length T.
 
-    level        the smallest value over all windows, in the regressor's units squared
+    level        the smallest value over all windows, in squared units of the regressor
     tail         the value in the last quarter of the run
     conditioning the smallest eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
     fading       mean square of phi in the tail, relative to that of the window with the largest value
     window       T [s]
-    sampling     effect of the record's decimation: the relative change of ``tail`` when every second instant is left out, or the
-                 mean square change of phi between instants over its mean square, whichever is larger
+    sampling     effect of the record's decimation: the relative change of ``tail`` when every second instant is omitted, or the
+                 mean square change of phi between instants relative to its mean square, whichever is larger
     """
 
     level: float
@@ -70,7 +70,7 @@ def _gram(t: Array, phi: Array) -> Array:
     """1/T times the integral of phi phi' by the trapezoidal rule."""
     steps = np.diff(t)
     weights = np.concatenate([[0.0], steps]) + np.concatenate([steps, [0.0]])
-    # no outer product is formed, because a network's would fill the memory
+    # no outer product is formed, because for a network it would fill the memory
     columns = phi.transpose(1, 0, 2).reshape(phi.shape[1], -1)
     return np.asarray((columns * np.repeat(weights, phi.shape[2])) @ columns.T / (2 * (t[-1] - t[0])))
 
@@ -80,10 +80,10 @@ def _least(gram: Array) -> float:
 
 
 STILL_SHARE = 0.01
-"""Fraction of the initial parameter error: estimates with a shorter path have not adapted visibly."""
+"""Fraction of the initial parameter error: estimates with a path shorter than this have not adapted visibly."""
 LONG_SHARE = 0.5
 SWEPT_SHARE = 0.1
-"""Fraction of the time in recorded intervals within which an estimate reaches both of its bounds."""
+"""Threshold, as a fraction of the time, for recorded intervals within which an estimate reaches both of its bounds."""
 UNEXCITED_RATIO = 1e-6
 """Threshold of the smallest eigenvalue of the windowed correlation matrix, which is 1 for orthogonal components, and of a
 relative mean square: it corresponds to an amplitude of a thousandth, below which a direction is not excited."""
@@ -92,10 +92,10 @@ COARSE_SAMPLING = 0.1
 
 
 class OnBounds(NamedTuple):
-    """Fractions of the time, each (p,): on a bound at least and at most; and with both bounds reached within one recorded
-    interval.
+    """Fractions of the time, each (p,): lower and upper limit of the time on a bound, and the time in recorded intervals in which
+    both bounds are reached.
 
-    first  (p,) [s] the start of the first recorded interval in which a bound is reached; NaN if there is none
+    first  (p,) [s] the start of the first recorded interval in which a bound is reached; NaN if no bound is reached
     """
 
     least: Array
@@ -106,13 +106,14 @@ class OnBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Adapting:
-    """The motion of a run's estimates.
+    """How the estimates of a run move.
 
-    net         (p,) theta_hat at the end minus that at the start
+    net         (p,) final minus initial theta_hat
     path        (p,) sum of |change of theta_hat| over every step
-    tail_path   (p,) the same in the last quarter
-    on_bounds   with a box as known set, or intervals of unknown input gains (zeros for theta then); ``None`` without
-    on_sphere   fraction of the recorded instants on the surface of a ball; ``None`` without one
+    tail_path   (p,) path in the last quarter
+    on_bounds   time on the bounds of a box, or of the intervals of unknown input gains (then zeros for theta); ``None`` without
+                either
+    on_sphere   fraction of the recorded instants on the surface of a ball; ``None`` without a ball
     excitation  ``None`` if the scheme has no regressor or the run is too short
     """
 
@@ -173,7 +174,7 @@ def adapting(
     phi: Array,
     theta: Array | None,
 ) -> Adapting:
-    """From a record of K instants t [s]: theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
+    """Examine a record of K instants t [s] with theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
 
     names (p,) of the estimates without a hat; phi (K, p, m) from ``regressor_along``; theta (p,) the true parameters, or None
     """
@@ -205,7 +206,7 @@ def adapting(
 def _at_the_edge(
     known_set: EstimateSet | None, t: Array, theta_hat: Array, extrema: tuple[Array, Array]
 ) -> tuple[OnBounds | None, float | None]:
-    """Time on the faces of a box, and on a sphere; with a ball or no set, the input gains have their own faces."""
+    """The time on the faces of a box, and on a sphere; with a ball or no set, the input gains have separate faces."""
     bounds, sphere = None, None
     if known_set is not None and known_set.intervals is not None and len(t) > 1:
         first = theta_hat.shape[1] - known_set.intervals.size
@@ -223,7 +224,7 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
 
     ``measured`` (K, n) or, for an output, (K,), and the controls u at the same instants.
     """
-    equations = loop.continuous  # a sampled scheme's regressor is the continuous one's
+    equations = loop.continuous  # a sampled scheme has the regressor of the continuous scheme
     if not isinstance(equations, Estimating):
         return np.zeros((len(states), 0, 0))
     import casadi as ca
@@ -240,8 +241,8 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
 
 
 def observed_along(loop: ClosedLoop, states: Array, measured: Array) -> Array | None:
-    """(K, n) an observer's estimate of the state at K recorded states (K, size), with what is ``measured`` (K, n) without noise;
-    for a sampled controller from its last sample, noise included. None without an observer."""
+    """(K, n) an observer's estimate of the state at K recorded states (K, size), from the noise-free measurements ``measured``
+    (K, n); for a sampled controller, from its last sample including noise. None without an observer."""
     if loop.observer is None:
         return None
     import casadi as ca
@@ -256,7 +257,7 @@ def observed_along(loop: ClosedLoop, states: Array, measured: Array) -> Array | 
 def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     """The time on bounds, from the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
 
-    The estimate is on a bound throughout an interval if its minimum there is the upper bound or its maximum is the lower one.
+    The estimate is on a bound throughout an interval if its minimum there is the upper bound or its maximum is the lower bound.
     It may be on a bound at some instants if an extremum touches a bound.
     """
     weights = np.diff(t) / (t[-1] - t[0])
@@ -266,7 +267,7 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     met = at_upper | at_lower
     shares = (throughout, met, at_upper & at_lower & ~throughout)
     first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)
-    # the weights' rounding errors add up
+    # the rounding errors of the weights add up
     least, most, swept = (np.where(fixed, 0.0, np.minimum(weights @ share, 1.0)) for share in shares)
     return OnBounds(least, most, swept, first)
 
@@ -314,6 +315,6 @@ def _said_of(found: Excitation) -> Finding | None:
 
 
 def share_text(least: float, most: float) -> str:
-    """A fraction of time that is known to be between two numbers, rounded outward."""
+    """The text for a fraction of time that is known to lie between two numbers, rounded outward."""
     low, high = math.floor(100 * least), math.ceil(100 * most)
     return f"{low} %" if low == high else f"{low} to {high} %"

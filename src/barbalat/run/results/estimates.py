@@ -1,4 +1,4 @@
-"""The estimates of a run with readable names: theta_hat, or gains in its place, and additionally reported estimates."""
+"""The estimates of a run with readable names: theta_hat (or gains in its place) and additionally reported estimates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from barbalat.run.results.result import Result
 
 MOST_REPORTED = 6
-"""Largest number of entries under one name that are shown separately, as many as there are colours; files contain all."""
+"""Largest number of entries under one name that are shown separately, which is the number of colours; files contain all
+entries."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

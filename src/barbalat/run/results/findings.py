@@ -1,4 +1,4 @@
-"""Findings: facts about a run that need attention, as sentences that several runs can share."""
+"""Findings: facts about a run that need attention, stated as sentences that may apply to several runs."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ KINDS = (
 )  # fmt: skip
 """Kinds of findings, in order of importance."""
 OF_EACH_RUN = ("missed", "half step", "delayed", "shakes", "held", "assumed")
-"""Kinds whose sentences contain numbers of one run; they are reported for each run."""
+"""Kinds whose sentences contain numbers of one run; these are reported for each run."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence about a run; findings of one ``kind``, of KINDS, make the same statement about several runs or estimates."""
+    """A sentence about a run. Findings of one ``kind``, which is one of KINDS, make the same statement about several runs or
+    estimates."""
 
     kind: str
     sentence: str
@@ -50,7 +51,7 @@ def of_problem(problem: TrackingProblem, t_end: float) -> list[Finding]:
 
 
 SHAKES = 10
-"""A control shakes if it reverses at least this many times as often as commands and disturbances explain."""
+"""A control counts as shaking if it reverses at least this many times as often as commands and disturbances explain."""
 
 
 def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, share: float) -> str | None:
@@ -87,11 +88,11 @@ def behind_the_delay(problem: TrackingProblem, verdict: Verdict | None, t: Array
 
 
 OFF_BY_DELAY = 2.0
-"""The finding is reported for errors up to this multiple of the one that a delay alone causes."""
+"""The finding is reported for errors up to this multiple of the error that a delay alone causes."""
 
 
 def lost_when_held(verdict: Verdict | None) -> str | None:
-    """A sentence if the continuation in which a limit cycle is searched for diverges."""
+    """A sentence if the run diverges in the continuation that is examined for a limit cycle."""
     if verdict is None or not verdict.lost_when_held:
         return None
     return (
@@ -107,7 +108,7 @@ def truth_apart(problem: TrackingProblem) -> str | None:
 
 
 def unmatched_ranges(problem: TrackingProblem) -> str | None:
-    """A sentence if ranges of physical parameters leave a remainder that no estimate matches."""
+    """A sentence if ranges of physical parameters leave a remainder that estimates cannot match."""
     derived = problem.derived if isinstance(problem, Problem) else None
     return None if derived is None or derived.is_matched else derived.sentences[1]
 
@@ -132,10 +133,10 @@ def held_after_its_end(problem: TrackingProblem, t_end: float) -> str | None:
 
 @dataclass(frozen=True)
 class Told:
-    """Findings of one kind, of all runs together.
+    """The findings of one kind, combined over all runs.
 
-    owners  the runs that have it; empty if all of several runs have it
-    text    the first one's sentence, and the number of others
+    owners  the runs to which the finding applies; empty if it applies to all of several runs
+    text    the sentence of the first finding, and the number of others
     """
 
     owners: tuple[str, ...]
@@ -143,8 +144,8 @@ class Told:
 
 
 def together(found: Mapping[str, Iterable[Finding]]) -> list[Told]:
-    """The findings of runs, by the runs' names, one for each kind, in the order of KINDS; kinds OF_EACH_RUN have one for each
-    run."""
+    """Merge the findings of all runs, given by run name, into one per kind, in the order of KINDS; kinds in OF_EACH_RUN keep one
+    per run."""
     kinds: dict[str, dict[str, list[str]]] = {}
     for name, findings in found.items():
         for finding in findings:

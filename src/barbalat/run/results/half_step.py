@@ -1,4 +1,4 @@
-"""The solver's fraction of a run's error: the tail's largest error at half the step."""
+"""The part of a run's error that is due to the solver, found from the tail's largest error at half the step."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ TOLD_SHARE = 0.1
 
 @dataclass(frozen=True)
 class HalfStep:
-    """The tail's largest |error| of the component named in the verdict, at a run's own step and at half of it.
+    """The tail's largest |error| of the component named in the verdict, at the step of the run and at half of it.
 
     order  order of the method in the step, reduced by jumps and corners inside steps
-    band   of the judge
+    band   the judge's band
     kinds  the judge's classes at the case's step and at half of it, both without a search for limit cycles
     """
 
@@ -31,10 +31,10 @@ class HalfStep:
 
     @property
     def of_the_solver(self) -> float:
-        """The solver's contribution to the error, by Richardson's extrapolation; below 0 if it reduces the error; NaN if
+        """The solver's contribution to the error, by Richardson's extrapolation; below 0 if it reduces the error; NaN if the run
         diverged.
 
-        An estimate: the error of the step is assumed to decrease with its order.
+        This is an estimate, which assumes that the error decreases with the order of the step.
         """
         return (self.coarse - self.fine) / (1.0 - 0.5**self.order)
 

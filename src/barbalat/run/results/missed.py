@@ -1,4 +1,4 @@
-"""The samples that a run's controller missed: faults lost them, or the shell rejected them."""
+"""The samples that a run's controller missed: they were lost by faults or rejected by the shell."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ STEPS_OF_JITTER = 10
 class MissedSamples:
     """Counts of samples.
 
-    samples   of the run
-    missed    without a good measurement at the right time: the estimates are frozen and the model predicts
+    samples   number of samples of the run
+    missed    samples without a good measurement at the right time, at which the estimates are frozen and the model predicts
     in_a_row  the longest outage
-    commands  without a good command: the last good one is held
-    fallback  of the missed samples, those at which the shell's fallback acts because the outage is longer than ``longest_outage``
+    commands  samples without a good command, at which the last good command is held
+    fallback  missed samples at which the shell's fallback acts because the outage is longer than ``longest_outage``
     named     name of the fallback
     jitter    the largest deviation of the timer's calls, in solver steps, to which the calls are rounded; 0 without jitter
     """

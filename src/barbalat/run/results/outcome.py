@@ -30,7 +30,7 @@ DEMAND = "u is the demand: before the limits, the gain, the dynamics and the del
 
 
 def about_u(problem: TrackingProblem) -> str | None:
-    """The note on u in a table of metrics if something other than u reaches the plant."""
+    """The note about u in a table of metrics, if something other than u reaches the plant."""
     return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.surroundings.paths) else None
 
 
@@ -44,7 +44,7 @@ def outcome(run: Result) -> str:
 
 
 def outcome_in_brief(run: Result) -> str:
-    """The outcome in a few words, for one line: that it diverged, or the judge's verdict if there is one."""
+    """The outcome in a few words, for one line: whether it diverged, or the judge's verdict if there is one."""
     if run.diverged_at is not None:
         return f"diverged at t = {run.diverged_at:.4g} s"
     if run.verdict is not None:
@@ -60,8 +60,7 @@ def text_of(value: float | list[float] | None) -> str:
 
 
 def ends_of(run: Result, text: Callable[[Figure], str] | None = None) -> str:
-    """The estimates at the end: those in theta_hat, then other adapted quantities by name; if there are many, only
-    the largest."""
+    """The final estimates: first theta_hat, then other adapted quantities by name; if there are many, only the largest."""
     text = text or text_of
     ends = {name.removesuffix("_hat_final"): value for name, value in run.figures.items() if name.endswith("_hat_final")}
     theta = ends.pop("theta", None)
@@ -104,7 +103,7 @@ def _row(name: str, run: Result) -> str:
 
 
 def html_of(results: Sequence[Result]) -> str:
-    """Runs as shown in a notebook: the verdicts, the metrics as a table, the findings, the plot."""
+    """The display of runs in a notebook: the verdicts, the metrics as a table, the findings, the plot."""
     from html import escape
 
     from barbalat.pictures.plotted import image_of

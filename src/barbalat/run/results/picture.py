@@ -1,4 +1,4 @@
-"""Plots of runs: the motion with model and command, errors, controls, estimates and their known set."""
+"""Plots of runs: the trajectory with model and command, errors, controls, estimates and their known set."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from barbalat.run.results.result import Result
 
 WITHIN_REACH, BOUNDS_WITHIN_REACH = 1.5, 0.4
-"""Multiples of the height of the main curves: a limit, true value or bound of the known set that is farther away is stated
-instead of drawn."""
+"""Multiples of the height of the main curves: a limit, true value or bound of the known set that is farther away is stated in
+text instead of being drawn."""
 FLAT_SHARE = 0.12
 """Fraction of the largest motion of an estimate below which another estimate's line would be flat; such estimates are drawn in
 separate axes."""
 MOST_BOUNDED = 3
-"""Largest number of estimates with their own bounds that are distinguishable in one panel."""
+"""Largest number of estimates with bounds that are distinguishable in one panel."""
 
 
 def estimates_panels(result: Result, title: str) -> list[Panel]:
-    """One panel, or two if some estimates would be flat lines because they move little compared with the others."""
+    """One panel, or two if some estimates would be flat lines because they move little compared with others."""
     large, small = _by_size(result)
     if not small:
         return [_panel(result, title, large)] if large else []
@@ -46,7 +46,7 @@ def estimates_panels(result: Result, title: str) -> list[Panel]:
 
 
 def _by_size(result: Result) -> tuple[list[int], list[int]]:
-    """Indices of the estimates: those with the largest motion, and those with less than ``FLAT_SHARE`` of it."""
+    """Indices of the estimates that move most, and of those that move less than ``FLAT_SHARE`` of that."""
     moved = [span_of([one.value]) for one in estimates_of(result)]
     heights = [high - low for low, high in moved]
     flat = [not _gone(result) and 0 < height < FLAT_SHARE * max(heights) for height in heights]
@@ -91,13 +91,13 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
 
 
 def scale_of(result: Result) -> str:
-    """The scale of the axes: a symmetric logarithm for a run that has diverged, because the burst would hide the preceding
-    motion."""
+    """The scale of the axes: a symmetric logarithm for a run that has diverged, because the burst would hide what precedes it."""
     return "symlog" if _gone(result) else "linear"
 
 
 def _gone(result: Result) -> bool:
-    """Whether a run diverged, or is lost by a large factor. Shared panels then use the scale that the other runs need."""
+    """Whether a run diverged or exceeded its limits by a large factor. Shared panels then use the scale that the other runs
+    need."""
     verdict, figures = result.verdict, result.figures["max_abs_e"]
     if result.diverged_at is not None or verdict is None or verdict.kind is not Class.LOST:
         return result.diverged_at is not None
@@ -109,7 +109,7 @@ def _gone(result: Result) -> bool:
 def _edges_of_known_set(
     bounds: Sequence[tuple[float, float]], needed: tuple[float, float], chosen: Sequence[int]
 ) -> tuple[list[Level], bool]:
-    """The bounds of the known set that can be drawn together with the curves, and whether others are left out."""
+    """The bounds of the known set that can be drawn together with the curves, and whether others are omitted."""
     common = len(set(bounds)) == 1
     drawn, far = reachable([bound for pair in bounds for bound in pair], needed, BOUNDS_WITHIN_REACH)
     if not common and len(chosen) > MOST_BOUNDED:
@@ -141,7 +141,7 @@ def _set_of(result: Result) -> EstimateSet | None:
 
 
 def reachable(ends: Sequence[float], needed: tuple[float, float], within: float = WITHIN_REACH) -> tuple[list[float], bool]:
-    """The values that can be drawn without flattening the curves, and whether others are left out."""
+    """The values that can be drawn without flattening the curves, and whether others are omitted."""
     room = within * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
     real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
     drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
@@ -161,8 +161,8 @@ def _held(text: str) -> str:
 ERROR_WINDOWS = 150
 """Number of intervals of the run: the largest error in each gives a readable line on a logarithmic axis."""
 LARGEST_SHOWN = 20
-"""Multiple of the largest error of the bounded runs up to which a diverging run is shown, so the others remain
-distinguishable."""
+"""Multiple of the largest error of the bounded runs up to which a diverging run is drawn, so that the others can be told
+apart."""
 
 
 def figure_of(
@@ -173,12 +173,12 @@ def figure_of(
     narrow: bool = False,
     shown: bool = False,
 ) -> Figure:
-    """Runs of one problem in common panels.
+    """Draw the runs of one problem in common panels.
 
-    names   of the panels that are drawn; all by default
-    axes    axes into which they are drawn, one for each panel; by default those of a new figure
-    narrow  one panel below the other, for a phone or a column of a page
-    shown   whether it is displayed at once, if pyplot is in use
+    names   names of the panels to draw; all by default
+    axes    axes to draw into, one for each panel; by default the axes of a new figure
+    narrow  whether to stack the panels, for a phone or a column of a page
+    shown   whether to display the figure at once, if pyplot is in use
     """
     from matplotlib.axes import Axes  # importing it takes longer than a run, and pages do not need it
 
@@ -193,7 +193,7 @@ def figure_of(
         raise InputError.of("axes", f"must be {counted(len(drawn), 'pair')} of Matplotlib's axes, for {titles}, got {show(axes)}")
     draw_into(places, drawn, ends_at(results))
     figure = places[0].get_figure(root=True)
-    assert figure is not None  # these panels are drawn
+    assert figure is not None  # only these panels are drawn
     return figure
 
 
@@ -269,7 +269,7 @@ def _command(result: Result, k: int, gain: float) -> Series:
 
 
 def _motion(result: Result, state: int, k: int, width: float) -> Series:
-    """One run's state or output, widened between the instants by the extrema of the error."""
+    """The state or output of a run, widened between the instants by the extrema of the error."""
     value, e = result.x[:, state] if result.y is None else result.y, result.e[:, state]
     below = np.minimum(e[:-1], e[1:]) - result.envelope.e_min[:, state]
     above = result.envelope.e_max[:, state] - np.maximum(e[:-1], e[1:])

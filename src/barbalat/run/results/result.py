@@ -1,4 +1,4 @@
-"""The results of ``simulate`` by the controllers' names, each with its series, its metrics and its numerics."""
+"""The results of ``simulate`` by controller name, each with series, metrics and numerics."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Envelope:
     u_max: Array
     theta_hat_min: Array
     theta_hat_max: Array
-    theta_hat_path: Array  # the sum of |change| over the steps
+    theta_hat_path: Array  # sum of |change| over the steps
 
     @classmethod
     def of(cls, blocks: Blocks, intervals: int) -> Envelope:
@@ -79,15 +79,15 @@ class Result:
     theta_hat         (K, n) estimates
     states            (K, size) all integrated states; ``loop.unpack`` names the parts of a row
     envelope          extrema between the recorded instants
-    figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
-    stiffness         the largest h |eigenvalue| found along the run, and the time from which the solver itself was unstable
-    lost              the effect of jumps and corners inside steps that can't be split, including those of the motion itself; None
-                      if there is none
+    figures           metrics over every solver step (see Metrics); ``diverged_at`` is in s, or None
+    stiffness         the largest h |eigenvalue| found along the run, and the time from which the solver was unstable
+    lost              the effect of jumps and corners inside steps that can't be split, including those of the trajectory; None
+                      without any
     check             the result with a finer step for a run that left its region of stability, from ``check_numerics``
-    judged            the verdict without the check of the solver; None for a run without a judge
+    judged            the verdict before the solver is checked; None for a run without a judge
     judge             the judge's settings
-    finer_by          the factor by which the step must be smaller to resolve all oscillations of the run; 1 if its own step
-                      resolves them, NaN if unknown
+    finer_by          the factor by which the step must be smaller to resolve all oscillations of the run; 1 if the step of the
+                      run resolves them, NaN if unknown
     finer_kind        the judge's class with such a step, from ``settle``
     half_step         the error at half the step, from ``halved``
     accuracy          for a run by tolerance, its error measured by a second run
@@ -133,7 +133,8 @@ class Result:
 
     @property
     def figures(self) -> dict[str, float | list[float] | None]:
-        """The metrics by name, ``None`` if there is no finite value: the JSON contract's block for a controller."""
+        """The metrics by name, with ``None`` where there is no finite value. This is the block for a controller in the JSON
+        contract."""
         last = {f"{name}_final": value[-1] for name, value in self.reported.items()}
         more = {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
         return Named.of("figure", self.metrics.of_member(0) | more)
@@ -145,22 +146,22 @@ class Result:
 
     @property
     def true_values(self) -> Array | None:
-        """(p,) the values to which the estimates should converge: the parameters, or the ideal gains; None if they are
+        """(p,) the values to which the estimates should converge: the parameters, or the ideal gains; None if the values are
         unknown."""
         return true_values(self.problem, self.loop)
 
     @property
     def diverged_at(self) -> float | None:
-        """The time at which the run diverged [s]: x, x_m and theta_hat, or y and e, exceeded 1e12, or a state became NaN or
-        infinite."""
+        """The time at which the run diverged [s], that is, x, x_m and theta_hat (or y and e) exceeded 1e12, or a state became NaN
+        or infinite."""
         return self.metrics.end_of(0)
 
     @property
     def label(self) -> str | None:
-        """The label of a run that left its solver's, or its sampled law's, region of stability; None for any other.
+        """The label of a run that left the stability region of its solver or of its sampled law; None for any other run.
 
-        "numerically unstable from t = ..." if the ``check``, with a finer step, does not show the same behaviour; None if it
-        does; without a check the label says that it is not settled.
+        The label is "numerically unstable from t = ..." if the ``check``, with a finer step, does not show the same behaviour,
+        and None if it does. Without a check the label says that this is not settled.
         """
         kind = None if self.judged is None else self.judged.kind
         return label(self.stiffness.unstable_from, self.diverged_at, kind, self.check)
@@ -169,9 +170,9 @@ class Result:
     def verdict(self) -> Verdict | None:
         """The class of the run from its signals: lost, limit cycle, off or follows; None for a run without a judge.
 
-        The verdict is settled if the run stayed inside its solver's region of stability and the solver's damping hides no
-        oscillation, or if a finer step with these properties gives the same class: see ``check_numerics`` and ``settle``. It is
-        not settled if half the step gives a different class: see ``halved``.
+        The verdict is settled if the run stayed inside the stability region of its solver and the damping of the solver hides no
+        oscillation, or if a finer step with these properties gives the same class (see ``check_numerics`` and ``settle``). It is
+        not settled if half the step gives a different class (see ``halved``).
         """
         if self.judged is None:
             return None
@@ -187,7 +188,7 @@ class Result:
 
     @property
     def damping(self) -> SolverDamping | None:
-        """The method's damping that may hide the loop's oscillations; None if there is none, or outside the region of
+        """Numerical damping by the method that may hide oscillations of the loop; None if there is none, or outside the region of
         stability."""
         return None if self.stiffness.unstable_from is not None else self.stiffness.damping
 
@@ -224,7 +225,9 @@ class Result:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Findings about the numerics, the problem and this run."""
-        own = self.check is None or (self.label is None and self.check.origin == "loop")  # a finer step then shows the same
+        own = self.check is None or (
+            self.label is None and self.check.origin == "loop"
+        )  # a finer step then shows the same behaviour
         outside = "; ".join(filter(None, (self.label, None if own or self.check is None else self.check.sentence)))
         settled = self.verdict is not None and self.verdict.settled
         numeric = {
@@ -269,7 +272,7 @@ class Result:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Findings about the problem and this run, as sentences; those about the numerics are in ``numerics``."""
+        """Findings about the problem and this run, as sentences; the findings about the numerics are in ``numerics``."""
         return tuple(finding.sentence for finding in self._others)
 
     def __repr__(self) -> str:
@@ -289,13 +292,13 @@ class Result:
     def plot(
         self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
     ) -> Figure:
-        """Motion, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` describes the options."""
+        """Trajectory, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` describes the options."""
         from barbalat.run.results.picture import figure_of
 
         return figure_of([self], names=panels, axes=axes, narrow=narrow, shown=True)
 
     def step_info(self, component: int = 1) -> dict[str, float]:
-        """Rise time, settling time, overshoot, ... after the command's last jump: see ``step_info``."""
+        """Rise time, settling time, overshoot, ... after the last jump of the command (see ``step_info``)."""
         return step_info(self, component)
 
     @cached_property
@@ -312,13 +315,13 @@ class Result:
 
     @cached_property
     def x_observed(self) -> Array | None:
-        """(K, n) the observer's estimate of the state, which the controller uses in place of x; at a sampled controller's last
-        sample. None without an observer."""
+        """(K, n) the observer's estimate of the state, which the controller uses in place of x. For a sampled controller, it is
+        the estimate at the last sample. None without an observer."""
         return observed_along(self.loop, self.states, self.x)
 
     def columns(self) -> dict[str, Array]:
-        """Scalar series by name, each (K,): x_1 ... theta_hat_1 ... u, r, then the controller's own states: x_hat_1, P_1_1 ...,
-        and the estimate of an observer: x_observed_1 ..."""
+        """Scalar series by name, each (K,): x_1 ... theta_hat_1 ... u, r, then the states of the controller, such as x_hat_1 and
+        P_1_1, and the estimate of an observer, x_observed_1 ..."""
         series = {name: getattr(self, name) for name in SERIES} | self.reported
         vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
@@ -332,7 +335,7 @@ class Result:
         return Named.of("column", result | scalars | own | {f"x_observed_{i + 1}": value for i, value in seen})
 
     def column_meanings(self) -> dict[str, str]:
-        """The meanings of the columns with the controller's own state, by name; docs/notation.md explains the others."""
+        """The meanings of the columns with states of the controller, by name; docs/notation.md explains the others."""
         others = {part.name: part for part in self.loop.other_estimates}
         found = {f"{name}_{i + 1}": part.role.comment for name, part in others.items() for i in range(part.size)}
         return found | {
@@ -349,13 +352,13 @@ class Result:
     def to_xarray(self) -> xarray.Dataset:
         """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes.
 
-        Other states of the controller have their own dimensions: x_hat over (t, x_hat_row), P over (t, P_row, P_column).
+        Other states of the controller have separate dimensions: x_hat over (t, x_hat_row), P over (t, P_row, P_column).
         """
         validate.require_extra("xarray", "tables", "to_xarray")
         import xarray as xr
 
         second = {"theta_hat": "parameter", "u": "input", "r": "command"}
-        if self.y is not None:  # plant and model have their own states
+        if self.y is not None:  # plant and model have separate states
             second |= {"x": "state", "x_m": "model_state", "e": "error"}
         series = {name: getattr(self, name) for name in SERIES}
         variables: dict[str, Any] = {
@@ -380,7 +383,7 @@ class Result:
         )
 
     def to_control(self) -> control.TimeResponseData:
-        """python-control's time response: outputs x, states (x, x_m), inputs (r, u)."""
+        """The run as a time response of python-control: outputs x, states (x, x_m), inputs (r, u)."""
         validate.require_extra("control", "control", "to_control")
         import control as ct
 
@@ -399,12 +402,12 @@ class Result:
 
 
 def step_info(result: Result, component: int = 1) -> dict[str, float]:
-    """Rise time, settling time, overshoot, ... by python-control's names, after the last jump of the command.
+    """Rise time, settling time, overshoot, ... under the names of python-control, after the last jump of the command.
 
-    component  of x, from 1; not used if y is measured
+    component  component of x, numbered from 1; not used if y is measured
 
-    Times [s] count from the jump; levels are those of x or y, and the last value is the settled one. The resolution is the
-    distance of the recorded instants. Raises InputError for a run that diverged or whose command does not jump.
+    Times [s] count from the jump; levels are values of x or y, and the last value is taken as the settled value. The resolution
+    is the interval between recorded instants. Raises InputError for a run that diverged or whose command does not jump.
     """
     validate.require_extra("control", "control", "step_info")
     import control
@@ -425,7 +428,7 @@ def step_info(result: Result, component: int = 1) -> dict[str, float]:
 
 
 def _last_jump(result: Result) -> float:
-    """The time of the last jump of a command [s]; 0 if it is nonzero from the start."""
+    """The time of the last jump of a command [s]; 0 if the command is nonzero from the start."""
     jumps = [0.0] if any(float(command(np.zeros(1))[0]) != 0 for command in result.problem.commands) else []
     for command in result.problem.commands:
         if isinstance(command, BreakingSignal):
@@ -437,7 +440,7 @@ def _last_jump(result: Result) -> float:
 
 
 class Results(Named[Result]):
-    """Runs of one problem by their controllers' names: a dictionary that is readable at a prompt and can be plotted."""
+    """The runs of one problem by controller name: a dictionary that is readable at a prompt and can be plotted."""
 
     kind = "controller"
 
@@ -462,14 +465,14 @@ def plot(
     axes: Axes | Iterable[Axes] | None = None,
     narrow: bool = False,
 ) -> Figure:
-    """Runs of one problem in common panels, as a Matplotlib figure: the result of ``simulate``, or results of several calls.
+    """Draw runs of one problem, from one or several calls of ``simulate``, in common panels of a Matplotlib figure.
 
     panels  names of the panels to draw: motion, x_1 ... or y, largest error, control, error, estimates, or the name of a
             controller or a state; all by default
     axes    Matplotlib axes to draw into, one for each of the panels; a new figure by default
-    narrow  one panel below the other, for a phone or a column of a page
+    narrow  whether to stack the panels, for a phone or a column of a page
 
-    Raises InputError for an unknown panel, and if the number of axes differs from that of panels.
+    Raises InputError for an unknown panel, and if the numbers of axes and panels differ.
     """
     from barbalat.run.results.picture import figure_of
 

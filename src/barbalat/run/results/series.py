@@ -12,7 +12,7 @@ from barbalat.validate import Array
 
 
 def series_along(loop: ClosedLoop, simulation: Simulation, t: Array, states: Array, signals: Array) -> dict[str, Any]:
-    """The series by the names of a ``Result``'s fields, from the states (K, S) and the signals (k, K) at the times t (K,) [s]."""
+    """The series by the field names of a ``Result``, from the states (K, S) and the signals (k, K) at the times t (K,) [s]."""
     e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), simulation, states.T, signals))
     return {
         "t": t,

@@ -1,4 +1,5 @@
-"""The spectrum at instants of a run: whether it stays inside the solver's region of stability, and the method's damping.
+"""The spectrum at instants of a run, which shows whether the run stays inside the stability region of the solver, and the damping
+of the method.
 
 Source: docs/numerics.md.
 """
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
     import casadi as ca
 
 RESOLVED_TURN = 1.0
-"""Largest h omega [rad] without a remark: six steps per period, at which RK4 damps by 0.6 % per radian, and Heun and Euler
-amplify."""
+"""Largest h omega [rad] that causes no remark. It means six steps per period, with which RK4 damps by 0.6 % per radian, and Heun
+and Euler amplify."""
 
 
 @dataclass(frozen=True)
 class SolverDamping:
-    """The method's damping of an oscillation of the loop that it does not resolve and that the equations may not damp.
+    """The method's damping of an oscillation of the loop that the step does not resolve and that the equations may not damp.
 
     per_radian  the fraction of an undamped oscillation's amplitude that the method removes per radian, at the worst instant
     h_omega     the step times the frequency there [rad]
@@ -74,12 +75,12 @@ def worst_damping(solver: Tableau, z: Array) -> SolverDamping | None:
 class Stiffness:
     """Whether a run stayed inside its solver's region of stability, and for how long.
 
-    h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the examined instants; NaN if there is none
+    h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the examined instants; NaN if no instant was examined
     unstable_from  the first step [s] at which the solver, or a law sampled by Euler steps, amplified a mode that the equations
                    don't; None if none was found
     looks          number of instants at which the spectrum was computed
-    damping        the method's own damping of an oscillation at these instants; None if it hides nothing
-    radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; else None
+    damping        the method's damping of an oscillation at these instants; None if it hides nothing
+    radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; otherwise None
     """
 
     h_lambda_max: float
@@ -90,11 +91,11 @@ class Stiffness:
 
 
 class Looks(NamedTuple):
-    """The results at K instants, (K,) each."""
+    """The results at K instants, each (K,)."""
 
     h_lambda: Array  # the largest h |eigenvalue|; infinite if the Jacobian is not finite
-    outside: Array  # whether a mode is amplified that the equations don't amplify
-    radius: Array | None  # of the map from sample to sample; infinite if it is not finite
+    outside: Array  # whether the method amplifies a mode that the equations don't amplify
+    radius: Array | None  # spectral radius of the map from sample to sample; infinite if the map is not finite
     damping: SolverDamping | None  # the strongest one
 
     def stiffness(self, unstable_from: float | None) -> Stiffness:
@@ -113,8 +114,9 @@ class Looks(NamedTuple):
 class Spectrum:
     """The frozen linear system of a loop at instants of its run.
 
-    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts if this growth over the
-    whole run would give a factor e. A fixed threshold would also count the harmless growth of slow modes with Euler's method.
+    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). The mode counts if this growth
+    would amount to a factor e over the whole run. A fixed threshold would also count the harmless growth of slow modes with
+    Euler's method.
     """
 
     loop: ClosedLoop
@@ -132,10 +134,10 @@ class Spectrum:
     def at(self, states: Array, signals: Array) -> Looks:
         """states (K, size), signals (K, channels)."""
         matrices = evaluated(self.jacobian, states, signals)
-        finite = np.isfinite(matrices).all(axis=(1, 2))  # matrices that overflow count as far outside
+        finite = np.isfinite(matrices).all(axis=(1, 2))  # matrices that overflow count as being far outside
         h_lambda, outside = np.full(len(states), np.inf), ~finite
         z = self.simulation.dt * _eigenvalues(matrices[finite])
-        with np.errstate(divide="ignore"):  # R may vanish: no growth at all
+        with np.errstate(divide="ignore"):  # R may vanish, which means no growth at all
             spurious = np.log(np.abs(self.simulation.solver.amplification(z))) - np.maximum(z.real, 0)
         h_lambda[finite] = np.abs(z).max(axis=1, initial=0.0)
         outside[finite] = (spurious * self.simulation.steps > 1).any(axis=1)
@@ -158,15 +160,17 @@ class Spectrum:
 
 
 def _eigenvalues(matrices: Array) -> Array:
-    """Eigenvalues (K, size), computed one matrix after the other, so Ctrl-C is handled in between."""
+    """Eigenvalues (K, size), computed one matrix after another, so that Ctrl-C is handled in between."""
     return np.array([np.linalg.eigvals(matrix) for matrix in matrices]) if len(matrices) else np.linalg.eigvals(matrices)
 
 
 @dataclass(frozen=True, eq=False)
 class FrozenSampledLaw:
-    """The map from sample to sample of a law that takes Euler steps, frozen: the controller's action after the plant's flow.
+    """The frozen map from sample to sample of a law that takes Euler steps: the flow of the plant followed by the action of the
+    controller.
 
-    It counts as unstable if its amplification over the whole run exceeds the continuous equations' fastest growth by a factor e.
+    The law counts as unstable if its amplification over the whole run exceeds the fastest growth of the continuous equations by a
+    factor e.
     """
 
     sample: ca.Function  # Jacobian of the controller's action
@@ -180,7 +184,8 @@ class FrozenSampledLaw:
         return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
 
     def at(self, states: Array, signals: Array, flow: Array) -> tuple[Array, Array]:
-        """Spectral radii (K,), and whether they are too large; ``flow`` contains the loop's Jacobians between two samples."""
+        """Return the spectral radii (K,) and whether they are too large; ``flow`` contains the Jacobians of the loop between two
+        samples."""
         from scipy.linalg import expm
 
         different, which = _different(flow)
@@ -188,7 +193,7 @@ class FrozenSampledLaw:
         with np.errstate(all="ignore"):  # e^(T A) may overflow
             maps = evaluated(self.sample, states, signals) @ expm(T * different)[which]
         twins = evaluated(self.twin, states[:, :size], signals)
-        # matrices that overflow amplify too much
+        # matrices that overflow count as amplifying too much
         finite = np.isfinite(maps).all(axis=(1, 2)) & np.isfinite(twins).all(axis=(1, 2))
         radius, amplified = np.full(len(states), np.inf), ~finite
         radius[finite] = np.abs(np.linalg.eigvals(maps[finite])).max(axis=1, initial=0.0)
@@ -199,7 +204,7 @@ class FrozenSampledLaw:
 
 
 def _different(matrices: Array) -> tuple[Array, Array]:
-    """The distinct matrices among (K, size, size), and the index of each; a linear plant's single one is found without
+    """The distinct matrices among (K, size, size), and the index of each; the single matrix of a linear plant is found without
     sorting."""
     if len(matrices) and (matrices == matrices[0]).all():
         return matrices[:1], np.zeros(len(matrices), dtype=int)

@@ -1,8 +1,7 @@
-"""The label of a run that left its solver's region of stability: a finer step shows whether the solver causes the
-oscillation.
+"""The label of a run that left the stability region of its solver. A finer step shows whether the solver causes the oscillation.
 
-Source: docs/numerics.md. The finer run decides only up to the time at which it leaves the region itself. A divergence is
-attributed to the solver only if a finer step removes it.
+Source: docs/numerics.md. The finer run decides only up to the time at which it also leaves the region. A divergence is attributed
+to the solver only if a finer step removes it.
 """
 
 from __future__ import annotations
@@ -19,13 +18,17 @@ from barbalat.validate import Array
 Origin = Literal["solver", "loop", "both", "unsettled"]
 
 EQUAL_FIGURES_SHARE = 0.1
-"""Figures that differ by less than this fraction count as equal: far above the finer step's own error, far below a decade."""
+"""Metrics that differ by less than this fraction count as equal. It is far above the error of the finer step and far below a
+decade."""
 REMAINDER_SHARE = 0.1
-"""If less than this fraction of a metric remains at the finer step, it is due to the solver; otherwise at most partly."""
+"""If less than this fraction of a metric remains at the finer step, the metric is due to the solver; otherwise it is due to the
+solver at most in part."""
 ROUNDING_SHARE = 1e-5
-"""A metric below this fraction of the model's state, the control or the estimates is rounding error or settled motion."""
+"""A metric below this fraction of the model's state, the control or the estimates is rounding error or belongs to settled
+motion."""
 SAME_TIME_SHARE = 0.01
-"""Divergences within this fraction of their time count as simultaneous; those of a finite escape converge as the step falls."""
+"""Divergences within this fraction of their time count as simultaneous; the times of a finite escape converge as the step is
+reduced."""
 OWN_GROWTH_FACTOR = 3.0
 """An error this many times as large as the model's state, in a run that is still inside the region, grows because of the loop."""
 
@@ -38,8 +41,8 @@ class FinerStep:
              a weaker or stronger form; "unsettled": no affordable step stayed inside the region of stability
     sentence the result as a sentence with numbers
     dt       the finer step [s], and t_end the horizon [s] over which the two are compared; None if none could be afforded
-    diverged_at  when the finer run diverged [s], for the finest one tried; None if it did not
-    kind     the judge's class of the finer run over the whole time, if it stayed inside the region; else None
+    diverged_at  when the finest run tried diverged [s]; None if it did not
+    kind     the judge's class of the finer run over the whole time, if it stayed inside the region; otherwise None
     """
 
     origin: Origin
@@ -55,10 +58,11 @@ class FinerStep:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The compared quantities of a run: metrics, the time [s] of its label, the largest |e| until then; (p,) the estimates' path.
+    """The compared quantities of a run: metrics, the time [s] of its label, the largest |e| until then, and (p,) the path of the
+    estimates.
 
     model, estimates  the largest |x_m| and |theta_hat_i|, as the size of the signals
-    sample_time       of a law that is sampled by Euler steps [s], else None
+    sample_time       sample time [s] of a law that is sampled by Euler steps, otherwise None
     kind              the judge's class
     """
 
@@ -79,7 +83,8 @@ class Seen:
 
 
 def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep | None:
-    """The check over [0, t_end], the whole run or a part; None if the finer run left the region too and decides nothing."""
+    """The check over [0, t_end], which is the whole run or a part of it; None if the finer run also left the region and decides
+    nothing."""
     details = [] if fine.sample_time is None else [f"sampled every {fine.sample_time:g} s"]
     details += [] if whole else [f"up to t = {t_end:g} s"]
     at = "".join([f"at h = {fine.dt:g} s", *(f", {detail}" for detail in details), "," if details else ""])
@@ -155,7 +160,7 @@ def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
 
 
 def _ratio(before: Array, after: Array, noise: float) -> float:
-    """All components together: after / before."""
+    """The ratio after/before over all components together."""
     least = noise + 1e-300  # metrics of vanishing quantities count as equal
     return float((np.sum(after) + least) / (np.sum(before) + least))
 
@@ -165,12 +170,12 @@ def _text(values: Array) -> str:
 
 
 def label(unstable_from: float | None, diverged_at: float | None, kind: Class | None, check: FinerStep | None) -> str | None:
-    """None for a run that stayed inside, or whose class, ``kind``, a finer step confirms with at least as much oscillation. Times
-    in s.
+    """The label; None for a run that stayed inside the region, or whose class ``kind`` a finer step confirms with at least as
+    much oscillation. Times are in s.
 
-    A run that left the region is suspect; the solver causes its behaviour if ``check``, with a finer step, does not show
-    it. A true finite escape leaves every step's region of stability just before it happens. Therefore neither the exit nor a
-    finer step that also leaves the region shows whether the solver causes the divergence.
+    A run that left the region is suspect; the solver causes its behaviour if ``check``, with a finer step, does not show it. A
+    true finite escape leaves the stability region of any step just before it happens. Therefore neither the exit nor a finer step
+    that also leaves the region shows whether the solver causes the divergence.
     """
     if unstable_from is None:
         return None
