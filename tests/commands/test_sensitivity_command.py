@@ -53,6 +53,8 @@ def test_the_screen_ranks_the_numbers_within_80_columns(case, options, capsys, m
     assert lines[0] == "short: percent of a figure per percent of a number"
     assert ("Robust MRAC" in lines) == (not options)
     assert any(line.startswith("reference.amplitude") for line in lines)
+    assert not any(line.startswith("plant.A_m[0][1]") for line in lines)
+    assert any(line.startswith("  Definitions of a rate or of a transfer function's form") for line in lines)
 
 
 def test_bad_input_exits_with_2(case, capsys):

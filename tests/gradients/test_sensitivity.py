@@ -9,7 +9,9 @@ from scipy.optimize import brentq
 
 from barbalat import InputError, load_case, simulate
 from barbalat.cases.load import CaseText
+from barbalat.gradients.neighbourhood import NO_SLOPE, Neighbourhood, NoSlope
 from barbalat.gradients.sensitivity import sensitivity
+from barbalat.open_numbers.varied import VariedCase
 from case_texts import DRIVE, SECTION_V
 from independent import refusal
 
@@ -202,9 +204,8 @@ def test_a_controllers_figures_depend_on_no_other_controller(tmp_path):
     found = sensitivity(written(tmp_path, text), of=["rms_e"])
     first = {str(one.path) for one in found.derivatives if one.controller == found.controllers[0]}
     assert "controller[0].gamma" in first and "controller[1].gamma" not in first
-    elasticities = [
-        abs(one.elasticity) for one in found.derivatives if one.figure == "rms_e[0]" and one.controller == found.controllers[0]
-    ]
+    own = [one for one in found.derivatives if one.figure == "rms_e[0]" and one.controller == found.controllers[0]]
+    elasticities = [abs(one.elasticity) for one in own if not one.definition]
     assert elasticities == sorted(elasticities, reverse=True)
 
 
@@ -213,12 +214,11 @@ def test_numbers_without_derivatives_are_named_with_the_reason(tmp_path):
         'kind = "sine"\namplitude = 2.0\nfrequency = 0.5', 'kind = "step"\namplitude = 5.0\nstart = 0.5'
     )
     path = written(tmp_path, text + controller("mrac"))
-    to = ["plant.theta[0]", "plant.input.delay", "reference.start", "uncertainty.lower[0]", "controller[0].name"]
+    to = ["plant.theta[0]", "plant.input.delay", "reference.start", "uncertainty.lower[0]"]
     found = sensitivity(path, to=to, of=["rms_e"])
     assert {one: why.split(":")[0] for one, why in found.without.items()} == {
         "plant.input.delay": "the delay crosses a multiple of simulation.dt = 0.0005 s, where its interpolation has a corner",
         "reference.start": "it moves the instants at which a signal jumps or bends, and a jump has no tangent",
-        "controller[0].name": "the case does not give this number",
     }
     assert found.as_json()["without"] == found.without
 
@@ -234,7 +234,11 @@ def test_a_diverging_run_has_no_derivatives(tmp_path):
     [
         ({"of": ["verdict"]}, "verdict is not a figure of a run with a derivative: a verdict or an instant has no derivative"),
         ({"of": ["max_e"]}, "max_e is not a figure of a run with a derivative; these are max_abs_e"),
-        ({"to": ["plant.tehta[0]"]}, "no number has a derivative: plant.tehta[0]: the case does not give this number"),
+        ({"to": ["plant.tehta[0]"]}, "the case gives no number plant.tehta[0]; did you mean 'plant.theta[0]'?"),
+        ({"to": ["plant.theta"]}, "plant.theta is not a number but has several; name one: plant.theta[0]"),
+        ({"to": ["nonsense"]}, "the case gives no number nonsense; its numbers are in plant, reference_model, reference, "),
+        ({"to": ["controller[0].name"]}, "the case gives no number controller[0].name"),
+        ({"to": ["plant.nonsense"]}, "the case gives no number plant.nonsense: write it into the case first"),
         ({"controllers": ["L2"]}, "there is no controller 'L2'"),
     ],
 )
@@ -242,7 +246,108 @@ def test_wrong_names_are_refused(wrong, said):
     assert refusal(lambda: sensitivity("first-order", **wrong)).startswith(said)
 
 
-def test_a_tolerance_is_refused(tmp_path):
+def test_with_a_tolerance_the_derivatives_are_those_of_fixed_steps_that_agree_with_it(tmp_path):
+    """The same by differences of runs at a tolerance so small that their own steps do not matter."""
     path = written(tmp_path, DRIVE)
-    with pytest.raises(InputError, match="does not fix a step, and a sensitivity needs one"):
-        sensitivity(path)
+    found = sensitivity(path, to=["plant.theta[0]", "controller[0].gamma"], of=["max_abs_e", "rms_e"])
+    assert found.steps is not None and found.steps.startswith("all runs here use fixed steps, rk4 with h = ")
+    assert found.as_json()["steps"] == found.steps
+    assert sensitivity(load_case(path), to=["plant.theta[0]"], of=["rms_e"]).steps == found.steps
+    text = CaseText(DRIVE.replace("tolerance = 1e-6", "tolerance = 1e-11"))
+    for one in found.derivatives:
+        cases = [VariedCase(text, (one.path,)).at([one.value + step]) for step in (1e-3, -1e-3)]
+        above, below = (
+            simulate(case.problem, case.controllers, case.simulation)["MRAC"].metrics.columns()[one.figure][0] for case in cases
+        )
+        assert one.derivative == pytest.approx((above - below) / 2e-3, rel=1e-3)  # RK4's error, and the difference's of 1e-6
+
+
+def test_no_steps_are_sought_for_samples_that_jitter(tmp_path):
+    jittering = DRIVE.replace("[[controller]]", '[[faults]]\nkind = "jitter"\ntime = 1e-3\n[[controller]]')
+    jittering = jittering.replace('scheme = "mrac"', 'scheme = "mrac"\nsample_time = 0.01')
+    with pytest.raises(InputError, match="none can be found for samples that jitter"):
+        sensitivity(written(tmp_path, jittering))
+
+
+DEFINING = """
+name = "chain"
+[plant]
+A = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -2.0, -1.0]]
+b = [0.0, 0.0, 1.0]
+x0 = [0.1, 0.2, 0.0]
+[plant.input]
+actuator = { num = [20.0], den = [1.0, 20.0] }
+multiplicative = { num = [0.1], den = [0.05, 1.0] }
+[reference_model]
+poles = [-2.0, -3.0, -4.0]
+k_0 = 24.0
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 1.0
+[simulation]
+t_end = 1.0
+dt = 1e-3
+[[controller]]
+scheme = "mrac"
+gamma = 1.0
+"""
+
+
+def test_numbers_that_define_a_form_are_marked_and_come_last(tmp_path):
+    """A chain of integrators, a denominator's 1, and the coefficients of an actuator whose static gain is one."""
+    found = [one for one in sensitivity(written(tmp_path, DEFINING), of=["rms_e"]).derivatives if one.figure == "rms_e[0]"]
+    actuator, multiplicative = "plant.input.actuator", "plant.input.multiplicative"
+    assert {str(one.path) for one in found if one.definition} == {
+        "plant.A[0][1]", "plant.A[1][2]", f"{actuator}.num[0]", f"{actuator}.den[0]", f"{actuator}.den[1]",
+        f"{multiplicative}.den[1]",
+    }  # fmt: skip
+    marks = [one.definition for one in found]
+    assert marks == sorted(marks)
+
+
+RANGED = f"[parameters]\nK = {{ value = 1.3, tolerance = 0.2 }}\n{DEFINING[DEFINING.index('[plant]') :]}"
+for old, new in (
+    ("A = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -2.0, -1.0]]", 'A = [[0.0, 1.0], ["-K", -1.0]]'),
+    ("b = [0.0, 0.0, 1.0]", "b = [0.0, 1.0]"),
+    ("x0 = [0.1, 0.2, 0.0]\n", ""),
+    ("poles = [-2.0, -3.0, -4.0]", "poles = [-2.0, -3.0]"),
+    ("k_0 = 24.0", "k_0 = 6.0"),
+):
+    assert old in RANGED
+    RANGED = RANGED.replace(old, new)
+
+
+@pytest.mark.parametrize("t_end", [1.5, 2.0, 10.0])
+def test_a_signal_is_moved_although_the_known_set_is_rounded_anew(t_end, tmp_path):
+    """The scale of the states, with which theta is computed from A, follows from the motion of the command."""
+    path = written(tmp_path, 'name = "ranged"\n' + RANGED.replace("t_end = 1.0", f"t_end = {t_end}"))
+    found = sensitivity(path, to=["reference.amplitude"], of=["rms_e"])
+    assert not found.without and all(one.derivative for one in found.derivatives)
+
+
+def test_numbers_that_another_one_moves_by_rounding_alone_have_no_slope_in_it(tmp_path):
+    """Theta's last digits follow from k_0, by the scale of the states."""
+    truth = "[truth]\nA = [[0.0, 1.0], [-1.4, -1.0]]\nb = [0.0, 0.9]\n[reference_model]"
+    path = written(tmp_path, 'name = "ranged"\n' + RANGED.replace("[reference_model]", truth))
+    found = sensitivity(path, of=["rms_e"])
+    assert {"reference_model.k_0", "truth.A[1][0]"} <= {str(one.path) for one in found.derivatives if one.derivative}
+    assert {str(one.path) for one in found.derivatives if one.definition} >= {"truth.A[0][1]"}
+
+
+def test_a_number_without_a_slope_leaves_the_others(tmp_path, monkeypatch):
+    """As if what follows from k_0 had a corner."""
+
+    def directions(near, *arguments):
+        for one in near.moved:
+            if str(one.path) == "reference_model.k_0":
+                raise NoSlope(one.path)
+        return own(near, *arguments)
+
+    own = Neighbourhood.directions
+    monkeypatch.setattr(Neighbourhood, "directions", directions)
+    path = written(tmp_path, LINEAR.format(theta=1.0))
+    found = sensitivity(path, to=["reference_model.k_0", "plant.theta[0]"], of=["rms_e"])
+    assert found.without == {"reference_model.k_0": NO_SLOPE}
+    assert [str(one.path) for one in found.derivatives] == ["plant.theta[0]"]
+    assert refusal(lambda: sensitivity(path, to=["reference_model.k_0"])).endswith(f"reference_model.k_0: {NO_SLOPE}")

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from barbalat import load_case, simulate
 from barbalat.cases.load import CaseText
 from barbalat.cli import main
 from barbalat.open_numbers.path import FieldPath
@@ -122,5 +123,47 @@ def test_the_command_prints_a_table_of_80_columns_and_a_document(case, capsys, m
     found = json.loads(capsys.readouterr().out)
     assert found["claim"] == "the worst that was found; no proof"
     assert found["worst"][0]["largest"]["value"] > found["worst"][0]["least"]["value"]
-    assert main(["sweep", str(case), "--worst", "max_abs_e", "--store", "x"]) == 2
-    assert "--store belongs to a sweep, and --worst searches instead" in capsys.readouterr().err
+
+
+UNUSED = ("--store x", "--design sobol", "--design latin", "--audit 0", "--member 0", "--no-bounds", "--out x", "--require a<2")
+
+
+@pytest.mark.parametrize("option", [*UNUSED, "--scheduler local:2"])
+def test_options_that_a_search_does_not_use_are_refused(option, case, capsys):
+    assert main(["sweep", str(case), "--worst", "max_abs_e", *option.split()]) == 2
+    assert f"{option.split()[0]} belongs to a sweep, and --worst searches instead" in capsys.readouterr().err
+
+
+def test_a_known_set_on_which_the_simulated_plant_does_not_depend_is_not_searched(tmp_path):
+    path = tmp_path / "apart.toml"
+    apart = STEPS.replace("[reference_model]", "[truth]\nA = [[-0.5]]\n[reference_model]")
+    path.write_text(apart)
+    assert refusal(lambda: find_worst(path, ["rms_e"])).startswith("the known set of theta does not describe the simulated plant")
+    assert find_worst(path, ["rms_e"], sample={"truth.A[0][0]": "uniform:-1:-0.5"}, starts=2).ranges == {
+        "truth.A[0][0]": (-1, -0.5)
+    }
+    for old, new in (
+        ("A_m = [[-2.0]]", 'A = [["-K"]]'),
+        ("theta = [1.0]\n", ""),
+        ("k_0 = 1.3", "A_m = [[-2.0]]\nk_0 = 1.3"),
+        ("[uncertainty]\nlower = [-3.0]\nupper = [3.0]\n", "[parameters]\nK = { value = 0.6, tolerance = 0.2 }\n"),
+    ):
+        assert old in apart
+        apart = apart.replace(old, new)
+    path.write_text(apart)
+    assert refusal(lambda: find_worst(path, ["rms_e"])).startswith(
+        "no formula of the simulated plant contains K: give --redesign"
+    )
+    assert set(find_worst(path, ["rms_e"], starts=2, redesign=True).ranges) == {"parameters.K"}
+
+
+def test_with_a_tolerance_it_searches_by_fixed_steps(tmp_path):
+    path = tmp_path / "tolerance.toml"
+    path.write_text(DRIVE)
+    found = find_worst(path, ["max_abs_e"], starts=4)
+    assert found.steps is not None and found.steps.startswith("all runs here use fixed steps, rk4 with h = ")
+    (one,) = found.extremes
+    path.write_text(DRIVE.replace("theta = [1.0]", f"theta = [{one.largest.numbers['plant.theta[0]']!r}]"))
+    own = load_case(path)
+    result = simulate(own.problem, own.controllers, own.simulation)["MRAC"]
+    assert one.largest.value == pytest.approx(result.metrics.max_abs_e[0, 0], rel=1e-5)

@@ -99,12 +99,14 @@ class CaseText:
     folder  the base of relative paths
     source  its name in messages
     own     a file with the user's controllers
+    dt      the fixed step [s] that replaces a tolerance, if the text has one
     """
 
     text: str
     folder: Path = Path()
     source: str = "the case"
     own: OwnFile | None = None
+    dt: float | None = None
 
     @classmethod
     def read(cls, case: str | Path, controllers: str | Path | None = None) -> CaseText:
@@ -128,11 +130,11 @@ class CaseText:
         return cls(text, folder=path.parent, source=str(path), own=own)
 
     def data(self) -> dict[str, Any]:
-        """The tables as TOML gives them, a new copy each time; raises InputError for text that is not TOML, or is nested too
-        deeply."""
+        """The tables as TOML gives them, a new copy each time, with the step ``dt`` if it replaces a tolerance; raises InputError
+        for text that is not TOML, or is nested too deeply."""
         require_readable(self.text, self.source)
         try:
-            return tomllib.loads(self.text)
+            return _with_steps(tomllib.loads(self.text), self.dt)
         except RecursionError:
             raise InputError(f"{self.source} has too many nested tables or lists") from None
         except ValueError as error:
@@ -191,6 +193,15 @@ class CaseText:
             as_typed = copy.deepcopy(data) if changed else tomllib.loads(self.text, parse_float=Typed)
             raise several(findings(root, data, as_typed)) from None
         return table, joining, raw
+
+
+def _with_steps(tables: dict[str, Any], dt: float | None) -> dict[str, Any]:
+    """The tables with fixed steps of ``dt`` [s] in place of a tolerance, if they have one."""
+    simulation = tables.get("simulation")
+    if dt is None or not isinstance(simulation, dict) or "tolerance" not in simulation:
+        return tables
+    kept = {key: value for key, value in simulation.items() if key not in ("tolerance", "solver")}
+    return tables | {"simulation": kept | {"dt": dt}}
 
 
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:

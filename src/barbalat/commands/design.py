@@ -103,7 +103,7 @@ def _write(folder: Folder, found: Design, text: CaseText) -> None:
         said.append(explorer)
     if written is not None:
         try:
-            source = TextSource(replace(text, text=written, own=None), found.contest.simulation.dt)
+            source = TextSource(replace(text, text=written, own=None, dt=found.contest.simulation.dt))
             folder.write("explorer.html", Explorer(source).html)
         except InputError as error:
             explorer = str(error)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import webbrowser
 from contextlib import nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_case, conclude
@@ -55,7 +56,7 @@ def execute(options: argparse.Namespace) -> int:
     text = CaseText.read(options.case, options.controllers)
     case = text.case()
     steps = fixed_steps(case.problem, case.controllers, case.simulation)
-    source = TextSource(text, steps.simulation.dt)
+    source = TextSource(replace(text, dt=steps.simulation.dt))
     explorer = Explorer(source, ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE and text.own is None else ())
     with nullcontext() if to_output else output_folder(file.parent) as folder:
         with work({"making the page": EXPECTED_SECONDS}) as running, running.part("making the page"):

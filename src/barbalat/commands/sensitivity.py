@@ -25,7 +25,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--to", metavar="PATH",
-        help="numbers of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero numbers of the loop",
+        help="numbers of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero numbers of the loop, "
+        "but on the screen no definitions such as the 1 in x1' = x2",
     )  # fmt: skip
     add_list(parser, "--controller", metavar="NAME", help="names of the controllers; default: all")
     parser.add_argument(
@@ -53,5 +54,5 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report import documents, sensitivity
 
     document = documents.as_json(found.as_json())
-    tell(document, lambda screen: sensitivity.show(screen, found, labels), None, as_json=options.json)
+    tell(document, lambda screen: sensitivity.show(screen, found, labels, named=bool(options.to)), None, as_json=options.json)
     return 0

@@ -41,7 +41,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--members", type=whole, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
-        "--design", choices=("latin", "sobol", "random", "saltelli"), default="latin",
+        "--design", choices=("latin", "sobol", "random", "saltelli"),
         help="kind of draws: Latin hypercubes (default), a Sobol sequence, independent draws (which give exact intervals) or "
         "Saltelli's scheme",
     )  # fmt: skip
@@ -60,8 +60,9 @@ def add(commands: Commands) -> None:
     )
     add_list(
         parser, "--worst", metavar="METRIC",
-        help="instead of a sweep, search for the smallest and the largest value of a metric over the given ranges (without "
-        "ranges, over the known set), by gradients from --members starting points, default 64; the result is not a proof",
+        help="instead of a sweep, search for the smallest and the largest value of a metric over the given ranges, whose counts "
+        "have no effect (without ranges, over the known set), by gradients from --members starting points, default 64; the "
+        "result is not a proof",
     )  # fmt: skip
     parser.add_argument("--no-bounds", action="store_true", help="do not compare members with guaranteed bounds")
     parser.add_argument(
@@ -129,7 +130,7 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-NOT_OF_A_SEARCH = ("require", "audit", "scheduler", "store", "member", "out", "no_bounds")
+NOT_OF_A_SEARCH = ("design", "require", "audit", "scheduler", "store", "member", "out", "no_bounds")
 """Options of a sweep that a search for the worst member does not use."""
 
 
@@ -142,7 +143,8 @@ def _searched(options: argparse.Namespace) -> int:
     from barbalat.validate import InputError
 
     for name in NOT_OF_A_SEARCH:
-        if getattr(options, name):
+        value = getattr(options, name)
+        if not (value is None or value is False or value == []):
             raise InputError(
                 f"--{name.replace('_', '-')} belongs to a sweep, and --worst searches instead: leave one of them out"
             )
@@ -226,7 +228,7 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
 
     axes = _axes(options, text.case().problem.labels)  # errors of the file itself are reported first
     draws = sampled(text, [pair(given, TAKEN) for given in options.sample])
-    design = Design(options.design)
+    design = Design(options.design or "latin")
     plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)
     return Study(VariedCase(text, plan.paths, redesign=options.redesign), plan)
 

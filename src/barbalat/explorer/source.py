@@ -15,7 +15,7 @@ from barbalat.cases.load import CaseText
 from barbalat.open_numbers import truth_paths
 from barbalat.open_numbers.numbers import in_case, in_tables
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied import VariedCase, VariedObjects, with_steps
+from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
@@ -52,17 +52,13 @@ class Source(ABC):
 
 @dataclass(frozen=True, eq=False)
 class TextSource(Source):
-    """The text of a case file. Controllers from the user's own file follow those of the text and have no numbers in it.
-
-    dt  the fixed step [s] that replaces a tolerance, if the text has one
-    """
+    """The text of a case file. Controllers from the user's own file follow those of the text and have no numbers in it."""
 
     text: CaseText
-    dt: float | None = None
 
     @cached_property
     def _read(self) -> dict[str, Any]:
-        return with_steps(self.text.data(), self.dt)
+        return self.text.data()
 
     @cached_property
     def _in_tables(self) -> int:

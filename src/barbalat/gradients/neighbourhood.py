@@ -6,23 +6,25 @@ not traced. Their derivatives are central differences of the derived numbers alo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.open_numbers.kernel_numbers import Numbers
+from barbalat.open_numbers.kernel_numbers import Numbers, alike
 from barbalat.open_numbers.members import Setting
 from barbalat.open_numbers.numbers import in_case, in_tables
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.probe import Effect, Kind, Tried, kind_of
 from barbalat.open_numbers.truth_paths import is_parameter
 from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects, tables_with
-from barbalat.protocols import BreakingSignal
+from barbalat.protocols import BreakingSignal, Controller
 from barbalat.run.engine.tangent_run import Direction, Signals, SignalSlope
 from barbalat.run.kernel import delay
+from barbalat.study.fixed_steps import fixed_steps
 from barbalat.validate import Array, InputError
 
 SHARES = (1e-3, 1e-4, 1e-5)
@@ -53,6 +55,13 @@ class Movable:
 class NoSlope(InputError):
     """Raised where the numbers that follow from a number have no slope, as for a delay that is a multiple of the step."""
 
+    def __init__(self, path: FieldPath) -> None:
+        super().__init__(f"{path}: {NO_SLOPE}")
+        self.path = path
+
+
+NO_SLOPE = "the numbers that follow from it have no slope here"
+
 
 @dataclass(frozen=True)
 class Unmovable:
@@ -61,6 +70,20 @@ class Unmovable:
     path: FieldPath
     why: str
     invalid: bool = False
+
+
+def in_steps(source: CaseText | Case, controllers: Sequence[Controller]) -> tuple[CaseText | Case, str | None]:
+    """The case with fixed steps, and a sentence on how they were found from its tolerance; None if they are its own.
+
+    Derivatives are those of a discrete run. Steps that follow from a tolerance are chosen anew in each run, and tangents do not
+    see the choice; fixed steps make the same choice in all.
+    """
+    own = source if isinstance(source, Case) else source.case()
+    found = fixed_steps(own.problem, controllers, own.simulation)
+    if found.sentence is None:
+        return source, None
+    fixed = replace(source, simulation=found.simulation) if isinstance(source, Case) else replace(source, dt=found.simulation.dt)
+    return fixed, found.sentence
 
 
 def varied_of(source: CaseText | Case, paths: Sequence[FieldPath], *, redesign: bool) -> Varied:
@@ -88,8 +111,7 @@ def examined(source: CaseText | Case, path: FieldPath, *, redesign: bool) -> Mov
         known = numbers_of(source, [path])
         varied = varied_of(source, [path], redesign=redesign)
         value = _value(known, path)
-        if value is None:
-            return Unmovable(path, "the case does not give this number: write it into the case first")
+        assert value is not None  # see ``require_given``
         scale = abs(value) or _scale(known, path)
         values = value + scale * np.array([0.0, *(sign * share for share in SHARES for sign in (1, -1))])
         base, *cases = [varied.at([one]) for one in values]
@@ -104,6 +126,32 @@ def examined(source: CaseText | Case, path: FieldPath, *, redesign: bool) -> Mov
         dt = base.simulation.dt
         return Unmovable(path, f"the delay crosses a multiple of simulation.dt = {dt:g} s, where its interpolation has a corner")
     return Movable(path=path, value=float(value), scale=float(scale), kind=kind)
+
+
+def require_given(source: CaseText | Case, paths: Sequence[FieldPath]) -> None:
+    """InputError for a path that does not lead to a number of the case."""
+    known = numbers_of(source, paths)
+    for path in paths:
+        if _value(known, path) is None:
+            raise _not_given(path, known)
+
+
+def _not_given(path: FieldPath, known: Mapping[FieldPath, float]) -> InputError:
+    """The error for a path that leads to several numbers, which it names, or to none, with the closest path or the tables."""
+    depth = len(path.keys)
+    if within := [str(one) for one in known if one.keys[:depth] == path.keys]:
+        listed = ", ".join(within[:MOST_NAMED]) + (", ..." if len(within) > MOST_NAMED else "")
+        return InputError(f"{path} is not a number but has several; name one: {listed}")
+    if near := validate.hint(str(path), map(str, known)):
+        return InputError(f"the case gives no number {path}{near}")
+    tables = dict.fromkeys(str(FieldPath(one.keys[: 1 + isinstance(one.keys[1], int)])) for one in known if len(one.keys) > 1)
+    if path.keys[0] in {one.keys[0] for one in known}:
+        return InputError(f"the case gives no number {path}: write it into the case first")
+    return InputError(f"the case gives no number {path}; its numbers are in {', '.join(tables)}")
+
+
+MOST_NAMED = 8
+"""The largest number of paths that an error lists."""
 
 
 def _value(known: dict[FieldPath, float], path: FieldPath) -> float | None:
@@ -228,9 +276,11 @@ class Neighbourhood:
     def _slope(self, values: Sequence[Array], widths: Sequence[Array], column: int) -> Array:
         """The slope from values at two steps above and below, whose leading errors cancel."""
         coarse, fine = (values[0] - values[1]) / widths[0], (values[2] - values[3]) / widths[1]
+        still = np.all([alike(values[0], one) for one in values[1:]], axis=0)  # they do not depend on this number
+        coarse, fine = np.where(still, 0.0, coarse), np.where(still, 0.0, fine)
         size = np.abs(fine).max(axis=0, initial=0.0)
         if not (np.abs(coarse - fine).max(axis=0, initial=0.0) <= SMOOTH_WITHIN * size + np.finfo(float).tiny).all():
-            raise NoSlope(f"{self.moved[column].path}: the numbers that follow from it have no slope here")
+            raise NoSlope(self.moved[column].path)
         ratio = (SHARES[0] / SHARES[1]) ** 2
         return np.asarray((ratio * fine - coarse) / (ratio - 1))
 

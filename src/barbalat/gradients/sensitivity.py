@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -16,7 +16,21 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.gradients.check import Pair, checked
-from barbalat.gradients.neighbourhood import SHARES, Movable, Neighbourhood, Unmovable, examined, own_numbers, traced
+from barbalat.gradients.definitions import is_definition
+from barbalat.gradients.neighbourhood import (
+    NO_SLOPE,
+    SHARES,
+    Movable,
+    Neighbourhood,
+    NoSlope,
+    Unmovable,
+    examined,
+    in_steps,
+    numbers_of,
+    own_numbers,
+    require_given,
+    traced,
+)
 from barbalat.loop.structure import comes_from_outside
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.problem.output_feedback import OutputProblem
@@ -45,6 +59,7 @@ class Derivative:
     differences  the differences with each step, the largest step first; the steps are SHARES of the size of the number
     local       whether the difference with the largest step deviates by more than a tenth; the derivative then holds for smaller
                 changes only
+    definition  whether the number defines a state or the form of a transfer function, and has no uncertainty of its own
     """
 
     controller: str
@@ -58,6 +73,7 @@ class Derivative:
     difference: float | None
     differences: tuple[float | None, ...]
     local: bool
+    definition: bool
     refused: str | None
 
     def as_json(self) -> dict[str, Any]:
@@ -66,13 +82,15 @@ class Derivative:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Sensitivities:
-    """The derivatives of the metrics of a case's runs: by controller and metric, the largest elasticities first.
+    """The derivatives of the metrics of a case's runs: by controller and metric, the largest elasticities first and definitions
+    last.
 
     redesign  whether model and controllers are redesigned when the plant's numbers change; if not, only the simulated plant
               changes
     without  the numbers that have no derivatives, with the reason
     runs     number of runs made for the differences, over all controllers
     seconds  time of the runs with tangents, and of the runs for the differences
+    steps    for a case with a tolerance, how the fixed steps of the runs were found
     """
 
     case: str
@@ -82,6 +100,7 @@ class Sensitivities:
     without: dict[str, str]
     runs: int
     seconds: dict[str, float]
+    steps: str | None = None
 
     def __repr__(self) -> str:
         refused = sum(one.derivative is None for one in self.derivatives)
@@ -108,6 +127,7 @@ class Sensitivities:
             "without": self.without,
             "runs": self.runs,
             "seconds": self.seconds,
+            "steps": self.steps,
         }
 
 
@@ -133,11 +153,12 @@ def sensitivity(
     controllers  names; by default all
     redesign     as in ``sweep``: whether model and controllers are redesigned when the plant's numbers change
 
-    Raises InputError for unknown names, for a case without fixed steps, and for a controller whose code has no derivative.
+    A case with a tolerance is run with the longest fixed steps whose metrics agree with those at the tolerance.
+
+    Raises InputError for unknown names, and for a controller whose code has no derivative.
     """
     source = case if isinstance(case, (Case, CaseText)) else CaseText.read(case)
     own = source if isinstance(source, Case) else source.case()
-    own.simulation.require_steps("a sensitivity")
     names = [one.name for one in own.controllers]
     for name in controllers:
         if name not in names:
@@ -147,16 +168,25 @@ def sensitivity(
     figures = [by_index(one, labels) for one in of or FIGURES]
     require_figures(figures, own)
     given = [FieldPath.parse(by_index(path, labels)) for path in to]
+    require_given(source, given)
+    source, steps = in_steps(source, [own.controllers[i] for i in which])
     found = [examined(source, path, redesign=redesign) for path in dict.fromkeys(given or own_numbers(source))]
     if any(comes_from_outside(own.controllers[i]) for i in which):
         found = [traced(source, one, which, redesign=redesign) if isinstance(one, Movable) else one for one in found]
     moved = [one for one in found if isinstance(one, Movable)]
     without = {str(one.path): one.why for one in found if isinstance(one, Unmovable) and (given or not one.invalid)}
-    if not moved:
+    known = numbers_of(source, given)
+    definitions = {path for path in known if is_definition(own.problem, path, known)}
+    study = None
+    while moved and study is None:
+        try:
+            study = _Runs(Neighbourhood.of(source, moved, redesign=redesign), definitions, threads)
+        except NoSlope as error:
+            moved = [one for one in moved if one.path != error.path]
+            without[str(error.path)] = NO_SLOPE
+    if study is None:
         reasons = "; ".join(f"{path}: {why}" for path, why in without.items()) if given else "the case has none"
         raise InputError(f"no number has a derivative: {reasons}")
-    near = Neighbourhood.of(source, moved, redesign=redesign)
-    study = _Runs(near, threads)
     study.require(which)
     derivatives: list[Derivative] = []
     for k, i in enumerate(which):
@@ -170,6 +200,7 @@ def sensitivity(
         without=without,
         runs=study.runs,
         seconds=study.seconds,
+        steps=steps,
     )
 
 
@@ -193,8 +224,8 @@ class Beside(NamedTuple):
 class _Runs:
     """The runs of a case and of its neighbours."""
 
-    def __init__(self, near: Neighbourhood, threads: int | None) -> None:
-        self.near, self.threads = near, threads
+    def __init__(self, near: Neighbourhood, definitions: Container[FieldPath], threads: int | None) -> None:
+        self.near, self.definitions, self.threads = near, definitions, threads
         self.seconds = {"tangents": 0.0, "differences": 0.0}
         self.runs = 0
         self.directions = near.directions(near.base[None])
@@ -289,6 +320,7 @@ class _Runs:
             difference=_finite(found.difference),
             differences=tuple(_finite(pair.slope) for pair in pairs),
             local=found.local,
+            definition=one.path in self.definitions,
             refused=found.refused or None,
         )
 
@@ -316,8 +348,10 @@ def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def _first(one: Derivative) -> tuple[float, float]:
-    """The sort order: first by elasticity, then derivatives without an elasticity by size, then rejected derivatives."""
+def _first(one: Derivative) -> tuple[bool, float, float]:
+    """The sort order: first by elasticity, then derivatives without an elasticity by size, then rejected derivatives; definitions
+    last."""
     if one.derivative is None:
-        return 2.0, 0.0
-    return (1.0, -abs(one.derivative)) if one.elasticity is None else (0.0, -abs(one.elasticity))
+        return one.definition, 2.0, 0.0
+    without = one.elasticity is None
+    return one.definition, float(without), -abs(one.derivative if one.elasticity is None else one.elasticity)

@@ -54,11 +54,25 @@ class Numbers:
             for one, two in zip(vars(self).values(), vars(other).values(), strict=True)
         )
 
+    def rounded_alike(self, other: Numbers) -> bool:
+        """Whether all numbers are the same up to the rounding of their computation."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return all(one is two or (one is not None and two is not None and bool(alike(one, two).all())) for one, two in pairs)
+
     @classmethod
     def together(cls, parts: Sequence[Numbers]) -> Numbers:
         """The numbers of the members of all parts."""
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*(None if found[0] is None else np.concatenate(found, axis=-1) for found in columns))
+
+
+def alike(one: Array, two: Array) -> Array:
+    """Which numbers are equal up to ROUNDING of their own size, and a zero up to a few roundings of the array's largest number.
+
+    A known set that follows from ranges is rounded outward, to 10 digits, so that equal sets may differ by 1e-10 of their size.
+    """
+    size = np.maximum(np.abs(one), np.abs(two))
+    return np.asarray(np.abs(one - two) <= ROUNDING * size + 64 * np.finfo(float).eps * size.max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -211,15 +211,6 @@ class VariedCase(Varied):
         return []
 
 
-def with_steps(tables: Tables, dt: float | None) -> Tables:
-    """A case file's tables with fixed steps of ``dt`` [s] in place of a tolerance, if they have one."""
-    simulation = tables.get("simulation")
-    if dt is None or not isinstance(simulation, dict) or "tolerance" not in simulation:
-        return tables
-    kept = {key: value for key, value in simulation.items() if key not in ("tolerance", "solver")}
-    return tables | {"simulation": kept | {"dt": dt}}
-
-
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
     """A case file's tables that contain ``paths``.
 

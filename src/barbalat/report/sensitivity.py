@@ -18,8 +18,11 @@ MOST_ROWS = 12
 REFUSED = "refused"
 
 
-def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
-    """Print a table for each controller, the numbers with the largest elasticities first, and the reasons for rejections."""
+def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: bool) -> None:
+    """Print a table for each controller, the numbers with the largest elasticities first, and the reasons for rejections.
+
+    named  whether the numbers were chosen by name; if not, definitions are only listed
+    """
     screen.line(f"{found.case}: percent of a figure per percent of a number", "bold")
     if not found.redesign:
         screen.line(
@@ -42,7 +45,7 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
             screen.line("All derivatives are refused.", start="  ")
             _reasons(screen, own, labels)
             continue
-        ranked = _ranked(own)
+        ranked = _ranked([one for one in own if named or not one.definition])
         lead = ranked[:MOST_ROWS]
         if len(figures) == 1:
             rows = [_alone(path, by[figures[0]]) for path, by in lead]
@@ -53,6 +56,11 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
         if len(ranked) > len(lead):
             rest = counted(len(ranked) - len(lead), "further number")
             screen.line(f"Of less influence, and in the output of --json: {rest}.", start="  ")
+        if defining := [] if named else list(dict.fromkeys(str(one.path) for one in own if one.definition)):
+            screen.line(
+                f"Definitions of a rate or of a transfer function's form, in the output of --json and with --to: "
+                f"{', '.join(defining)}.", start="  ", indent="    ",
+            )  # fmt: skip
         if any(one.local for one in own):
             screen.line(
                 "* for changes well below 0.1 % only: a change of 0.1 % has another slope, by more than a tenth.",
@@ -62,6 +70,8 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None) -> None:
     for why in dict.fromkeys(found.without.values()):
         which = [path for path, other in found.without.items() if other == why]
         screen.line(f"No derivative by {', '.join(which)}: {why}.", "yellow", "    ", "  ")
+    if found.steps is not None:
+        screen.line(f"{found.steps[0].upper()}{found.steps[1:]}.")
     total = sum(found.seconds.values())
     screen.line(
         f"Derivatives of the discrete runs by tangents, compared with differences of {found.runs} further runs; "

@@ -27,6 +27,8 @@ def show(screen: Screen, found: WorstFound, labels: Labels | None) -> None:
     for one in found.extremes:
         for sentence in _sentences(one, labels):
             screen.line(sentence, start="  ", indent="    ")
+    if found.steps is not None:
+        screen.line(f"{found.steps[0].upper()}{found.steps[1:]}.")
     undefined = f"; {found.undefined} gradients do not exist or overflow" if found.undefined else ""
     screen.line(f"Found by {found.runs} runs and {found.gradients} gradients from many starts and the vertices{undefined}.")
 

@@ -1,5 +1,5 @@
-"""Fixed steps for contests and pages of a case with a tolerance: the longest steps with which its runs agree with the runs at the
-tolerance.
+"""Fixed steps for contests, pages and derivatives of a case with a tolerance: the longest steps with which its runs agree with
+the runs at the tolerance.
 
 A contest adds noise, which jumps every few milliseconds, and tries short delays. Both limit a step independently of its error, so
 a contest at the tolerance takes at least four times as long: with L1 on Section V, more than 170 s of processor time, compared

@@ -18,10 +18,11 @@ from barbalat import budget, validate
 from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.gradients.neighbourhood import Movable, Neighbourhood, NoSlope, varied_of
+from barbalat.gradients.neighbourhood import Movable, Neighbourhood, NoSlope, in_steps, varied_of
 from barbalat.gradients.sensitivity import TANGENT_MEMBERS, chosen, require_figures
 from barbalat.open_numbers.members import Setting
 from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.truth_paths import is_of_the_design
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.tangent_run import TangentRun, run_tangents
@@ -178,6 +179,7 @@ class WorstFound:
     ranges     the ends of each number, by path
     runs       runs without and with gradients, over all controllers
     undefined  gradients that do not exist or overflow, as at a corner or where the run is too sensitive
+    steps      for a case with a tolerance, how the fixed steps of the runs were found
     """
 
     case: str
@@ -187,6 +189,7 @@ class WorstFound:
     runs: int
     gradients: int
     undefined: int
+    steps: str | None = None
 
     def __repr__(self) -> str:
         return f"<WorstFound {self.case!r}: {validate.counted(len(self.extremes), 'figure')} over {', '.join(self.ranges)}>"
@@ -202,6 +205,7 @@ class WorstFound:
             "runs": self.runs,
             "gradients": self.gradients,
             "undefined_gradients": self.undefined,
+            "steps": self.steps,
         }
 
 
@@ -251,16 +255,16 @@ def search_worst(
 ) -> WorstFound:
     """The search for a case that has been read, see ``find_worst``."""
     validate.whole("starts", starts, least=1, most=2**16)
-    given = list(given) or known_set_of(source)
+    given = list(given) or known_set_of(source, redesign=redesign)
     region = SearchedSet.of(given)
     axes = {
         path: Axis(float(low), float(high), 3, bool(log))
         for (path, _), low, high, log in zip(given, region.low, region.high, region.logarithmic, strict=True)
     }
     paths = [path for path, _ in given]
+    source, steps = in_steps(source, (source if isinstance(source, Case) else source.case()).controllers)
     draws: dict[FieldPath, Distribution] = {path: Uniform(one.start, one.stop) for path, one in axes.items()}
     study = Study(varied_of(source, paths, redesign=redesign), Plan({}, draws, 1, Design.RANDOM, seed))
-    study.example.simulation.require_steps("a search for the worst member")
     for path, kind in zip(paths, study.kinds, strict=True):
         if not kind.is_number:
             raise InputError(f"{path} changes a signal or the structure, which a search does not cover: vary it in a sweep")
@@ -281,26 +285,35 @@ def search_worst(
         runs=search.runs,
         gradients=search.gradients,
         undefined=search.undefined,
+        steps=steps,
     )
 
 
-def known_set_of(source: CaseText | Case) -> list[tuple[FieldPath, Axis | Distribution]]:
-    """The ranges of the case's parameters, or else its known set of theta and of the input's gain; raises InputError if it has
-    none."""
+def known_set_of(source: CaseText | Case, *, redesign: bool) -> list[tuple[FieldPath, Axis | Distribution]]:
+    """The ranges of the case's parameters, or else its known set of theta and of the input's gain, as far as the simulated plant
+    depends on them; raises InputError if there are none."""
     case = source if isinstance(source, Case) else source.case()
     problem = case.problem
     found: dict[FieldPath, Distribution] = {}
+    why = "the case has neither a known set nor parameters with ranges: give --sample or --vary"
     if isinstance(problem, Problem):
-        physical = problem.plant.physical
+        physical, own = problem.plant.physical, "numbers of [truth], such as --sample truth.A[0][0]=uniform:-2:-1"
         if physical is not None and any(not one.is_exact for one in physical.parameters):
-            found |= sampled(source, [("parameters", BETWEEN)])
+            ranges = sampled(source, [("parameters", BETWEEN)])
+            found |= {path: one for path, one in ranges.items() if redesign or not is_of_the_design(problem, path)}
+            names = " or ".join(str(path.keys[-1]) for path in ranges)
+            why = f"no formula of the simulated plant contains {names}: give --redesign to vary the design, or ranges for {own}"
+        elif problem.uncertainty is not None and problem.truth is not None and problem.truth.A is not None:
+            why = (
+                f"the known set of theta does not describe the simulated plant, whose A is that of [truth]: give ranges for {own}"
+            )
         elif problem.uncertainty is not None:
             found |= sampled(source, [("plant.theta", KNOWN_SET)])
         gains = problem.known.gains
         if gains is not None and gains.size == 1 and gains.lower[0] < gains.upper[0]:
             found |= sampled(source, [("plant.input.gain", KNOWN_SET)])
     if not found:
-        raise InputError("the case has neither a known set nor parameters with ranges: give --sample or --vary")
+        raise InputError(why)
     return list(found.items())
 
 
