@@ -91,7 +91,8 @@ def standard_normal(seed: int, member: int, first: int, rows: int, channels: int
 def standard_normal_at(seed: int, member: int, rows: Array, channels: int) -> Array:
     """A member's standard Gaussian numbers for these rows, in any order, (K, channels)."""
     needed, place = np.unique(rows, return_inverse=True)
-    return _drawn(seed, member, [(int(row), 1) for row in needed], channels)[place]
+    runs = np.split(needed, np.flatnonzero(np.diff(needed) > 1) + 1)
+    return _drawn(seed, member, [(int(run[0]), len(run)) for run in runs], channels)[place]
 
 
 def _drawn(seed: int, member: int, parts: Sequence[tuple[int, int]], channels: int) -> Array:
