@@ -24,16 +24,45 @@ def test_the_delay_margin_inside_the_first_sample(kT):
     assert delay_margin(integrator(kT / T, T), 0.0) == pytest.approx(T / kT, rel=1e-6)
 
 
-@pytest.mark.parametrize("d", [0.0, 0.003, 0.0099, 0.01, 0.0234, 0.05])
-def test_the_closed_loop_with_any_delay(d):
-    """The roots are those of z^(l+2) - z^(l+1) + k (T - f) z + k f with d = l T + f, by hand."""
-    T, k = 0.01, 7.0
+def radius_by_hand(k, T, d):
+    """The largest root of z^(l+2) - z^(l+1) + k (T - f) z + k f with d = l T + f, by hand."""
     whole, f = divmod(round(d / T, 9), 1.0)
     polynomial = np.zeros(int(whole) + 3)
     polynomial[:2] = 1.0, -1.0
     polynomial[-2] += k * T * (1 - f)
     polynomial[-1] += k * T * f
-    assert integrator(k, T).radius(d) == pytest.approx(np.abs(np.roots(polynomial)).max(), rel=1e-9)
+    return np.abs(np.roots(polynomial)).max()
+
+
+@pytest.mark.parametrize("d", [0.0, 0.003, 0.0099, 0.01, 0.0234, 0.05])
+def test_the_closed_loop_with_any_delay(d):
+    assert integrator(7.0, 0.01).radius(d) == pytest.approx(radius_by_hand(7.0, 0.01, d), rel=1e-9)
+
+
+@pytest.mark.parametrize("kT", [0.0123, 0.0051])
+def test_a_delay_margin_of_hundreds_of_samples(kT):
+    """The largest root written by hand passes 1 within a hundred-millionth of the margin."""
+    T = 0.01
+    margin = delay_margin(integrator(kT / T, T), 0.0)
+    assert margin > 100 * T
+    assert radius_by_hand(kT / T, T, margin - 1e-6 * T) < 1 < radius_by_hand(kT / T, T, margin + 1e-6 * T)
+
+
+def test_long_delays_are_stable_where_the_spectral_radius_is_below_one(sample):
+    """Random loops with one or two inputs, whose plants have integrators and unstable modes, at delays of more than a hundred
+    samples: the argument principle and the eigenvalues agree."""
+    random, seen = np.random.default_rng(8), set()
+    for _ in range(sample(12, 200)):
+        n, m, T = int(random.integers(1, 4)), int(random.integers(1, 3)), 0.01
+        A, E, J = np.zeros((n + m, n + m)), np.zeros((n + m, m)), np.eye(n + m)
+        A[:n, :n] = np.diag(random.choice([0.0, -1.0, 0.01], n)) + np.triu(random.normal(size=(n, n)), 1)
+        E[:n], J[n:], C = random.normal(size=(n, m)), 0.0, np.eye(n + m)[n:]
+        J[n:, :n] = -random.normal(size=(m, n)) * 10 ** random.uniform(-3, 0)
+        loop, delays = SampledLoop(A, E, J, C, T), random.uniform(101, 160, m) * T
+        radius = loop.radius(delays)
+        assert loop.is_stable(delays) == (radius < 1)
+        seen.add(radius < 1)
+    assert seen == {True, False}
 
 
 def test_gain_and_phase_margin_of_the_integrator():

@@ -16,14 +16,18 @@ No single transfer function shows the delay margin, nor the gain margin of a gai
 The search starts from a stable loop and advances by steps over which stability is certain. For a delay, the step is certain if
 |change of L| < |1 + L| at every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For
 a factor k on all inputs, det(I + k L) = 0 means that k is -1/lambda for an eigenvalue lambda of L: k may change by its distance
-from all of these. Near the boundary the spectral radius decides. The delay of one input, with the others closed, is the delay of
-the loop with one input whose resolvent is
+from all of these. Near the boundary the number of unstable modes decides. For a factor it follows from the eigenvalues, and for
+a long delay, which makes their matrix large, from the argument principle: the closed loop's determinant turns around zero along a
+circle as often as there are modes outside. The delay at which stability is lost is a zero of the determinant on the unit circle.
+
+The delay of one input, with the others closed, is the delay of the loop with one input whose resolvent is
 
     R_i - L_io (I + L_oo)^-1 R_o,    R_i - L_io (I + L_oo)^-1 R_o, where o are the other inputs with their own delays.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -122,6 +126,22 @@ class SampledLoop:
         """The closed loop's spectral radius, which is below 1 if it is stable."""
         return float(np.abs(np.linalg.eigvals(self.closed(delay, factor))).max())
 
+    def is_stable(self, delay: float | Array) -> bool:
+        """Whether no mode of the closed loop is outside the circle of radius ``BEYOND``, by the turns of ``characteristic`` along
+        it, or by the eigenvalues if they are few."""
+        effects = self.effects(delay)
+        if effects.whole.sum() < FEW_MODES:
+            return self.radius(delay) < 1
+        angles = np.linspace(0, np.pi, int(STEPS_OF_A_TURN * (effects.whole + 2).sum()) + FREQUENCIES)
+        turns = _turns(lambda some: self.characteristic(BEYOND * np.exp(1j * some), effects), angles)
+        return self.radius(delay) < 1 if turns is None else turns == 0
+
+    def characteristic(self, z: Array, effects: Effects) -> Array:
+        """det(I - (J e^(A T) + J (late + early/z)/z^l C)/z) at points (K,), zero at the closed loop's modes, 1 at infinity."""
+        z = z[:, None, None]
+        fed_back = (self.J @ effects.late + self.J @ effects.early / z) / z**effects.whole @ self.C
+        return np.asarray(np.linalg.det(np.eye(len(self.A)) - (self.between + fed_back) / z))
+
     def as_continuous(self, delay: float, at: int = 0) -> StateSpace:
         """L broken at one input, at s = (2/T)(z - 1)/(z + 1): its frequencies are (2/T) tan(w T/2)."""
         M, N, C = self.broken_at(at, delay)
@@ -143,6 +163,30 @@ class SampledLoop:
         return np.asarray(-(R @ effects.late + R @ effects.early / z) / z**effects.whole)
 
 
+def _turns(function: Callable[[Array], Array], angles: Array) -> int | None:
+    """The number of turns of the function around zero along the circle, from its values on the upper half, where the other half
+    has the conjugate values.
+
+    An interval is halved until the values at its ends and in its middle are close to a straight line that stays away from zero.
+    None if there are too many intervals, since rounding prevents that.
+    """
+    values = function(angles)
+    ends, total = (angles[:-1], angles[1:], values[:-1], values[1:]), 0.0
+    while len(ends[0]) <= MOST_INTERVALS:
+        low, high, first, last = ends
+        middle = (low + high) / 2
+        between = function(middle)
+        least = np.minimum(np.abs(first), np.abs(last))
+        straight = (np.abs(last - first) < least / 2) & (np.abs(between - (first + last) / 2) < least / 4)
+        total += float(np.angle(last[straight] / first[straight]).sum())
+        if straight.all():
+            return round(total / np.pi)
+        halves = ((low, middle, first, between), (middle, high, between, last))
+        low, high, first, last = (np.concatenate([one[~straight] for one in pair]) for pair in zip(*halves, strict=True))
+        ends = low, high, first, last
+    return None
+
+
 def _split(delay: float, T: float) -> tuple[int, float]:
     """Whole samples and the remaining fraction of one; a remainder within rounding of a whole sample is rounded to it."""
     whole = int(np.floor(delay / T + 1e-12))
@@ -161,6 +205,16 @@ SHORT_STEP = 0.1
 lost nearby, which is then examined."""
 MOST_SAMPLES_OF_DELAY = 500
 """Largest delay, in samples, up to which the delay margin is searched."""
+BEYOND = 1 + 1e-12
+"""Radius of the circle outside which a mode counts as unstable."""
+STEPS_OF_A_TURN, MOST_INTERVALS = 4, 100_000
+"""Number of angles for each turn that a delay adds to L, and largest number of intervals between angles."""
+LOSS_WITHIN = 1e-12
+"""Accuracy of the delay at which stability is lost, as a share of a sample."""
+MOST_STEPS_OF_NEWTON, SMALL_CHANGE = 30, 1e-6
+"""Largest number of steps of Newton's method, and relative change for its slopes."""
+FEW_MODES = 100
+"""Number of samples of delay, over all inputs, below which the eigenvalues take less time than the argument principle."""
 EDGE_PLACES = 100
 """Number of positions of a delay's edge within a sample at which |L| < 1 is checked."""
 GRID_ALLOWANCE = 2e-3
@@ -208,18 +262,18 @@ def _grid(loop: SampledLoop, M: Array) -> Array:
     return np.union1d(w, own[own > w[0]])
 
 
-def _largest_gain(matrices: Array) -> Array:
-    """The largest singular values, (K,); for one input they are the magnitudes, which are computed a hundred times as fast."""
-    if matrices.shape[1:] == (1, 1):
-        return np.asarray(np.abs(matrices[:, 0, 0]))
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
-
-
-def _least_gain(matrices: Array) -> Array:
-    """The smallest singular values, (K,)."""
-    if matrices.shape[1:] == (1, 1):
-        return np.asarray(np.abs(matrices[:, 0, 0]))
-    return np.asarray(np.linalg.norm(matrices, -2, axis=(1, 2)))
+def _gains(matrices: Array) -> tuple[Array, Array]:
+    """The largest and the smallest singular values, (K,) each; for one or two inputs by formulas, which take a fraction of the
+    time."""
+    if matrices.shape[1] > 2:
+        found = np.linalg.svd(matrices, compute_uv=False)
+        return np.asarray(found[:, 0]), np.asarray(found[:, -1])
+    if matrices.shape[1] == 1:
+        return np.abs(matrices[:, 0, 0]), np.abs(matrices[:, 0, 0])
+    squares = np.square(np.abs(matrices)).sum(axis=(1, 2))
+    product = np.abs(matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0])
+    largest = np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * product**2, 0.0))) / 2)
+    return largest, product / np.maximum(largest, 1e-300)
 
 
 def _between_neighbours(w: Array, room: Array) -> Array:
@@ -239,30 +293,66 @@ class _DelaySearch:
     at: int | None
 
     def margin(self) -> float:
-        from scipy.optimize import brentq
-
         if self._never_large():
             return np.inf
-        T, late, radius = self.loop.T, 0.0, cache(self._radius)
+        T, late, is_stable = self.loop.T, 0.0, cache(self._is_stable)
         while late < MOST_SAMPLES_OF_DELAY * T:
-            step = self._safe_step(late)
+            step, w = self._safe_step(late)
             if step < SHORT_STEP * T:
                 step = max(step, LEAST_STEP * T)
-                if radius(late + step) >= 1:
-                    stable = late if radius(late) < 1 else 0.0  # a mode narrower than the grid may have been missed
-                    return float(brentq(lambda one: radius(one) - 1, stable, late + step, xtol=1e-12 * T))
+                if not is_stable(late + step):
+                    stable = late if is_stable(late) else 0.0  # a mode narrower than the grid may have been missed
+                    return self._loss(stable, late + step, w)
             late += step
         raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises the loop; longer ones were not tried")
+
+    def _loss(self, stable: float, unstable: float, w: float) -> float:
+        """The delay between these two at which stability is lost; the nearer the stable one, the nearer w to the frequency."""
+        while unstable - stable > LOSS_WITHIN * self.loop.T:
+            if stable <= (found := self._zero(stable, w)) <= unstable:
+                return found
+            middle = (stable + unstable) / 2
+            if self._is_stable(middle):
+                stable, (_, w) = middle, self._safe_step(middle)
+            else:
+                unstable = middle
+        return unstable
+
+    def _zero(self, late: float, w: float) -> float:
+        """The delay of a zero of the determinant on the unit circle, by Newton's method; NaN if it does not converge."""
+
+        def determinant(late: float, w: float) -> complex:
+            z = np.exp(1j * np.array([w]) * self.loop.T)
+            return complex(self.loop.characteristic(z, self.loop.effects(self._delays(late)))[0])
+
+        close, closer = self.loop.T * SMALL_CHANGE, w * SMALL_CHANGE
+        for _ in range(MOST_STEPS_OF_NEWTON):
+            here = determinant(late, w)
+            of_late = (determinant(late + close, w) - here) / close
+            of_w = (determinant(late, w + closer) - here) / closer
+            slopes = np.array([[of_late.real, of_w.real], [of_late.imag, of_w.imag]])
+            if not abs(np.linalg.det(slopes)) > 0:
+                return np.nan
+            change = np.linalg.solve(slopes, [-here.real, -here.imag])
+            late, w = late + float(change[0]), w + float(change[1])
+            if late + self.delay < 0:
+                return np.nan
+            if abs(change[0]) < LOSS_WITHIN * self.loop.T:
+                return late
+        return np.nan
 
     @property
     def _columns(self) -> Array:
         """The inputs that are delayed further."""
         return np.arange(self.loop.inputs) if self.at is None else np.array([self.at])
 
-    def _radius(self, late: float) -> float:
+    def _delays(self, late: float) -> Array:
         delays = np.full(self.loop.inputs, self.delay)
         delays[self._columns] += late
-        return self.loop.radius(delays)
+        return delays
+
+    def _is_stable(self, late: float) -> bool:
+        return self.loop.is_stable(self._delays(late))
 
     def _effects(self, late: float) -> Effects:
         found = self.loop.effects(self.delay + late)
@@ -292,15 +382,15 @@ class _DelaySearch:
 
     def _slopes(self, w: Array, R: Array) -> Array:
         """The largest |dL/dd| at each frequency, over all positions of the edge, (K,)."""
-        moved = np.stack([_largest_gain(R @ edge) for edge in self._edges]).max(axis=0)
+        moved = np.stack([_gains(R @ edge)[0] for edge in self._edges]).max(axis=0)
         return np.asarray(np.exp(LARGEST_TURN) * moved * np.abs(1 - np.exp(-1j * w * self.loop.T)))
 
     @cached_property
     def _grid_slopes(self) -> Array:
         return self._slopes(*self._grid)
 
-    def _safe_step(self, late: float) -> float:
-        """|1 + L| over |dL/dd| at the worst frequency; around the minima on the grid it is refined."""
+    def _safe_step(self, late: float) -> tuple[float, float]:
+        """|1 + L| over |dL/dd| at the worst frequency, and this frequency; around the minima on the grid it is refined."""
         w, R = self._grid
         effects = self._effects(late)
         room = self._room(w, R, self._grid_slopes, effects)
@@ -308,11 +398,11 @@ class _DelaySearch:
             w = _between_neighbours(w, room)
             R = self._resolvent(w)
             room = self._room(w, R, self._slopes(w, R), effects)
-        return float(room.min())
+        return float(room.min()), float(w[room.argmin()])
 
     def _room(self, w: Array, R: Array, slopes: Array, effects: Effects) -> Array:
         L = self.loop.response(w, R, effects)
-        nearest = _least_gain(np.eye(L.shape[1]) + L)
+        _, nearest = _gains(np.eye(L.shape[1]) + L)
         return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
@@ -325,7 +415,7 @@ class _DelaySearch:
 
         def largest(parts: Array) -> Array:
             responses = (self.loop.response(w, R, self._effects(start + part * self.loop.T)) for part in parts)
-            return np.max([_largest_gain(one) for one in responses], axis=0)
+            return np.max([_gains(one)[0] for one in responses], axis=0)
 
         if largest(np.linspace(0, 0.9, 10)).max() >= 1:
             return False
