@@ -1,1 +1,1 @@
-"""The bundled cases and the case file: TOML in, validated objects out."""
+"""The bundled cases, and how a TOML case file becomes validated objects."""

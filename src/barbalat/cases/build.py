@@ -35,8 +35,8 @@ from barbalat.validate import InputError, printable, show
 class Case:
     """A problem, the controllers to compare on it, and the settings of the simulation.
 
-    equations  of each controller on the problem, if they are already known
-    judge      the criteria for following, for being lost and for a limit cycle
+    equations  equations of each controller for the problem, if they are already known
+    judge      the criteria for the verdicts
     specification  the requirements of ``design``
     """
 
@@ -52,7 +52,7 @@ class Case:
         return self.problem.name
 
     def member(self, i: int) -> tuple[Any, ...]:
-        """The i-th controller on the problem, with its equations if they are known, in the form that ensembles read."""
+        """The i-th controller on the problem, with its equations if known, in the form that ensembles read."""
         return self.problem, self.controllers[i], *self.equations[i : i + 1]
 
     def __repr__(self) -> str:
@@ -71,7 +71,7 @@ class Case:
 
 @contextmanager
 def within(place: str) -> Iterator[None]:
-    """Prefixes ``place`` to an InputError whose sentence does not begin with it or with a field in it."""
+    """Prefixes an InputError with ``place``, unless its sentence begins with it or with a field in it."""
     try:
         yield
     except InputError as error:
@@ -88,7 +88,7 @@ class Parts:
     """The parts of the first of several cases that are built together; a later case with some changed tables reuses the other
     parts.
 
-    Parts are identified by the tables from which they were made, which are kept with them.
+    Parts are identified by the tables from which they were made; the tables are kept with them.
     """
 
     objects: Mapping[int, tuple[Any, Any]] = field(default_factory=dict)
@@ -117,8 +117,8 @@ def build(
     """Validate and build everything, binding each controller once; ``folder`` is the base of relative paths.
 
     joining  controllers in addition to the case's own
-    parts    parts of the first case that was built with them, which are not built again
-    raw      the file's tables, if they have parameters or a [truth]
+    parts    parts of the first case that was built from these tables; they are not built again
+    raw      tables of the file, if they have parameters or a [truth]
     """
     parts = Parts() if parts is None else parts
     base = Context(folder, objects=parts.objects)
@@ -180,7 +180,8 @@ def _controllers(case: Table, context: Context, problem: TrackingProblem, parts:
 
 
 def _baseline_alone(problem: TrackingProblem, controllers: Sequence[Controller]) -> Controller | None:
-    """The baseline without adaptation, sampled like the first sampled controller; None without one, or if the case lists it."""
+    """The baseline without adaptation, sampled like the first sampled controller; None without a baseline, or if the case lists
+    it."""
     inner = [one.controller if isinstance(one, Sampled) else one for one in controllers]
     if problem.fixed is None or any(isinstance(one, BaselineAlone) for one in inner):
         return None
@@ -191,19 +192,19 @@ def _baseline_alone(problem: TrackingProblem, controllers: Sequence[Controller])
 
 
 def _name(table: Table) -> str:
-    """A controller's name: the given one, or its settings' default."""
+    """The name of a controller: the given name or the default of its settings."""
     return str(vars(table)["name"])
 
 
 def made(table: Table, context: Context, place: str) -> Any:
-    """The object that a table describes; ``place`` is its position, for messages."""
+    """The object that a table describes; ``place`` is the position of the table, for messages."""
     given = _given(table, context, place)
     with in_the_files_words(given):
         return table.recipe.make(given, context)
 
 
 def _given(table: Table, context: Context, place: str) -> Given:
-    """The values of a table's keys, with inner tables built; keys that were not given are absent."""
+    """The values of a table's keys, with inner tables built; missing keys are absent."""
     found = {key: value for key, value in table if key in table.model_fields_set and key in table.recipe.keys}
     return {key: _value(value, context, f"{place}.{key}" if place else key) for key, value in found.items()}
 
@@ -218,7 +219,7 @@ def _value(value: Any, context: Context, place: str) -> Any:
     if (known := context.objects.get(id(value))) is not None:
         found = known[1]
     else:
-        with within(place):  # about its own keys only, whatever the problem is
+        with within(place):  # only about its keys, whatever the problem is
             found = made(value, Context(context.folder, objects=context.objects), place)
         if isinstance(context.objects, dict):
             context.objects[id(value)] = value, found
@@ -226,14 +227,14 @@ def _value(value: Any, context: Context, place: str) -> Any:
 
 
 def _controller(table: Table, context: Context) -> Controller:
-    """The controller in continuous time, or the sampled one if the scheme is always sampled."""
+    """The controller in continuous time, or the sampled controller if the scheme is always sampled."""
     given, sampling = _given(table, context, ""), sampling_of(table.recipe.keys)
     controller: Controller = table.recipe.make({key: value for key, value in given.items() if key not in sampling}, context)
     return controller
 
 
 def _bound(table: Table, context: Context, problem: TrackingProblem) -> Bound:
-    """The controller and its equations, sampled if requested, after a first binding that checks that problem and controller
+    """The controller and its equations, sampled if requested, after a first binding, which checks that problem and controller
     fit."""
     with in_the_files_words({key: vars(table)[key] for key in table.model_fields_set}):
         controller = _controller(table, context)
@@ -251,7 +252,7 @@ def _already_bound(equations: Any, _problem: TrackingProblem, _controller: Contr
 
 
 def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Simulation, parts: Parts) -> Case:
-    """The case, after a check that its parts agree."""
+    """The case, once its parts have been checked for agreement."""
     controllers = tuple(controller for controller, _ in found)
     require_controllers(controllers)
     by_tolerance = simulation.tolerance is not None

@@ -1,4 +1,4 @@
-"""Pydantic's findings in a case file as sentences, each with the field, the value as typed, and what would be right."""
+"""Turns Pydantic's findings in a case file into sentences, each with the field, the value as typed, and what would be correct."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.cases.table_models import TAGS, Table
 from barbalat.validate import MOST_LISTED, InputError
 
 SHOWN_AT_ONCE = 3
-"""Largest number of findings reported together: correcting these often corrects the others."""
+"""Largest number of findings reported together: correcting these often corrects others."""
 MISSPELT_KEYS = 20
 """Depth of nesting up to which findings are searched."""
 LONGEST_MESSAGE = 540
@@ -25,7 +25,7 @@ LONGEST_SENTENCE = 400
 LONGEST_VALUE = 60
 """Characters of a value in a message."""
 MOST_BITS = 14_000
-"""Largest number of digits of a whole number shown in decimal: Python writes at most 4300 digits, and 0xff... may have more."""
+"""Largest number of bits of an integer shown in decimal: Python writes at most 4300 digits, and 0xff... may have more."""
 DEEPEST_VALUE = 4
 """Depth to which the nested tables or lists of a value are shown."""
 BEYOND_RANGE = f"is beyond the range of floating-point numbers, {sys.float_info.max:.2g}"
@@ -38,7 +38,7 @@ KEYS_OF_ONE_NUMBER = {"filter": "kappa"}
 """Tables for which a single number may be given, with the key of that number."""
 
 _ORDER = {"unknown_key": 0}
-"""The order of findings: a misspelt key is also a missing one, and its spelling is reported first."""
+"""The order of findings. A misspelt key is also a missing key; its spelling is reported first."""
 
 
 class Typed(str):
@@ -60,10 +60,10 @@ def several(found: Iterable[str]) -> InputError:
 def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) -> list[str]:
     """The reasons why ``data``, which is modified, is not a table of ``root``: one sentence each, misspelt keys first.
 
-    as_typed  the same data with its numbers as they were typed
+    as_typed  the same data, with the numbers as they were typed
     """
     told: list[str] = []
-    for _ in range(MISSPELT_KEYS):  # a table is examined once its keys are known: correct what is misspelt and look again
+    for _ in range(MISSPELT_KEYS):  # a table is examined only if its keys are known: correct misspelt keys and check again
         try:
             root.model_validate(data)
         except ValidationError as error:
@@ -84,7 +84,7 @@ def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) 
 
 
 def _put_right(table: dict[str, Any], context: dict[str, Any], further_in: list[str]) -> None:
-    """Move an unknown key's value to the intended place; remove it if there is no such place, or if it is taken."""
+    """Move the value of an unknown key to the intended place; remove it if there is no such place or the place is taken."""
     value = table.pop(context["key"])
     *outer, last = further_in[0].split(".") if further_in else _near(context) or [""]
     for key in outer:
@@ -146,7 +146,8 @@ def _known(context: dict[str, Any]) -> str:
 
 
 def _meant(context: dict[str, Any], place: str, root: type[Table]) -> str:
-    """The key of that name in an inner table, the closest spelling here, or the keys here and that name elsewhere."""
+    """The key with that name in an inner table, or the key with the closest spelling here, or the keys here and places elsewhere
+    with that name."""
     start = _start(place)
     here = [*(start + path for path in _further_in(context, place, root)), *_near(context)]
     elsewhere = _named(context["key"], root)
@@ -158,23 +159,24 @@ def _meant(context: dict[str, Any], place: str, root: type[Table]) -> str:
 
 
 def _named(key: str, root: type[Table]) -> list[str]:
-    """The paths of all keys of a name."""
+    """The paths of all keys with a given name."""
     return [".".join(path) for path in _paths(root) if path[-1] == key]
 
 
 def _further_in(context: dict[str, Any], place: str, root: type[Table]) -> list[str]:
-    """The keys of that name in tables inside the one in which it is unknown, by their relative paths."""
+    """The relative paths of the keys with that name in tables inside the table in which it is unknown."""
     start = _start(place)
     return [path.removeprefix(start) for path in _named(context["key"], root) if path.startswith(start)]
 
 
 def _start(place: str) -> str:
-    """The part before a place's own name."""
+    """The part of a place before its last name."""
     return place[: place.rfind(".") + 1]
 
 
 def _near(context: dict[str, Any]) -> list[str]:
-    """The known key that an unknown one may mean, if any: one that is not given and is spelt similarly or begins with it."""
+    """The known key that an unknown one may mean, if any: a key that is not given and is spelt similarly or begins with the
+    unknown one."""
     key, free = context["key"], [one for one in context["known"] if one not in context["given"]]
     if SYNONYMS.get(key) in free:
         return [SYNONYMS[key]]
@@ -214,7 +216,7 @@ def _tables_in(hint: Any) -> Iterator[type[Table]]:
 
 
 def _one_of(place: str, expected: str, given: str, otherwise: str = "") -> str:
-    """``expected`` as pydantic writes it, with every name in quotes; ``otherwise`` if none of them is close."""
+    """``expected`` as pydantic writes it, with every name in quotes; ``otherwise`` if no name is close."""
     known = re.findall("'([^']*)'", expected)
     near = difflib.get_close_matches(given.lower(), known, n=1) or difflib.get_close_matches(given, known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else otherwise
@@ -244,7 +246,7 @@ def _as_toml(value: Any, depth: int) -> str:
 
 
 def _keys(location: tuple[int | str, ...], data: Any) -> list[int | str]:
-    """A place without the tags that pydantic inserts: a form's name, and a table's own kind or scheme after the table.
+    """A place without the tags that pydantic inserts: the name of a form, and the kind or scheme of a table after the table.
 
     A key of that table may have the same name as the tag, so the tag is looked for only once, right after its table.
     """
@@ -261,14 +263,14 @@ def _keys(location: tuple[int | str, ...], data: Any) -> list[int | str]:
 
 
 def _inside(here: Any, key: int | str) -> Any:
-    """The value of a key of a table or at an index of a list; None if there is none."""
+    """The value of a key of a table or at an index of a list; None if it does not exist."""
     if isinstance(here, dict):
         return here.get(key)
     return here[key] if isinstance(here, list) and isinstance(key, int) and key < len(here) else None
 
 
 def _value(location: tuple[int | str, ...], data: Any) -> Any:
-    """The value at a place; for a missing key, the table that should have it."""
+    """The value at a place; for a missing key, the table that should contain it."""
     here = data
     for key in _keys(location, data):
         here = here.get(key, here) if isinstance(here, dict) else _inside(here, key) if isinstance(here, list) else here

@@ -1,6 +1,6 @@
-"""The tables of keys in docs/cases.md, from the registries and the settings' docstrings.
+"""Generates the tables of keys in docs/cases.md from the registries and the docstrings of settings.
 
-``python -m barbalat.cases.key_tables docs/cases.md`` rewrites them between the page's marks.
+``python -m barbalat.cases.key_tables docs/cases.md`` rewrites the tables between the marks of the page.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _rows(keys: Mapping[str, Key], prefix: str = "") -> list[tuple[str, ...]]:
 
 
 def _registry(registry: Mapping[str, type], choice: str) -> str:
-    """The meaning of each name, and a row for each of its keys; keys that all have in common come last."""
+    """The meaning of each name, and a row for each of its keys; keys that all names have in common come last."""
     keys = {name: table_of(settings, choice, name).recipe.keys for name, settings in registry.items()}
     first = next(iter(keys.values()))
     at_samples = [name for name, one in keys.items() if choice == "scheme" and not sampling_of(one)]

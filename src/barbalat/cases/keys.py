@@ -1,4 +1,4 @@
-"""The keys of a case file's tables: the fields of the settings that are built from them, and the exceptions."""
+"""The keys of a case file's tables: the fields of the settings that are built from the tables, and the exceptions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ REQUIRED = MISSING
 """Represents a missing default."""
 
 Given = dict[str, Any]
-"""The values of the keys of one table, with tables already built; keys that were not given are absent."""
+"""The values of the keys of one table, with tables already built; missing keys are absent."""
 
 
 class Key(NamedTuple):
@@ -23,26 +23,26 @@ class Key(NamedTuple):
 
     type: Any  # the type as a field of settings would declare it
     meaning: str
-    default: Any = REQUIRED  # None if the settings' own default is not a plain value
-    alias: str | None = None  # an accepted second spelling
+    default: Any = REQUIRED  # None if the default of the settings is not a plain value
+    alias: str | None = None  # an accepted alternative spelling
 
 
 class Context(NamedTuple):
     """What building a table needs in addition to the table itself."""
 
     folder: Path  # the base of relative paths
-    known: Any = None  # the problem's known part, for controllers
+    known: Any = None  # the known part of the problem, for controllers
     others: Callable[[type], dict[str, Callable[[], Any]]] = lambda _: {}
     """The case's controllers of a class, by name, each with its builder."""
     objects: Mapping[int, tuple[Any, Any]] = MappingProxyType({})
-    """Objects already built, with their tables, by the tables' ids; new ones are added to the dictionary."""
-    raw: dict[str, Any] | None = None  # the file's tables, if they contain formulas of parameters
-    judge: Any = None  # the case's judge, for the scales of states
+    """The objects already built, with their tables, by the ids of the tables; new objects are added to the dictionary."""
+    raw: dict[str, Any] | None = None  # tables of the file, if they contain formulas of parameters
+    judge: Any = None  # judge of the case, for the scales of states
     t_end: float = 0.0  # [s]
 
 
 Make = Callable[[Given, Context], Any]
-"""Makes a table's object from the given values."""
+"""Makes the object of a table from the given values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +51,8 @@ class Differences:
 
     keys       keys that are not fields, or have a different type than the field
     required   fields that have a default in Python but must be given here; ``optional`` is the opposite
-    without    fields without a key
-    make       makes the object from the given values; by default the class is called with them as keyword arguments
+    without    fields that have no key
+    make       makes the object from the given values; by default, the class is called with the values as keyword arguments
     """
 
     keys: Mapping[str, Key] = field(default_factory=dict)
@@ -62,13 +62,13 @@ class Differences:
     make: Make | None = None
 
 
-@cache  # a sweep makes thousands of cases of one file
+@cache  # a sweep makes thousands of cases from one file
 def _types_of(settings: type) -> dict[str, Any]:
     """The types of the fields only, because other annotations of the class may use names that are imported only for type
     checkers."""
     names = {one.name for one in fields(settings)}
     found: dict[str, Any] = {}
-    for kind in reversed(settings.__mro__):  # a field's type is resolved in the module of the class that declares it
+    for kind in reversed(settings.__mro__):  # the type of a field is resolved in the module of the class that declares it
         own = {name: given for name, given in vars(kind).get("__annotations__", {}).items() if name in names}
         found |= get_type_hints(
             type(kind.__name__, (), {"__annotations__": own, "__module__": kind.__module__}), include_extras=True
@@ -92,7 +92,7 @@ def keys_of(settings: type, differences: Differences) -> dict[str, Key]:
 
 @cache
 def meanings_of(settings: type) -> dict[str, str]:
-    """The meanings of fields in the docstrings of a class and of its bases: name -> meaning."""
+    """The meanings of fields, from the docstrings of a class and its bases: name -> meaning."""
     found: dict[str, str] = {}
     for kind in reversed(settings.__mro__):
         found |= _meanings_in(kind.__doc__ or "")

@@ -1,4 +1,4 @@
-"""Reads a case: a path or a bundled name gives a validated Case, or one clear sentence."""
+"""Reads a case: a path or the name of a bundled case gives a validated Case, or an error of one clear sentence."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", 
 """A key whose value is a number with a decimal comma, alone on its line."""
 DIGITS = re.compile(r"[0-9_]+")
 SINGLE_BRACKETS = re.compile(r"^\s*\[\s*controller\s*\]", re.MULTILINE)
-"""The header of a case's only controller in single brackets: with a second one it is not valid TOML."""
+"""The header of a single controller in single brackets. With a second controller this is not valid TOML."""
 
 
 Keys = tuple[str | int, ...]
@@ -57,8 +57,8 @@ Keys = tuple[str | int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """Cases that differ from a first one in some numbers: parts that don't depend on these are neither checked nor built
-    again."""
+    """Cases that differ from a first case in some numbers. Parts that do not depend on these numbers are neither checked nor
+    built again."""
 
     table: Table
     folder: Path
@@ -68,7 +68,7 @@ class Variants:
 
     def at(self, numbers: Mapping[Keys, float]) -> Case | None:
         """The case with these numbers, checked like any other; None if one of them is not a plain number in the first case."""
-        if self.with_formulas:  # numbers follow from formulas: the tables are evaluated again
+        if self.with_formulas:  # numbers follow from formulas, so the tables are evaluated again
             return None
         table: Any = self.table
         for keys, value in numbers.items():
@@ -94,10 +94,10 @@ def _with_number(part: Any, keys: Keys, value: float) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class CaseText:
-    """The text of a case file and everything needed to build the case, as it is or with other numbers.
+    """The text of a case file and everything needed to build the case, unchanged or with different numbers.
 
     folder  the base of relative paths
-    source  its name in messages
+    source  name in messages
     own     a file with the user's controllers
     dt      the fixed step [s] that replaces a tolerance, if the text has one
     """
@@ -110,7 +110,7 @@ class CaseText:
 
     @classmethod
     def read(cls, case: str | Path, controllers: str | Path | None = None) -> CaseText:
-        """A case file, or a bundled case by its name; raises InputError for one that can't be read."""
+        """Read a case file, or a bundled case by name; raises InputError if it can't be read."""
         path = bundled().get(str(case)) or local_path("the case", case)
         try:
             text = contents(path, "the case file", TEXT_BYTE).decode("utf-8-sig")
@@ -138,7 +138,7 @@ class CaseText:
         except RecursionError:
             raise InputError(f"{self.source} has too many nested tables or lists") from None
         except ValueError as error:
-            if not isinstance(error, tomllib.TOMLDecodeError):  # Python rejects whole numbers with so many digits
+            if not isinstance(error, tomllib.TOMLDecodeError):  # Python rejects integers with so many digits
                 raise InputError(f"{self.source}{self._too_long()} {BEYOND_RANGE}") from None
             twice = len(SINGLE_BRACKETS.findall(self.text)) > 1
             meant = "; each controller needs [[controller]], with two brackets" if twice else ""
@@ -148,20 +148,20 @@ class CaseText:
             raise InputError(f"{self.source} is not valid TOML: {error}{meant}") from None
 
     def _too_long(self) -> str:
-        """The position of the number with more digits than Python reads, and the number of its digits."""
+        """The position of a number with more digits than Python reads, and the number of its digits."""
         found = max(DIGITS.finditer(self.text), key=lambda one: len(one[0]))
         line = self.text.count("\n", 0, found.start()) + 1
         return f", line {line}: a number of {len(found[0].replace('_', ''))} digits"
 
     def variants(self, data: dict[str, Any]) -> Variants:
-        """Cases that differ in some numbers from the one with these tables; raises InputError if there is no such case."""
+        """Cases that differ in some numbers from the case with these tables; raises InputError if that case is invalid."""
         table, joining, raw = self._checked(data, changed=True)
         parts = Parts()
         build(table, self.folder, joining, parts, raw)
         return Variants(table, self.folder, joining, parts, with_formulas=raw is not None)
 
     def case(self, data: dict[str, Any] | None = None) -> Case:
-        """The case, or the case with these tables in place of the text's own."""
+        """The case, or the case with these tables in place of those of the text."""
         changed = data is not None
         data = self.data() if data is None else data
         table, joining, raw = self._checked(data, changed=changed)
@@ -174,7 +174,7 @@ class CaseText:
             return build(table, self.folder, joining, raw=raw)  # raises the same error, now in the terms that the file uses
 
     def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...], dict[str, Any] | None]:
-        """The tables with their types checked, the controllers that join the case's, and the original tables.
+        """The tables with checked types, the controllers that join those of the case, and the original tables.
 
         The last is None if they have neither parameters nor a truth.
         """
@@ -207,11 +207,11 @@ def _with_steps(tables: dict[str, Any], dt: float | None) -> dict[str, Any]:
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
     """Load a case file, or a bundled case by its name.
 
-    controllers  a Python file whose controllers join the case's and whose classes the case may name: see ``user_controllers``. It
-                 is run
+    controllers  a Python file whose controllers join those of the case and whose classes the case may name (see
+                 ``user_controllers``). The file is executed
 
     Raises InputError, with one sentence, for a missing or unreadable file, text that is not TOML, unknown keys (with the closest
-    known one), and everything that the objects' constructors reject.
+    known one), and everything that the constructors of the objects reject.
     """
     return CaseText.read(case, controllers).case()
 
@@ -222,13 +222,13 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: 
 
 
 TEXT_BYTE = Estimate(memory=100.0, seconds=5e-6)
-"""Largest size of a case file: the parser takes 0.1 to 1.1 us and up to 27 bytes, and the tables are read three times and
+"""Cost of each byte of a case file: the parser takes 0.1 to 1.1 us and up to 27 bytes, and the tables are read three times and
 checked."""
 PART_PAIR = Estimate(memory=4.0, seconds=5e-8)
-"""Largest sum, over dotted keys, of the squared number of parts, since each part stores those before it: 35 MB and 0.1 s for
-3,000, and it is read three times."""
+"""Largest sum, over dotted keys, of the squared number of parts, because each part stores those before it: 35 MB and 0.1 s for
+3,000 parts, and the text is read three times."""
 MOST_NESTED = 200
-"""Largest depth of nested lists or tables, also by keys with this number of parts: each takes two calls of the parser, and
+"""Largest depth of nested lists or tables, including the nesting by dotted keys: each level takes two calls of the parser, and
 Python allows a thousand."""
 
 TOKEN = re.compile(

@@ -1,4 +1,4 @@
-"""Formulas of physical parameters in a case file's tables: they are replaced by their numbers before anything is checked."""
+"""Formulas of physical parameters in the tables of a case file. They are replaced by their values before anything is checked."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
     """The tables with each formula replaced by its number, and the original tables if they have parameters or a truth; otherwise
     the unchanged tables, and None.
 
-    The plant's formulas are evaluated at the nominal parameters, the truth's at its own. Raises InputError for an invalid
-    formula, and for parameters if the plant is not given by A and b.
+    The formulas of the plant are evaluated at the nominal parameters, those of the truth at the truth's parameters. Raises
+    InputError for an invalid formula, and for parameters if the plant is not given by A and b.
     """
     if "parameters" not in tables and "truth" not in tables:
         return tables, None
@@ -60,7 +60,7 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
 
 
 def _require_use(given: Mapping[str, Any], parts: Any) -> None:
-    """Raise InputError for a parameter with a range that no text in these parts names."""
+    """Raise InputError for a parameter with a range that occurs in no formula of these parts."""
     used = names_in(parts)
     for name, one in given.items():
         if name not in used and isinstance(one, dict) and one.keys() & {"between", "tolerance"}:
@@ -78,7 +78,7 @@ def _numbers(name: str, table: Tables, keys: tuple[str, ...], values: Mapping[st
 
 
 def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPlant:
-    """The plant of a case file as formulas; ``tables`` are the file's own, ``parameters`` the checked ones by name."""
+    """The plant of a case file as formulas; ``tables`` are those of the file, ``parameters`` the checked parameters by name."""
     declared = [Parameter(name, **(one if isinstance(one, dict) else {"value": one})) for name, one in parameters.items()]
     plant = tables["plant"]
     more = {key: plant.get(key) for key in ("x0", "input")}
@@ -86,7 +86,8 @@ def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPla
 
 
 def with_formulas(truth: Truth, tables: Tables) -> Truth:
-    """The truth with the formulas of its table, in place of their numbers: they hold for other values of the parameters too."""
+    """The truth with the formulas of its table in place of their values, so that it also holds for other values of the
+    parameters."""
     given = tables.get("truth", {})
     return replace(truth, **{key: given[key] for key in OF_TRUTH if key in given and any(_texts(given[key]))})
 

@@ -1,4 +1,5 @@
-"""Differences between the keys of plant, model, known set and signals and the fields of their classes, and their builders."""
+"""How the keys of plant, model, known set and signals differ from the fields of their classes, and the builders of these
+objects."""
 
 from __future__ import annotations
 
@@ -47,12 +48,12 @@ def _data_file(given: Given, context: Context) -> Path:
 
 
 def _as_given(given: Given, _: Context) -> Given:
-    """For a table that makes no object of its own, because the problem combines several tables."""
+    """For a table that makes no separate object, because the problem combines several tables."""
     return given
 
 
 def _problem(given: Given, context: Context) -> Problem:
-    """The disturbances are keys of the plant, the input gain one of the known set, and A is combined with the model."""
+    """Disturbances are keys of the plant, the input gain is a key of the known set, and A is combined with the model."""
     plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
     baseline = given.pop("baseline", None)
@@ -76,7 +77,7 @@ def _problem(given: Given, context: Context) -> Problem:
 
 
 def _with_measured(given: Given, plant: Given) -> Given:
-    """The given values with plant.C removed from the plant and used as what the observer measures."""
+    """The given values, with plant.C moved from the plant to the observer as its measurement."""
     C, observer = plant.pop("C", None), given.get("observer")
     if C is None:
         return given
@@ -88,7 +89,7 @@ def _with_measured(given: Given, plant: Given) -> Given:
 
 
 def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, known: Given, context: Context) -> Problem:
-    """The problem whose model is the baseline's closed loop with the nominal plant; ``known`` describes the deviation from
+    """The problem whose model is the closed loop of the baseline with the nominal plant; ``known`` describes the deviation from
     that plant."""
     plant, model = given.pop("plant"), given.pop("reference_model")
     for table, keys, at in ((model, ("A_m", "poles", "k_0"), "reference_model"), (plant, ("A_m", "theta", "regressor"), "plant")):
@@ -145,7 +146,7 @@ def _rows_of(follow: str | tuple[str, ...], names: tuple[str, ...]) -> list[list
 
 
 def _system_of(given: Given, _: Context) -> SystemBaseline:
-    """From num and den, or from A, B, C and D."""
+    """The system from num and den, or from A, B, C and D."""
     if given.keys() == {"num", "den"}:
         return SystemBaseline(TransferFunction(**given))
     if given.keys() != {"A", "B", "C", "D"}:
@@ -200,7 +201,7 @@ def _plant(plant: Given, model: Given) -> Plant:
 
 
 def _uncertainty(given: Given, _: Context) -> Given:
-    """Exactly one of a box and a ball, or only the input gains."""
+    """The known set: exactly one of a box and a ball, or only the input gains."""
     found = {key: value for key, value in given.items() if key != "input_gain"}
     gain = {key: value for key, value in given.items() if key == "input_gain"}
     if gain and not found:

@@ -79,7 +79,8 @@ def json_schema() -> dict[str, Any]:
 
 
 WITH_FORMULAS = ("Plant", "PlantInput", "TransferFunction", "Sensor", "Noise", "Truth")
-"""Tables in which a text in place of a number is a formula of physical parameters; it is evaluated before a table is checked."""
+"""Tables in which a text in place of a number is a formula of physical parameters; the formula is evaluated before the table is
+checked."""
 
 
 def _allow_formulas(part: Any) -> None:
@@ -96,8 +97,8 @@ def _allow_formulas(part: Any) -> None:
 def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alone: bool = True) -> type[Table]:
     """The table of a whole case, by the problem that it poses.
 
-    further  schemes in addition to the registered ones: names and settings
-    alone    whether no other controllers join the case's, which then needs at least one
+    further  schemes in addition to the registered schemes: names and settings
+    alone    whether no other controllers join those of the case, which then needs at least one
     """
     schemes = {**CASES[problem], **dict(further)}
     controllers = GenericAlias(list, (_one_of(schemes, "scheme"),))
@@ -108,7 +109,7 @@ def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alo
 
 @cache
 def table_of(settings: type, key: str = "", choice: str = "") -> type[Table]:
-    """The table that makes an object of a class; it may be one of several, selected by ``key`` = "``choice``"."""
+    """The table that makes an object of a class. It may be one of several tables, selected by ``key`` = "``choice``"."""
     more = {key: (Literal[choice], Field(description=_about(settings, key)))} if key else {}
     return _model(_recipe(settings, choice, is_scheme=key == "scheme"), **more)
 
@@ -148,7 +149,7 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
 
 
 def _modification_of(name: str, kinds: tuple[type, ...]) -> type[Table]:
-    """The table under the name of a law's or scheme's own field."""
+    """The table under the name of a field of a law or scheme."""
     choice = {name: kinds}
     return _model(Recipe(Modification, modification_keys(choice), lambda given, _: modified(given, choice)[name]))
 
@@ -168,7 +169,7 @@ def _definition(name: str, key: Key) -> tuple[Any, Any]:
     if isinstance(key.default, (bool, int, float, str)):
         details["default"] = key.default
     elif key.default is not REQUIRED:
-        details["default_factory"] = lambda: None  # the settings have their own defaults; the JSON Schema then states none
+        details["default_factory"] = lambda: None  # the settings have defaults, so the JSON Schema states none
     return form(key.type), Field(**details)
 
 
@@ -224,16 +225,16 @@ MODIFICATIONS: dict[Any, tuple[type, ...]] = {Leakage: LEAKAGES, DeadZone: (Dead
 """Fields of these types take an instance of one of these classes; the keys in the case file select which."""
 
 Choices = dict[str, tuple[type, ...]]
-"""The fields of a law or a scheme for a modification, each with its possible values."""
+"""The fields of a law or a scheme that take a modification, each with its possible values."""
 
 
 class Modification:
-    """modification = { ... }: the same keys are part of a law's own table."""
+    """modification = { ... }; the same keys are part of the table of a law."""
 
 
 @cache
 def _keys_of(kind: type) -> dict[str, Key]:
-    """Return the keys of a modification's own settings."""
+    """Return the keys of the settings of a modification."""
     return keys_of(kind, Differences())
 
 
@@ -256,7 +257,7 @@ def modification_keys(choices: Choices) -> dict[str, Key]:
 
 
 def modified(given: Given, choices: Choices) -> Given:
-    """What was given, with the modifications built from their keys."""
+    """The given values, with the modifications built from their keys."""
     own = {name for kinds in choices.values() for kind in kinds for name in _keys_of(kind)}
     rest = {key: value for key, value in given.items() if key not in own}
     return rest | {field: _chosen(given, kinds) for field, kinds in choices.items()}
@@ -271,14 +272,14 @@ def named_or_modified(given: Given, choices: Choices) -> Given:
 
 
 def joined(given: Given, more: Given) -> Given:
-    """Both together; raises InputError for a modification that is given twice."""
+    """Both combined; raises InputError for a modification that is given twice."""
     for name in given.keys() & more.keys():
         raise InputError(f"{name} is given twice, by its own name and by the keys of a modification")
     return given | more
 
 
 def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
-    """The modification whose keys are given; ``None`` if none are."""
+    """The modification whose keys are given; ``None`` if no keys are given."""
     keys = {kind: set(_keys_of(kind)) for kind in kinds}
     found = {key for kind in kinds for key in keys[kind] if key in given}
     if not found:

@@ -23,7 +23,7 @@ SAMPLING["discretization"] = SAMPLING["discretization"]._replace(type=Literal[DI
 
 
 def sampling_of(keys: Mapping[str, Key]) -> dict[str, Key]:
-    """Return a scheme's keys for sampling; none if it is always sampled and has its own sample time."""
+    """Return a scheme's keys for sampling; none if it is always sampled and has a sample time of its own."""
     common = SAMPLING["sample_time"]
     return SAMPLING if keys.get("sample_time", common) is common else {}
 
@@ -53,7 +53,7 @@ def _normalized(given: Given, _: Context) -> NormalizedMrac:
 
 
 def _linear(given: Given, context: Context) -> LinearFeedback:
-    """The controller that is given, or designed for the problem's known part."""
+    """The given controller, or one designed for the known part of the problem."""
     controller, design, delay, bandwidth = (
         given.pop(key, None) for key in ("controller", "design", "unmodelled_delay", "bandwidth")
     )
@@ -124,7 +124,7 @@ def _designed(given: Given, context: Context) -> LinearOutput:
 
 
 def _equivalent(given: Given, context: Context) -> LinearOutput:
-    """The linear equivalent of one of the case's l1-output controllers inside the bounds of sigma; with ``limit`` for gamma ->
+    """The linear equivalent, inside the bounds of sigma, of one of the case's l1-output controllers; with ``limit``, for gamma ->
     infinity."""
     name, limit = given.pop("equivalent_of"), given.pop("limit", False)
     if further := given.keys() - {"name"}:

@@ -1,4 +1,5 @@
-"""A table of a case file as a pydantic model: its keys' types are checked here, their meaning in the objects' constructors."""
+"""A table of a case file as a pydantic model: the types of its keys are checked here, their meaning in the constructors of the
+objects."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ class Recipe:
     choice: str = ""
     """The kind or scheme that selects this table among others."""
     elsewhere: set[str] = field(default_factory=set)
-    """The keys of all of these tables."""
+    """The keys of all these tables."""
 
 
 class Table(BaseModel):
@@ -41,7 +42,7 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _refuse_unknown_keys(cls, given: Any) -> Any:
-        """A misspelt key is often also a missing one: only the spelling is reported for this table."""
+        """A misspelt key is often also a missing key; only the spelling is reported for this table."""
         if not isinstance(given, dict):
             return given
         keys = cls.recipe.keys
@@ -81,6 +82,6 @@ def one_or_several(one: Any) -> Any:
 
 
 def chosen(forms: dict[str, Any], choose: Callable[[Any], str]) -> Any:
-    """One of several types, chosen by the value, so findings are only about that one."""
+    """One of several types, chosen by the value, so that findings are only about that type."""
     tagged = tuple(Annotated[form, Tag(name)] for name, form in forms.items())
     return Annotated[Union[tagged], Discriminator(choose)]  # noqa: UP007  # made at run time

@@ -1,4 +1,4 @@
-"""Numbers that remember how they were typed, so errors of constructors quote them as in the case file."""
+"""Numbers that remember how they were typed, so that errors of constructors quote them as in the case file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class TypedNumber(float):
 
 
 def echo(table: Table, as_typed: dict[str, Any]) -> None:
-    """Give the numbers of a table, and of its inner tables, the texts that they have in ``as_typed``."""
+    """Give the numbers of a table and of its inner tables the texts in ``as_typed``."""
     for key in table.model_fields_set & vars(table).keys():
         own = table.recipe.keys.get(key)
         given = as_typed.get(key, None if own is None else as_typed.get(own.alias or ""))
@@ -52,7 +52,7 @@ def _echoed(value: Any, given: Any) -> Any:
 
 @contextmanager
 def in_the_files_words(given: Given) -> Iterator[None]:
-    """Rewrites an InputError about a table's keys with the numbers as they were typed, even if it shows them converted."""
+    """Rewrites an InputError about the keys of a table with the numbers as typed, even if it shows them in converted form."""
     whole = dict(given)  # the builder removes keys
     try:
         yield
@@ -63,7 +63,7 @@ def in_the_files_words(given: Given) -> Iterator[None]:
 
 
 def _at(field: str, given: Given) -> Any:
-    """The value of a field, followed as deep as ``given`` goes: an object built from a table has no typed numbers."""
+    """The value of a field, followed as deep as ``given`` goes; an object built from a table has no typed numbers."""
     here: Any = given
     for key in field.split("."):
         here = here[key] if isinstance(here, dict) and key in here else here

@@ -26,18 +26,18 @@ from barbalat.protocols import Controller
 from barbalat.validate import InputError, local_path, show
 
 ENTRY_POINT_GROUP = "barbalat.controllers"
-"""The entry points' group: scheme = "package:Class"."""
+"""The group of entry points: scheme = "package:Class"."""
 LIST_NAME = "CONTROLLERS"
-"""The name of a file's list of controllers."""
+"""The name of the list of controllers in a file."""
 SOURCE_BYTE = Estimate(memory=200.0, seconds=2e-6)
-"""Largest size of a Python file that is compiled; its own run has no limit."""
+"""Cost of each byte of a Python file to compile; the run of the file has no limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class OwnFile:
     """A user's file after its execution.
 
-    kept  the indices of its controllers that join a case; None: all
+    kept  the indices of its controllers that join a case; None for all
     """
 
     path: Path
@@ -50,15 +50,15 @@ class OwnFile:
 
     @property
     def classes(self) -> dict[str, type]:
-        """The classes of controllers defined there, by name."""
+        """The controller classes that the file defines, by name."""
         found = {name: kind for name, kind in vars(self.module).items() if isinstance(kind, type) and "bind" in dir(kind)}
         return {name: kind for name, kind in found.items() if kind.__module__ == self.module.__name__}
 
     def controllers(self, named: Mapping[str, type]) -> tuple[Controller, ...]:
-        """Return the controllers that join a case: the list, or all that were made at module level; ``named`` are classes in the
-        case.
+        """Return the controllers that join a case: the list, or all controllers made at module level; ``named`` are classes in
+        the case.
 
-        If there are none and the case names none, instances of the classes that need no settings.
+        If there are none and the case names none, return instances of the classes that need no settings.
         """
         if self.kept is None:
             return self._all(named)
@@ -98,7 +98,7 @@ def _needs_nothing(kind: type) -> bool:
 
 
 def run(path: str | Path) -> OwnFile:
-    """Execute a Python file; raises InputError if it can't be read, or if its own code fails, with the line."""
+    """Execute a Python file; raises InputError if it can't be read or, with the line, if its code fails."""
     path = local_path("--controllers", path)
     if not path.is_file():
         raise InputError(f"--controllers: {str(path)!r} is not a file")
@@ -111,7 +111,7 @@ def run(path: str | Path) -> OwnFile:
     assert spec is not None
     module = sys.modules[name] = module_from_spec(spec)
     folder = str(path.resolve().parent)
-    sys.path.append(folder)  # for files in the same folder; last, so none replaces an installed package
+    sys.path.append(folder)  # for files in the same folder; last, so that they replace no installed package
     try:
         with telling_user_errors(Subject(f"--controllers: {str(path)!r}")):
             loader.exec_module(module)
@@ -128,7 +128,7 @@ def named_in(case: Mapping[str, Any]) -> set[str]:
 
 
 def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
-    """The settings' classes of schemes that are not the package's: from the user's file, or an installed package."""
+    """The settings classes of schemes from outside the package: from the user's file or from an installed package."""
     found = {} if own is None else {name: kind for name, kind in own.classes.items() if name in names}
     for name in sorted(names - found.keys()):
         for entry in entry_points(group=ENTRY_POINT_GROUP, name=name):
@@ -148,7 +148,7 @@ def require_spelling(unknown: Set[str], own: OwnFile, known: Iterable[str]) -> N
 
 
 def _require_settings(name: str, kind: Any) -> None:
-    """Raise InputError for a class that no table of a case file can make."""
+    """Raise InputError for a class that a table of a case file cannot make."""
     if not (isinstance(kind, type) and is_dataclass(kind) and "name" in {field.name for field in fields(kind)}):
         raise InputError(
             f"the scheme {name!r} must be a dataclass with a field name for a case file to give its settings, got {show(kind)}"

@@ -1,1 +1,1 @@
-"""Certificates, computed before any run: conditions, bounds, norms, limits of the numerics, margins, and Table 1."""
+"""Certificates, computed before any run: conditions, bounds, norms, numerical limits, margins, and Table 1."""

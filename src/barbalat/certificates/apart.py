@@ -1,4 +1,4 @@
-"""Compares the simulated plant ([truth]) with the assumptions of certificates: some guarantees may not hold for it."""
+"""Compares the simulated plant ([truth]) with the assumptions of certificates: some guarantees may not hold for that plant."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ Compute = Callable[[TrackingProblem, Controller], Certificate]
 
 
 def speaks_of_the_motion(entry: Entry) -> bool:
-    """Whether an entry is a statement about the motion. Norms and conditions are not: they follow from the case's numbers, and no
-    run can contradict them."""
+    """Whether an entry is a statement about the motion. Norms and conditions are not: they follow from the numbers of the case,
+    and runs cannot contradict them."""
     return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
 @dataclass(frozen=True)
 class Apart:
-    """The effect of a case's truth on its certificates.
+    """The effect of the truth of a case on its certificates.
 
     departures  the differences from the plant and the declared sets
-    claimed     by controller, whether the design has any guarantee of the motion
+    claimed     by controller, whether the design has any guarantee about the motion
     voids       by controller, the keys whose guarantees don't hold for the simulated plant
-    cells       the same for the cells of Table 1
+    cells       by controller, the cells of Table 1 that don't hold for it
     """
 
     departures: tuple[Departure, ...]
@@ -47,7 +47,7 @@ class Apart:
         return apart_sentence(self.departures)
 
     def note(self, name: str) -> str:
-        """The consequence for one controller; empty if its design has no guarantee of the motion."""
+        """The consequence for one controller; empty if its design has no guarantee about the motion."""
         if not self.claimed[name]:
             return ""
         rows = ", ".join(PROPERTIES[key] for key in self.cells[name])
@@ -70,8 +70,8 @@ def apart(
     """The check of a problem's truth; None if the simulated plant is the design plant.
 
     A simulated plant outside the declared sets voids every guarantee about the motion. If its theta and gain are inside the sets
-    but differ from the design's, a guarantee remains if the certificate for the simulated plant's numbers guarantees the same
-    value, which was then computed for the whole set.
+    but differ from those of the design, a guarantee remains valid if the certificate for the simulated plant guarantees the same
+    value, because the value was then computed for the whole set.
     """
     if not isinstance(problem, Problem) or problem.simulated is None:
         return None
@@ -91,7 +91,7 @@ def apart(
 
 
 class _Claims(NamedTuple):
-    """The guarantees about the motion, by keys."""
+    """The guarantees about the motion, by key."""
 
     entries: dict[str, Any]
     cells: dict[str, Any]
@@ -107,7 +107,7 @@ def _missing_in(kept: Mapping[str, Any], claimed: Mapping[str, Any]) -> tuple[st
 
 
 def _at_the_truth(problem: Problem) -> Problem:
-    """The design with the simulated plant's theta and gains in place of its own."""
+    """The design with the theta and gains of the simulated plant."""
     values, design = true_parameters(problem), problem.design
     assert values is not None
     p = len(problem.plant.theta)
@@ -135,8 +135,8 @@ def _claims_more(entry: Entry) -> bool:
 
 
 def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate], found: Apart | None) -> dict[str, Certificate]:
-    """The certificates, with guarantees that the simulated plant voids marked as guarantees for the design, and notes on that and
-    on derived sets."""
+    """The certificates with notes. Guarantees that the simulated plant voids are marked as guarantees for the design; the notes
+    explain this and the derived sets."""
     derived = problem.derived if isinstance(problem, Problem) else None
     shared = [] if derived is None else list(derived.sentences)
     if problem.faults:

@@ -35,7 +35,7 @@ START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor also starts there"
 
 
 ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time", theorem=theorems.SAMPLED)
-"""For a sampled controller, nothing that depends on this is claimed: see ``schemes/sampled.py``."""
+"""For a sampled controller, nothing is claimed that depends on this assumption (see ``schemes/sampled.py``)."""
 
 
 def beyond_the_paper(problem: Problem) -> bool:
@@ -44,7 +44,7 @@ def beyond_the_paper(problem: Problem) -> bool:
 
 
 def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Assumption | None = None) -> tuple[Assumption, ...]:
-    """The plant is (1) without additions, nothing else acts on it, and the command is of the class that is tracked.
+    """The plant is (1) without additions, nothing else acts on it, and the command belongs to the class that is tracked.
 
     ``acting`` replaces the assumption on the signals that act on the plant.
     """
@@ -62,7 +62,7 @@ def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assu
 
 
 def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assumption:
-    """An assumption that is broken by deviations, each given by a few words and the theorem that would cover it."""
+    """An assumption that is broken by deviations, each described in a few words, with the theorem that would cover it."""
     listed = dict.fromkeys(found)
     return Assumption(sentence, ", ".join(dict.fromkeys(word for word, _ in listed)), theorems.joined(t for _, t in listed))
 
@@ -99,20 +99,21 @@ def undisturbed(problem: TrackingProblem) -> Assumption:
 
 
 def measured(problem: TrackingProblem) -> Assumption:
-    """The measurement is the state itself."""
+    """The state is measured exactly."""
     if problem.fixed_observer is not None:
         return Assumption("the state is measured exactly", "the state is an observer's estimate", theorems.OBSERVER)
     return Assumption("the state is measured exactly", ", ".join(_of_the_sensor(problem.sensor)), theorems.MEASUREMENT)
 
 
 def bounded_command(problem: TrackingProblem) -> Assumption:
-    """The command is bounded, as every statement of boundedness requires."""
+    """The command is bounded, which every statement on boundedness requires."""
     known = all(isinstance(command, BoundedSignal) for command in problem.commands)
     return Assumption("r is bounded", "" if known else "r has no known bound", theorems.BOUNDED_COMMAND)
 
 
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
-    """The case's command and disturbance become constant; convergence that is proven only for constant signals requires it."""
+    """The command and disturbance of the case become constant, which is required by convergence results that are proven only for
+    constant signals."""
     acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
     said = {
         name: [one.settles if isinstance(one, SettlingSignal) else None for one in signals] for name, signals in acting.items()
@@ -148,7 +149,7 @@ MEAN_SQUARE = (
 
 
 def small_enough(present: str) -> Assumption:
-    """The case's own modelling error, if any, is small enough; the threshold is not known."""
+    """The modelling error of the case, if any, is small enough; the threshold is not known."""
     return Assumption(
         "the case's own modelling error is small enough",
         f"{present}: it is not known whether that is small enough" if present else "",
@@ -156,7 +157,7 @@ def small_enough(present: str) -> Assumption:
 
 
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
-    """The differences of the case's plant from (1), in a few words each."""
+    """The differences between the plant of the case and (1), each in a few words."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
 
 

@@ -1,4 +1,4 @@
-"""The cells of Table 1: statements with the case's constants, each an entry with its assumptions; see docs/table-1.md."""
+"""The cells of Table 1: statements with the constants of the case, each an entry with its assumptions (see docs/table-1.md)."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ NONLINEAR = "known for phi(x) = x; if phi grows faster, a normalised law may be 
 
 @dataclass(frozen=True)
 class Column:
-    """One controller's column of Table 1: its cells by the keys of PROPERTIES."""
+    """The column of Table 1 for a controller: its cells by the keys of PROPERTIES."""
 
     name: str
     scheme: str
     cells: dict[str, Entry]
 
     def with_design(self, keys: Collection[str]) -> Column:
-        """Return a copy in which the cells of these keys are guaranteed for the design only."""
+        """Return a copy in which the cells with these keys are guaranteed for the design only."""
         return replace(self, cells=self.cells | {key: of_the_design(self.cells[key]) for key in keys}) if keys else self
 
     def given(self, unmet: Iterable[Assumption]) -> Column:
@@ -44,7 +44,7 @@ class Column:
         return replace(self, cells=cells)
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's block for a column; ``text`` is the statement, or the reason why there is none."""
+        """The block for a column in the JSON contract; ``text`` is the statement, or the reason why there is none."""
         cells = {key: {"text": cell.text} | cell.as_json() for key, cell in self.cells.items()}
         return {"name": self.name, "scheme": self.scheme, **cells}
 
@@ -56,12 +56,12 @@ def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
 
 
 def nothing(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """A cell without a claim for this scheme, with the reason; ``assumptions`` are those that a claim would need."""
+    """A cell without a claim for this scheme, with the reason; ``assumptions`` are what a claim would need."""
     return missing(key, why, assumptions, Quantity(PROPERTIES[key]))
 
 
 def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """A cell without a claim because of the scheme itself; it also names the case's broken assumptions."""
+    """A cell without a claim because of the scheme; it also names the assumptions that the case breaks."""
     broken = (assumption.broken for assumption in assumptions if assumption.broken)
     return nothing(key, ", ".join(dict.fromkeys((why, *broken))), *assumptions)
 
@@ -84,10 +84,9 @@ COUNTS_ON_DAMPING = (
 
 
 def on_damping(certificate: Certificate) -> Certificate:
-    """The certificate with its limits explained if the method amplifies every undamped oscillation at any step.
+    """The certificate, with an explanation of its limits if the method amplifies every undamped oscillation at any step.
 
-    Laws that do not oscillate, those on the parametric model, have no adaptation frequency, and their limits are on the real
-    axis.
+    Laws that do not oscillate (laws on the parametric model) have no adaptation frequency, and their limits are on the real axis.
     """
     if certificate.entry("adaptation_frequency") is None:
         return certificate
@@ -101,7 +100,7 @@ def on_damping(certificate: Certificate) -> Certificate:
 
 
 def limits_text(certificate: Certificate) -> str:
-    """The limits of the numerics, if there are any."""
+    """The numerical limits, if there are any."""
     parts, values = [], certificate.values
     sure = {key: "" if counts_on_damping(certificate, key) else " at least" for key in ON_DAMPING}
     if values.get("gamma_max") is not None:
@@ -122,7 +121,7 @@ def counts_on_damping(certificate: Certificate, key: str) -> bool:
 
 
 def margins_cell(certificate: Certificate) -> Entry:
-    """Delay margins, at the case's theta and over the known set; exact if all displayed values are."""
+    """Delay margins at the theta of the case and over the known set; exact if all displayed values are exact."""
     parts = []
     margin, over_set, adapting = (
         certificate.entry(key) for key in ("delay_margin", "margins_over_known_set", "delay_margin_adapting")

@@ -1,4 +1,4 @@
-"""A certificate: entries and further findings. A scheme's file writes it with ``Draft``."""
+"""A certificate: entries and further findings. The file of a scheme writes it with ``Draft``."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Certificate:
 
     entries  every value with its kind, its meaning and its assumptions; a key without a meaning for the scheme is absent
     notes    further findings, as sentences
-    loops    the linear loops whose margins are among the entries
+    loops    the linear loops to which margins among the entries belong
     failure  why there is no certificate, if its computation fails
     simulated  the simulation made on request; None without one
     """
@@ -75,7 +75,7 @@ class Certificate:
 
     @property
     def in_brief(self) -> str:
-        """Whether the condition holds, and the first numbers, in a few words for one line."""
+        """Whether the condition holds, and the first values, in a few words on one line."""
         condition = self.values.get("condition") or {}
         holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
         bound = self.entry("error_bound")
@@ -108,12 +108,12 @@ class Certificate:
         return figure_of(self.loops, TITLE, narrow=narrow)
 
     def entry(self, key: str) -> Entry | None:
-        """The entry of a key; None if the scheme has none."""
+        """The entry of a key; None if the scheme has no such entry."""
         return next((entry for entry in self.entries if entry.key == key), None)
 
     @property
     def values(self) -> dict[str, Any]:
-        """The values that are claimed on this case, by the contract's keys."""
+        """The values that are claimed for this case, by the keys of the JSON contract."""
         absent = {entry.key: f"does not apply to this case: {entry.why}" for entry in self.entries if not entry.applies}
         return Named.of("value", {entry.key: entry.value for entry in self.entries if entry.applies}, absent)
 
@@ -158,7 +158,7 @@ class Certificate:
         return replace(self, simulated=simulated)
 
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
-        """Return a copy with other entries and further notes."""
+        """Return a copy with different entries and further notes."""
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 
@@ -182,7 +182,7 @@ def reason(error: Exception) -> str:
 class Draft:
     """A certificate that is being written: entries in their final order, and notes.
 
-    own  the meanings of keys that only this scheme has
+    own  meanings of the keys that only this scheme has
     """
 
     entries: dict[str, Entry] = field(default_factory=dict)
@@ -204,14 +204,13 @@ class Draft:
             self.notes.append(sentence)
 
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
-        """Add a bound, which does not apply if this case violates an assumption. ``NUMBERS_ALONE`` is an assumption too."""
+        """Add a bound, which does not apply if this case violates an assumption; ``NUMBERS_ALONE`` is an assumption too."""
         if not assumptions:
             raise TypeError(f"{key} is guaranteed without assumptions: name those on which it depends")
         self.entries[key] = checked(key, value, assumptions, self._quantity(key))
 
     def exact(self, values: dict[str, Any], of: str, *assumptions: str, rest: PlaceOfRest | None = None) -> None:
-        """Add values that are exact for the linear loop named; ``rest`` is the equilibrium of the linearisation, if there was
-        one."""
+        """Add values that are exact for the named linear loop; ``rest`` is the equilibrium of the linearisation, if any."""
         self._add(values, "exact", assumptions, of, rest)
 
     def estimate(self, values: dict[str, Any], *assumptions: str, of: str = "", rest: PlaceOfRest | None = None) -> None:
@@ -225,7 +224,7 @@ class Draft:
     def missing(self, key: str, why: str, *assumptions: Assumption, theorem: str = "") -> None:
         """Add the reason why this case lacks a value of the scheme; the value would need the ``assumptions``.
 
-        ``theorem`` names the theorem that would give it.
+        ``theorem`` names the theorem that would give the value.
         """
         self.entries[key] = missing(key, why, assumptions, self._quantity(key), theorem)
 
@@ -236,7 +235,7 @@ class Draft:
 
     @contextmanager
     def part(self, key: str) -> Iterator[None]:
-        """A part on which no other part depends: if its computation fails for this case, only ``key`` is missing."""
+        """A part on which no other part depends. If its computation fails for this case, only ``key`` is missing."""
         try:
             yield
         except InputError:

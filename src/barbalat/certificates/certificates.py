@@ -1,7 +1,7 @@
 """The certificates of several controllers, by their names, and Table 1: the guarantees of each scheme on the case.
 
-The paper's table compares the standard MRAC with L1-AC; its contents are missing from the available text. docs/table-1.md gives
-each statement with its source. A scheme is added by one file in ``schemes/``.
+The paper's table compares the standard MRAC with L1-AC; the table is missing from the available text. docs/table-1.md gives each
+statement with its source. A scheme is added by one file in ``schemes/``.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 def file_of(problem: TrackingProblem, controller: Controller) -> SchemeFile:
-    """The module that certifies a controller on a problem: its scheme's file, or a general one if there is an observer or for an
-    unknown scheme."""
+    """The module that certifies a controller on a problem: the file of its scheme, or a general file if there is an observer or
+    the scheme is unknown."""
     if problem.fixed_observer is not None:
         return cast("SchemeFile", observed)
     return scheme_file(controller) or cast("SchemeFile", unregistered)
@@ -49,7 +49,8 @@ def column_of(problem: TrackingProblem, controller: Controller, certificate: Cer
 
 @dataclass(frozen=True)
 class Table1:
-    """Table 1 of a case. Each cell is checked on the case: if the case violates its assumptions, the cell says so instead."""
+    """Table 1 of a case. Each cell is checked on the case: if the case violates the assumptions of a cell, the cell says so
+    instead."""
 
     columns: tuple[Column, ...]
 
@@ -64,7 +65,7 @@ def table_1(
     certificates: Mapping[str, Certificate],
     of_design: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> Table1:
-    """Table 1 with one column for each controller, each cell checked on the problem.
+    """Table 1 with one column for each controller; each cell is checked on the problem.
 
     ``of_design`` gives, by controller, the keys of cells that don't hold for the simulated plant.
     """
@@ -93,7 +94,7 @@ class Certificates(Named[Certificate]):
         plain: Mapping[str, Certificate] | None = None,
     ) -> None:
         super().__init__(found)
-        self.plain = found if plain is None else plain  # before guarantees are marked as those of the design
+        self.plain = found if plain is None else plain  # before guarantees are marked as holding for the design only
         self.problem, self.controllers, self.simulation, self.further_blocks = (
             problem,
             controllers,
@@ -103,13 +104,13 @@ class Certificates(Named[Certificate]):
         self.of_design = of_design
 
     def with_changed(self, changed: Mapping[str, Certificate]) -> Certificates:
-        """Return a copy with other certificates for some of the controllers."""
+        """Return a copy with different certificates for some of the controllers."""
         of = self.problem, self.controllers, self.simulation, self.further_blocks, self.of_design, self.plain
         return Certificates({**self, **changed}, *of)
 
     @cached_property
     def table(self) -> Table1:
-        """Table 1 of the controllers, each cell checked on the problem."""
+        """Table 1 of the controllers; each cell is checked on the problem."""
         return table_1(self.problem, self.controllers, self.plain, self.of_design)
 
     def __repr__(self) -> str:

@@ -28,7 +28,7 @@ def with_note_on_runs(
 ) -> Certificate:
     """The certificate of a controller in continuous time, with a note if a numerical run may leave the guaranteed bounds.
 
-    That is possible if the smallest limit of the step is exceeded or unknown, whatever the scheme; the cells of Table 1 are
+    A run may leave the bounds if the smallest step limit is exceeded or unknown, whatever the scheme; the cells of Table 1 are
     guarantees like the entries.
     """
     keys = ("step_max", "step_max_at_model")  # between these two steps a run may or may not stay within the bounds
@@ -57,16 +57,17 @@ def certify(
     keys: Collection[str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Certificates:
-    """Certificates by the controllers' names, in a dictionary; nothing is simulated, and the limits are those of the given solver
-    and step.
+    """Return the certificates by controller name, in a dictionary; nothing is simulated, and the limits are those of the given
+    solver and step.
 
-    For a class from outside the package, it contains the values that need no proof; the rest is marked as unknown. If a
-    certificate cannot be computed with the case's numbers, its finding says so. Raises InputError, with the name, for a
-    controller that does not fit the problem and could not be simulated either. ``progress`` is called with the fraction done. If
-    only some ``keys`` are needed, certificates may lack others, such as searches over the known set and limits along the command.
+    For a class from outside the package, a certificate contains the values that need no proof; the rest is marked as unknown. If
+    a certificate cannot be computed with the case's numbers, its finding says so. Raises InputError, with the name, for a
+    controller that does not fit the problem and could not be simulated either. ``progress`` is called with the completed
+    fraction. If only some ``keys`` are needed, certificates may lack others, such as searches over the known set and limits along
+    the command.
 
-    The values follow from the plant and the declared sets alone; those that the simulated plant voids are marked "guaranteed for
-    the design", with the reason in the notes. With faults, all values are those of the loop without them.
+    The values follow from the plant and the declared sets alone; values that the simulated plant voids are marked "guaranteed for
+    the design", with the reason in the notes. With faults, all values are those of the loop without faults.
     """
     found, told, design = {}, numbered(controllers), problem.design
     if keys is None:
@@ -157,14 +158,14 @@ def _without_step(certificate: Certificate) -> Certificate:
 
 
 class Certified(NamedTuple):
-    """Certificates by the names under which they are shown, and Table 1 of the schemes."""
+    """The certificates by the names under which they are shown, and Table 1 of the schemes."""
 
     certificates: dict[str, Certificate]
     table: Table1
     further_blocks: dict[str, Any] = {}  # noqa: RUF012 (never changed): the sets derived from ranges, and the check of the truth
 
     def as_document(self, case: str) -> dict[str, Any]:
-        """The contract's document of ``certify --json``."""
+        """The document of ``certify --json``."""
         controllers = {name: certificate.as_json() for name, certificate in self.certificates.items()}
         return {"case": case, "controllers": controllers, "table_1": self.table.as_json(), **self.further_blocks}
 

@@ -12,7 +12,7 @@ from barbalat.certificates.theorems import joined
 Kind = Literal["guaranteed", "guaranteed for the design", "exact", "estimate", "advice", "does not apply"]
 """How far a value can be trusted.
 
-guaranteed                a bound, or a statement, that holds for this case; every assumption was checked
+guaranteed                a bound or a statement that holds for this case; every assumption was checked
 guaranteed for the design  the same, but only for the plant and the declared sets, not for the simulated plant ([truth]), and for
 the loop without faults; with a user's own set, not for all of the parameters' ranges exact                     exact for the
 linear loop that ``of`` names, and for no other loop estimate                  computed, without a guarantee
@@ -21,14 +21,14 @@ does not apply            nothing is claimed for this case; ``why`` gives the re
 """
 OF_THE_DESIGN: Kind = "guaranteed for the design"
 GUARANTEED: tuple[Kind, Kind] = ("guaranteed", OF_THE_DESIGN)
-"""The kinds of bounds, which are rounded outward."""
+"""The kinds of bounds. Bounds are rounded outward."""
 
 
 @dataclass(frozen=True)
 class Assumption:
     """An assumption of a value; ``broken`` says in a few words how this case contradicts it, and is empty if it does not.
 
-    theorem  if it is broken, the theorem that would not need it
+    theorem  for a broken assumption, the theorem that would not need it
     """
 
     sentence: str
@@ -47,14 +47,14 @@ class NotApplicable:
 
 
 MOST_SHOWN = 4
-"""Largest number of estimates listed in a sentence; of longer lists the norm is given."""
+"""Largest number of estimates listed in a sentence; for longer lists, the norm is given."""
 
 
 class RestingEstimates(NamedTuple):
     """Estimates at an equilibrium.
 
-    name    their name in results: "theta_hat"
-    of      the symbol of the estimated quantity: "theta"
+    name    name in results, such as "theta_hat"
+    of      symbol of the estimated quantity, such as "theta"
     true    whether they have their true values
     """
 
@@ -75,7 +75,7 @@ class RestingEstimates(NamedTuple):
 
 @dataclass(frozen=True)
 class PlaceOfRest:
-    """The equilibrium at which a margin was computed: the constant commands and the estimates."""
+    """The equilibrium at which a margin was computed, given by the constant commands and the estimates."""
 
     command: tuple[float, ...]
     estimates: tuple[RestingEstimates, ...] = ()
@@ -99,11 +99,11 @@ class PlaceOfRest:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A value with its key; ``value`` is ready for JSON, and None if there is none.
+    """A value with its key; ``value`` is ready for JSON, and None if there is no value.
 
-    assumptions  the assumptions as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
-    rest         the equilibrium of its loop; None if the value belongs to none
-    theorem      if there is no bound of e, the theorem that is missing
+    assumptions  the assumptions as sentences; ``rests_on`` contains those of a guarantee, which were checked for the case
+    rest         the equilibrium of the loop; None if the value does not belong to an equilibrium
+    theorem      if there is no bound on e, the missing theorem
     """
 
     key: str
@@ -132,7 +132,7 @@ class Entry:
 
     @property
     def text(self) -> str:
-        """A cell's statement, or the reason why there is none."""
+        """The statement of a cell, or the reason why there is none."""
         return str(self.value) if self.applies else self.why
 
     def as_json(self) -> dict[str, Any]:
@@ -167,7 +167,7 @@ def _finite(part: Any) -> bool:
 
 
 def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Quantity, theorem: str = "") -> Entry:
-    """An entry without a value for a specific reason; the case's broken assumptions are listed as well."""
+    """An entry without a value for a specific reason; the assumptions that the case breaks are listed too."""
     return Entry(
         key=key,
         value=None,
@@ -181,7 +181,7 @@ def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Q
 
 
 def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
-    """A guaranteed value, or one that does not apply, with the reasons, if this case violates an assumption."""
+    """A guaranteed value or, if this case violates an assumption, an entry that does not apply, with the reasons."""
     sentences = tuple(assumption.sentence for assumption in assumptions)
     why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
     kind: Kind = "does not apply" if why else "guaranteed"

@@ -1,6 +1,6 @@
-"""The numbers in a proof from which a controller's guarantees follow, as ``barbalat-check`` reads them.
+"""The numbers in a proof from which the guarantees of a controller follow, in the form that ``barbalat-check`` reads.
 
-A scheme's file provides them with a function ``grounds``; docs/proofs.md explains each of them.
+The file of a scheme provides these numbers through a function ``grounds``; docs/proofs.md explains them.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def of_lyapunov_law(
     *,
     carries: bool = False,
 ) -> dict[str, Any]:
-    """The numbers of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, with P of ``closed``, and its law's
-    modifications.
+    """The numbers of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, with the P of ``closed``, and the modifications
+    of its law.
 
     With ``carries``, V includes bounded disturbances, and the numbers include the eigenvalues that this requires.
     """
@@ -53,7 +53,7 @@ def of_lyapunov_law(
 
 
 def carried(gamma: float | Array, closed: Known) -> dict[str, float]:
-    """The eigenvalues that a bound of V with disturbances uses."""
+    """The eigenvalues used by a bound on V with disturbances."""
     return {"decay": decay(closed), "largest": largest_eigenvalue(closed.P), "least_gain": least_gain(gamma)}
 
 

@@ -57,7 +57,7 @@ def responses_of(loops: Sequence[MarginLoop]) -> list[Response]:
 
 
 def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
-    """The distinct loops of the certificates, each under the names of all certificates that contain it."""
+    """The distinct loops of the certificates, each with the names of all certificates that contain it."""
     owners: dict[tuple[StateSpace, float], tuple[list[str], str]] = {}
     for name, certificate in certificates.items():
         short = shorten(name, LONGEST_NAME, placeholder="…")
@@ -70,7 +70,7 @@ def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
 
 
 def grouped(loops: Sequence[MarginLoop]) -> list[Sequence[MarginLoop]]:
-    """The loops in groups with as many as there are colours."""
+    """The loops in groups, each with as many loops as there are colours."""
     return [loops[i : i + len(COLOURS)] for i in range(0, len(loops), len(COLOURS))]
 
 

@@ -1,8 +1,8 @@
-"""The proof of a case's guaranteed numbers, each with its witness, for ``barbalat-check``, which shares no code with this
+"""The proof of the guaranteed numbers of a case, each with a witness, for ``barbalat-check``, which shares no code with this
 package.
 
-A line is a number with the data needed to check it; a line depends only on earlier lines. The file contains
-the case's numbers, from which the checker derives everything else: docs/proofs.md has the theorems and the file's format.
+A line is a number with the data needed to check it; a line depends only on earlier lines. The file contains the numbers of the
+case, from which the checker derives everything else; docs/proofs.md has the theorems and the file format.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from barbalat.validate import InputError
 
 FORMAT = "barbalat proof 1"
 EXACT_BITS = 1024
-"""The precision at which products and sums of a few float64 numbers are exact."""
+"""Precision at which products and sums of a few float64 numbers are exact."""
 RESTS_ON: dict[str, tuple[str, ...]] = {
     "nu_0": ("lambda_min",),
     "nu_0_worst": ("lambda_min",),
@@ -167,7 +167,7 @@ class _Lines:
         return ""
 
     def _witness(self, key: str, value: Any) -> dict[str, Any]:
-        """A line's witness, if it needs one; raises InputError, with the reason, if there is none."""
+        """A line's witness, if it needs one; raises InputError, with the reason, if no witness exists."""
         of_every = self.claimed.get(known_command.OF_EVERY_COMMAND)
         if key == "sampled response":
             return {"witness": sampled_witness(self.problem, self.controller)}
@@ -178,7 +178,7 @@ class _Lines:
         return {"witness": self._over_the_set(key)} if key in (known_command.OF_EVERY_COMMAND, known_command.KEY) else {}
 
     def _over_the_set(self, key: str) -> dict[str, Any]:
-        """The witness of a bound over the known set: a gain matrix's least eigenvalue, cells along the command."""
+        """The witness of a bound over the known set: the least eigenvalue of a gain matrix, or cells along the command."""
         found, gamma, file = dict[str, Any](), self.facts.get("gamma", 0.0), scheme_file(self.controller)
         if np.ndim(gamma) == 2:
             found["least_gain"] = least_gain(np.array(gamma))
@@ -316,7 +316,7 @@ def _blocks(parts: list[list[arb_mat]]) -> arb_mat:
 
 
 def plant_facts(problem: Problem) -> dict[str, Any]:
-    """The plant as its designer knows it, and the signals that act on it."""
+    """The plant as the designer knows it, and the signals that act on it."""
     plant, known = problem.plant, problem.known
     unmatched = "" if problem.derived is None else problem.derived.unmatched
     sensor = problem.sensor

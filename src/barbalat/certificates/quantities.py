@@ -1,7 +1,7 @@
-"""The meanings and units of a certificate's values, for keys that several schemes have.
+"""The meanings and units of certificate values, for keys that several schemes share.
 
-A key of one scheme alone is explained in that scheme's file, which passes it to its ``Draft``. The command line prints these
-texts.
+A key that belongs to a single scheme is explained in the file of that scheme, which passes it to its ``Draft``. The command line
+prints these texts.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 
 class Form(Enum):
-    """The structure of a value, which decides how it is shown."""
+    """The structure of a value, which determines how it is shown."""
 
     PLAIN = "a number, a list of numbers or words"
     MATRIX = "rows of numbers"
@@ -28,7 +28,7 @@ class Quantity(NamedTuple):
     """The meaning of a key.
 
     below     marks a guarantee that holds for everything below the value but not above it
-    timeless  whether it belongs to the problem, to a filter or to t = 0, so sampling does not change it
+    timeless  whether the value belongs to the problem, to a filter or to t = 0, so that sampling does not change it
     """
 
     meaning: str

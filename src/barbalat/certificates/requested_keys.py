@@ -1,4 +1,4 @@
-"""The requested keys of a certificate: an expensive part on which no other part depends is omitted if it is not requested.
+"""The requested keys of a certificate: expensive parts on which no other part depends are omitted if they are not requested.
 
 A search certifies hundreds of tunings for one or two values each. The request is not a setting of a scheme and changes no
 value, so it is passed directly to the few expensive parts, not through the schemes' files.
@@ -16,7 +16,7 @@ _LEFT_OUT: ContextVar[frozenset[str]] = ContextVar("left_out", default=frozenset
 
 @contextmanager
 def needing(keys: Collection[str] | None) -> Iterator[None]:
-    """In this block, certificates may lack expensive values that are not among these keys; with None they are complete."""
+    """In this block, certificates may lack expensive values that are not among these keys. With None they are complete."""
     token = _NEEDED.set(None if keys is None else frozenset(keys))
     try:
         yield

@@ -35,7 +35,7 @@ SMALLEST_SHOWN = 1e-12
 
 
 class CertificateRow(NamedTuple):
-    """``kind`` is an entry's kind, but "linear loop" for values that are exact for one, and empty for advice."""
+    """``kind`` is an entry's kind, but "linear loop" for values that are exact for a linear loop, and empty for advice."""
 
     quantity: str
     value: str
@@ -120,7 +120,7 @@ def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
 
 
 def _place(parameters: dict[str, float] | None, theta: list[float], gain: float | None) -> str:
-    """The plant at which a margin was found: its parameters, or theta and the input's gain."""
+    """The plant at which a margin was found: its parameters, or theta and the input gain."""
     if parameters:
         return said_of(parameters)
     return f"theta = [{number_text(theta)}]{'' if gain is None else f', omega = {number_text(gain)}'}"

@@ -1,4 +1,4 @@
-"""One file for each command, with its options and its work. Heavy packages are imported only when the command runs."""
+"""The commands, one file each, with options and work. Heavy packages are imported only when the command runs."""
 
 from typing import TYPE_CHECKING
 

@@ -116,7 +116,7 @@ def _proof_file(options: argparse.Namespace) -> Path | None:
 
 
 def _folder_of_proof(file: Path | None, out: Folder | None) -> AbstractContextManager[Folder | None]:
-    """Open the folder for the proof, which may be that of ``--out``."""
+    """Open the folder for the proof, which may be the folder of ``--out``."""
     from barbalat.folders import output_folder
 
     if file is None or (out is not None and out.path.resolve() == file.parent.resolve()):
@@ -133,11 +133,11 @@ def _proof_of(case: Case, certificates: Certificates) -> str:
 
 
 CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
-"""Estimated seconds for each controller until its own pace is known."""
+"""Estimated seconds for each controller until its pace is known."""
 DRAWING_SECONDS = 2.0
-"""Estimated seconds for the loops of all controllers."""
+"""Estimated seconds for drawing the loops of all controllers."""
 PROVING_SECONDS = 0.3
-"""Estimated seconds for each controller's witnesses of its L1 norms."""
+"""Estimated seconds, for each controller, for the witnesses of its L1 norms."""
 
 
 def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:

@@ -85,12 +85,13 @@ def add(commands: Commands) -> None:
 
 DRAWING_SECONDS = 2.0
 QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
-"""Values of --quick: the search's smallest number of trials, and two plants, so one is not the case's own."""
+"""Values of --quick: the smallest number of trials of the search, and two plants, so that one differs from the plant of the
+case."""
 FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 
 
 OF_A_CASE = {"delay_margin": None, "gain_margin": 1.5, "until": "onset", "sample_time": None, "noise": 1e-3, "seed": 0}
-"""Options of the rule for a case, with their defaults. A suite has its own rule."""
+"""Options of the rule for a case, with their defaults. A suite has a rule of its own."""
 
 
 def execute(options: argparse.Namespace) -> int:

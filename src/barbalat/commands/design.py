@@ -82,7 +82,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _write(folder: Folder, found: Design, text: CaseText) -> None:
-    """Write the page, the case file, the page with sliders and the C. The page names those that could not be made."""
+    """Write the page, the case file, the page with sliders and the C. The page names the files that could not be made."""
     from dataclasses import replace
 
     from barbalat.comparison.design.case_file import with_controller

@@ -46,7 +46,8 @@ def add(commands: Commands) -> None:
 
 
 class Targets:
-    """The names of all targets, searched only when a user requests one or asks for help, so other commands start fast."""
+    """The names of all targets, searched only when a user requests a target or asks for help, so that other commands start
+    fast."""
 
     def __iter__(self) -> Iterator[str]:
         from barbalat.export.target import targets
@@ -58,7 +59,7 @@ class Targets:
 
 
 def _flown(case: Case, controller: Controller, *, float32: bool) -> Campaign:
-    """Run the controller's C through the case's faults and through others, with a progress bar."""
+    """Run the exported C of the controller through the faults of the case and through others, with a progress bar."""
     from barbalat.export.campaign import EXPECTED_SECONDS, export_campaign
 
     with work({"campaign": EXPECTED_SECONDS}) as running, running.part("campaign") as progress:
@@ -158,7 +159,7 @@ def _components(found: Campaign) -> list[str]:
 
 
 MOST_ERROR_COLUMNS = 3
-"""Number of components up to which each has a column; of more, a row shows the one that grows most."""
+"""Number of components up to which each has a column; if there are more, a row shows the component that grows most."""
 
 
 def _row(found: Campaign, row: Degradation, *, all_errors: bool) -> list[str]:

@@ -69,7 +69,7 @@ def add(commands: Commands) -> None:
 
 
 MOST_DRAWS = 1_000_000
-"""Largest number of draws; they would take more than a year on two cores."""
+"""Largest number of draws; so many would take more than a year on two cores."""
 NOT_DRAWN = {
     "delays": "each draw of a campaign has its own delay",
     "sil": "a campaign flies the simulated controllers; compare the exported C with them in single flights",

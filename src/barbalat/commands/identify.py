@@ -159,7 +159,7 @@ def _show(found: Identification, screen: Screen) -> None:
 
 
 def _write(out: str, found: Identification, source: str) -> None:
-    """Write the case file, its page and its picture, or none of them."""
+    """Write the case file with its page and its picture, or nothing."""
     from barbalat.folders import output_folder
     from barbalat.identify.case_text import case_text
     from barbalat.report.write import write_identification

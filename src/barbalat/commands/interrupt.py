@@ -18,13 +18,13 @@ class Terminated(KeyboardInterrupt):
 
 
 RETRY_PERIOD = 0.3
-"""Seconds from one attempt to the next. A second attempt is rarely needed, a third almost never."""
+"""Seconds from one attempt to the next. A second attempt is rarely needed, and a third almost never."""
 
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt at Ctrl-C and Terminated at SIGTERM, repeatedly until the exception leaves this block."""
-    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():  # without timers and signals
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():  # no timers and signals here
         yield
         return
 

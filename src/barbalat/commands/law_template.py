@@ -20,12 +20,12 @@ class State(NamedTuple):
     """The state that the controller integrates."""
 
     theta_hat: Value  # (p,) the estimates of theta
-    e_d: Value  # (n,) the part of the tracking error that the actuator's limits cause
+    e_d: Value  # (n,) the part of the tracking error due to the actuator limits
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equations of the law for one plant, of which everything but theta is known. They are evaluated on numbers and on
+    """The equations of the law for one plant, in which everything but theta is known. They are evaluated on numbers and on
     symbols, so they must not branch on values; use np.where, np.clip and np.minimum instead.
     """
 
@@ -51,10 +51,10 @@ class Equations:
         return np.dot(self.known.k_0, r) - self.known.matched.phi(x).T @ state.theta_hat
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        """Return the derivative of the state. u is the result of ``control``, before the actuator's limits."""
+        """Return the derivative of the state. u is the result of ``control``, before the actuator limits."""
         known, phi = self.known, self.known.matched.phi(x)
         reaches = u if known.saturation is None else np.clip(u, *known.saturation)
-        e = x - x_m - state.e_d  # without the part due to the limits, from which nothing can be learnt
+        e = x - x_m - state.e_d  # without the part due to the limits, which carries no information
         theta_hat_dot = self.gamma * np.dot(phi, e @ known.P @ known.b)
         if known.estimate_set is not None:
             theta_hat_dot = known.estimate_set.project(theta_hat_dot, state.theta_hat)
@@ -88,8 +88,8 @@ class MyLaw:
         return Equations(self.gamma, known)
 
     def knobs(self, reach: TuningScale) -> TuningGrid:
-        """Return the settings that a trade-off or a contest varies, with their ranges: here gains up to the largest one that
-        the step resolves."""
+        """Return the settings that a trade-off or a contest varies, with their ranges: here, gains up to the largest one that the
+        step resolves."""
         gains = reach.gains(1e-8, 8 * reach.density)
         return TuningGrid(scheme=self.name, values={"gamma": gains}, make=lambda gamma: replace(self, gamma=gamma))
 

@@ -20,7 +20,7 @@ SCHEMA_FILE = "barbalat.schema.json"
 LAW = ".py"
 """Suffix of a file with a law."""
 LAW_CLASS = "MyLaw"
-"""Name of the class in the template. The new law's class is named after the file if that gives a valid name."""
+"""Name of the class in the template. The class of the new law is named after the file if that gives a valid name."""
 
 
 def add(commands: Commands) -> None:
@@ -58,7 +58,7 @@ def execute(options: argparse.Namespace) -> int:
     text = text_to_start_from(options.source)
     with output_folder(file.parent) as folder:
         folder.write(file.name, f"#:schema ./{SCHEMA_FILE}\n{text}")
-        with_schema = not os.path.lexists(file.parent / SCHEMA_FILE)  # an existing file may be the user's
+        with_schema = not os.path.lexists(file.parent / SCHEMA_FILE)  # an existing file may belong to the user
         if with_schema:
             folder.write(SCHEMA_FILE, as_json(json_schema()))
         folder.commit()

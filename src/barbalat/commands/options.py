@@ -91,7 +91,7 @@ def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: s
 
 
 def pair(given: str, taken: str) -> tuple[str, str]:
-    """Split PATH=VALUES into its two sides. ``taken`` describes the option's values for the error message."""
+    """Split PATH=VALUES into its two sides. ``taken`` describes the values of the option for the error message."""
     path, sign, values = given.partition("=")
     if not sign:
         from barbalat.validate import InputError, show
@@ -148,7 +148,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._negative_number_matcher = VALUE  # argparse's own recognises only -1 and -1.5
+        self._negative_number_matcher = VALUE  # the pattern of argparse recognises only -1 and -1.5
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse as argparse does, except that an option with several values does not take CASE if it is given nowhere

@@ -19,7 +19,7 @@ STANDARD_OUTPUT = "-"
 
 @contextlib.contextmanager
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
-    """Open the folder of ``--out``, or else ``default``. The result is None if neither is given."""
+    """Open the folder of ``--out``, or else ``default``. Returns None if neither is given."""
     from barbalat.folders import output_folder
     from barbalat.validate import local_path
 
@@ -68,7 +68,7 @@ def write_drawn(folder: Folder | None, running: Work, file: str, document: str, 
 
 
 def tell(document: str, show: Callable[[Screen], None], folder: Folder | None, *, as_json: bool, **files: str) -> None:
-    """Print a command's result: only the document, or a screen that lists the folder's ``files`` by their contents."""
+    """Print the result of a command: only the document, or a screen that lists the ``files`` of the folder by their contents."""
     if as_json:
         print_json(document)
         return

@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 SECONDS_EACH_STEP = 10e-9
 """Speed for a small loop on one core, in steps per second."""
 TOLD_FRACTION = 0.02
-"""Fraction of a part after which its own pace determines its duration, instead of the expectation."""
+"""Fraction of a part after which its pace, and not the expectation, determines its duration."""
 
 KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
-"""Fraction of a part, or alternatively the seconds since its first report, after which its pace is known within a factor of two
-and the remaining time is printed. Measured on sweep, tune, tradeoff and reproduce, with other work on the machine."""
+"""Fraction of a part, or the seconds since its first report, after which the pace is known within a factor of two and the
+remaining time is printed. Measured on sweep, tune, tradeoff and reproduce, with other work on the machine."""
 FEWEST_REPORTS = 3
 """Smallest number of reports of a part after which its pace is known."""
 RECENT_SHARE = 0.5
 """The recent pace is measured over this fraction of the work done since a part's first report."""
 AGREEING = 2.0
-"""If both paces differ by at most this factor, a value between them is used."""
+"""If the two paces differ by at most this factor, a value between them is used."""
 
 OVERDUE_SHARE = 0.5
-"""Overdue work is expected to take this fraction of the time since the last report; it takes longer or shorter with even odds."""
+"""Overdue work is expected to take this fraction of the time since the last report; it is as likely to take longer as shorter."""
 
 
 SHORTEST_SECONDS = 1e-9
-"""Smallest difference in seconds between two readings of a clock, used if it has not advanced."""
+"""Smallest assumed difference [s] between two readings of a clock, used if the clock has not advanced."""
 CERTAIN_AFTER = 1.0
-"""Seconds after which the measured fraction of a core is used."""
+"""Time [s] after which the measured fraction of a core is used."""
 
 
 class Work:
@@ -60,7 +60,7 @@ class Work:
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
         """Start one of the parts. Yield a function that takes the finished fraction of the part.
 
-        here whether this process does the work; its fraction of a core then gives the factor by which everything takes longer
+        here whether this process does the work; its share of a core then gives the factor by which everything takes longer
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
@@ -88,8 +88,8 @@ class Work:
     def known(self) -> bool:
         """Whether ``left`` is right within a factor of two.
 
-        This requires that the part's own pace determines it rather than the expectation for other parts. An expectation may be
-        wrong by a factor of three; a sum of which it is the smaller half is then wrong by at most a factor of two.
+        This requires that the pace of the current part determines it rather than the expectation for other parts. An expectation
+        may be wrong by a factor of three; if it is the smaller half of a sum, the sum is wrong by at most a factor of two.
         """
         if len(self.reports) < FEWEST_REPORTS:
             return False
@@ -100,7 +100,7 @@ class Work:
 
     @property
     def _paces(self) -> tuple[float, float]:
-        """The fractions of the part that are finished per second, since the first report and recently."""
+        """The fractions of the part that are finished per second, since the first report and in the recent past."""
         if len(self.reports) < FEWEST_REPORTS:
             in_all = self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS)
             return in_all, in_all
@@ -166,7 +166,7 @@ def _how_far(running: Work) -> str:
 
 
 FIRST_LINE, LONGEST_SILENCE = 20.0, 160.0
-"""Seconds until the first line if there is no bar, and the longest pause between two lines. Each pause is twice the previous
+"""Time [s] until the first line if there is no bar, and longest pause [s] between two lines. Each pause is twice the previous
 one."""
 
 
@@ -195,7 +195,7 @@ def _duration(seconds: float) -> str:
 
 
 def say(text: str) -> None:
-    """Print a line on standard error. On a narrow terminal it is folded, but not within a number."""
+    """Print a line on standard error. On a narrow terminal the line is folded, but not within a number."""
     if not text.isprintable():
         from barbalat.validate import printable
 
@@ -211,4 +211,4 @@ def say(text: str) -> None:
 NARROWEST = 40
 """Number of columns that every terminal is assumed to have."""
 INDENT = " " * len("barbalat: ")
-"""Indentation of a sentence's further lines."""
+"""Indentation of the continuation lines of a sentence."""

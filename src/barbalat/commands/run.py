@@ -80,7 +80,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 CERTIFYING_SECONDS, PAGE_SECONDS, DRAWING_SECONDS = 0.2, 0.1, 0.4
-"""Estimated seconds for each controller's part of the page, and of the pictures, which take another second in all."""
+"""Estimated seconds for certificates, page and pictures, for each controller; all pictures together take one more second."""
 STEPS_EACH_SECOND = 5e6
 """Estimated speed for a small loop. Compiling a controller's code takes ``COMPILING_SECONDS`` seconds in addition."""
 COMPILING_SECONDS = 0.2
@@ -96,8 +96,8 @@ def _expected(case: Case, *, plots: bool, pictures: bool) -> dict[str, float]:
 
 
 def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
-    """Run all controllers, with a close look at a short tail, and again at half the step. Runs that left their solver's region
-    of stability, or whose motion the step damps, are also repeated at a finer step. Missed samples are counted."""
+    """Run all controllers, examine short tails closely, and repeat the runs at half the step. Runs that left the stability region
+    of their solver, or whose oscillations the step damps, are also repeated at a finer step. Count missed samples."""
     from barbalat.run.engine.check_numerics import check_numerics
     from barbalat.run.engine.judging import tail_is_short
     from barbalat.run.engine.settle import halved, settle
@@ -117,7 +117,8 @@ def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
 
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
-    """Write the JSON, the trajectories and the description of their columns before the certificates, so the runs are safe."""
+    """Write the JSON, the trajectories and the description of their columns before the certificates, so that the runs are
+    safe."""
     from barbalat.report.documents import as_json
     from barbalat.report.file_names import COLUMNS, RUN, files_of_run
     from barbalat.report.trajectories import data_package, write_trajectories
@@ -130,7 +131,7 @@ def write_runs(folder: Folder, case: str, results: Sequence[Result], document: s
 
 @contextlib.contextmanager
 def _kept(folder: Folder) -> Iterator[None]:
-    """Print at Ctrl-C which results already exist."""
+    """On Ctrl-C, print which results already exist."""
     try:
         yield
     except KeyboardInterrupt:
@@ -147,7 +148,7 @@ def with_page(
     *,
     pictures: bool = False,
 ) -> str:
-    """Certify, write the page, and with ``pictures`` also its charts. Return the JSON document."""
+    """Certify, write the page, and, with ``pictures``, its charts. Return the JSON document."""
     from barbalat.certificates.certify import certified_case
     from barbalat.report import documents
     from barbalat.report.file_names import RUN
@@ -194,7 +195,7 @@ def require_sampled(case: Case) -> None:
 
 
 def require_commands_taken(case: Case) -> None:
-    """Raise InputError before any simulation if the shell rejects the case's own command, as an export does."""
+    """Raise InputError before any simulation if the shell rejects the command of the case, as an export does."""
     if case.problem.shell is None:
         return
     import numpy as np
@@ -213,7 +214,7 @@ def require_commands_taken(case: Case) -> None:
 
 
 def compared_exports(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any]]:
-    """Return for each sampled controller whether every bit is equal and, if not, the difference or the reason why there is no
+    """Return, for each sampled controller, whether every bit is equal and, if not, the difference or the reason why there is no
     result."""
     from barbalat.export.in_the_loop import simulate_export
     from barbalat.validate import InputError
@@ -246,5 +247,5 @@ def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def exit_code(found: Mapping[str, Mapping[str, Any]]) -> int:
-    """Return 1 if a bit differs, else 0. A controller that cannot be exported is not a failure."""
+    """Return 1 if a bit differs, otherwise 0. A controller that cannot be exported is not a failure."""
     return int(any(one["equal"] is False for one in found.values()))

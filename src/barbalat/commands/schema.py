@@ -1,4 +1,4 @@
-"""``barbalat schema`` prints the JSON Schema of case files, with which editors complete and check them."""
+"""``barbalat schema`` prints the JSON Schema of case files, which lets editors complete and check them."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.gradients.sensitivity import sensitivity as computed
 
     text = CaseText.read(options.case, options.controllers)
-    labels = text.case().problem.labels  # errors of the file itself are reported first
+    labels = text.case().problem.labels  # errors in the file are reported first
     with work(EXPECTED_SECONDS) as running, running.part("simulating") as progress:
         found = computed(
             text, of=options.of, to=options.to, controllers=options.controller, redesign=options.redesign, progress=progress

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 STANDARD_ERROR = 2
 """The descriptor of standard error, the last of the three standard ones."""
 UNKNOWN_CHARACTERS = "backslashreplace"
-"""The handler of encoding errors, with which names in any script can be written to a terminal of any encoding."""
+"""The handler for encoding errors, which makes it possible to write names in any script to a terminal of any encoding."""
 
 
 class OutputLost(Exception):
     """Standard output does not accept the command's results. ``reader_left`` is true if it is a pipe without a reader.
 
-    This is not an OSError, because libraries handle some of those themselves, and other pipes also break.
+    This is not an OSError, because libraries handle some OSErrors themselves, and other pipes may break too.
     """
 
     def __init__(self, reason: str, *, reader_left: bool = False) -> None:
@@ -32,7 +32,7 @@ class OutputLost(Exception):
 
 
 class _Results(io.FileIO):
-    """Standard output. The first write that fails raises OutputLost; later ones, at the program's end, are silent."""
+    """Standard output. The first write that fails raises OutputLost; later failures, at the end of the program, are silent."""
 
     lost = False
 
@@ -47,7 +47,7 @@ class _Results(io.FileIO):
 
 
 class _Notes(io.FileIO):
-    """Standard error. Notes that it does not accept are lost, without effect on the results or the exit code."""
+    """Standard error. Notes that it does not accept are lost; results and exit code are not affected."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:
@@ -58,7 +58,7 @@ class _Notes(io.FileIO):
 
 @contextlib.contextmanager
 def notes() -> Iterator[None]:
-    """Provide standard error for a command. Text that it does not accept is lost, also if there is no standard error."""
+    """Provide standard error for a command. Text is lost if standard error does not accept it or does not exist."""
     before = sys.stderr
     _fill()
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
@@ -73,34 +73,35 @@ def notes() -> Iterator[None]:
 def results() -> Iterator[None]:
     """Provide standard output for a command. Raise OutputLost if it is closed or does not accept the written text."""
     before = sys.stdout
-    if sys.stdout is None:  # Python sets it to None if the descriptor is closed
+    if sys.stdout is None:  # Python sets the stream to None if the descriptor is closed
         raise OutputLost("it is closed; redirect it to a file, to a pipe, or to the null device")
     sys.stdout = _over(sys.stdout, _Results)
     try:
         yield
         sys.stdout.flush()
-    except SystemExit:  # from the parser, which may have printed its help
+    except SystemExit:  # exit of the parser, which may have printed its help
         sys.stdout.flush()
         raise
     finally:
-        with contextlib.suppress(OutputLost):  # another exception is being raised, which is more informative
+        with contextlib.suppress(OutputLost):  # a more informative exception is being raised
             sys.stdout.flush()
         sys.stdout = before
 
 
 def _fill() -> None:
-    """Open the null device for closed descriptors up to standard error's; otherwise a file of results would get their
+    """Open the null device for closed descriptors up to that of standard error; otherwise result files would get their
     numbers."""
-    while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # opens the lowest free descriptor each time
+    while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # each call opens the lowest free descriptor
         pass
     os.close(number)
 
 
 def _over(stream: TextIO, kind: type[io.FileIO]) -> TextIO:
-    """Return the stream with writes of this kind. It is unchanged if it is not a system file, as in a notebook or a test."""
+    """Return the stream with this kind of write. The stream is unchanged if it is not a system file, as in a notebook or a
+    test."""
     if not isinstance(stream, io.TextIOWrapper):
         return stream
-    raw = getattr(stream.buffer, "raw", stream.buffer)  # without buffering, both are the same object
+    raw = getattr(stream.buffer, "raw", stream.buffer)  # without buffering, both are one object
     if not isinstance(raw, io.FileIO):
         stream.reconfigure(errors=UNKNOWN_CHARACTERS)
         return stream

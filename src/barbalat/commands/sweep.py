@@ -226,7 +226,7 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
     from barbalat.sweeps.plan import Design, Plan, members_of
     from barbalat.sweeps.study import Study
 
-    axes = _axes(options, text.case().problem.labels)  # errors of the file itself are reported first
+    axes = _axes(options, text.case().problem.labels)  # errors in the file are reported first
     draws = sampled(text, [pair(given, TAKEN) for given in options.sample])
     design = Design(options.design or "latin")
     plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)

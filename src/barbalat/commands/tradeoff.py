@@ -1,4 +1,4 @@
-"""``barbalat tradeoff`` plots tracking error against delay margin for many tunings of three schemes and of the user's own."""
+"""``barbalat tradeoff`` plots tracking error against delay margin for many tunings of three schemes and of the user's schemes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``barbalat tune`` finds settings of a case's controllers that minimise a quantity under constraints."""
+"""``barbalat tune`` finds settings of the controllers of a case that minimise a quantity under constraints."""
 
 from __future__ import annotations
 

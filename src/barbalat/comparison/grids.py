@@ -1,4 +1,4 @@
-"""Chooses for a case the schemes that a trade-off compares, and their varied settings."""
+"""Chooses the schemes that a trade-off compares for a case, and the settings that it varies."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ def default_knobs(
 ) -> tuple[tuple[TuningGrid, ...], tuple[str, ...]]:
     """Return the knobs that the registered schemes declare, and sentences on omissions.
 
-    density  number of values of a knob that is combined with another one
+    density  number of values of a knob that is combined with another knob
 
-    Gains go up to the largest that this step resolves, and time constants from five steps to the model's slowest one. The
-    sentences name omitted tunings, and schemes that do not support the problem. Raises InputError if no scheme supports it.
+    Gains extend up to the largest one that this step resolves, and time constants from five steps to the slowest one of the
+    model. The sentences name omitted tunings and the schemes that do not support the problem. Raises InputError if no scheme
+    supports it.
 
-    own  controllers from outside; each takes part with its knobs if it declares some, or else unchanged, as one tuning
+    own  controllers from outside; each takes part with the knobs that it declares, or otherwise unchanged, as one tuning
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain
@@ -61,7 +62,7 @@ def default_knobs(
 
 
 def unresolved(highest: float, how: str, simulation: Simulation) -> str:
-    """Return a text on the gains beyond the ``highest`` one that is tried."""
+    """Return a text on the gains above the ``highest`` gain that is tried."""
     if simulation.tolerance is None:
         return f"gains above {highest:.3g}, which {simulation.step} does not resolve ({how}: an estimate)"
     steps = STEPS_EACH_RESOLUTION * simulation.t_end / simulation.resolution
@@ -69,8 +70,7 @@ def unresolved(highest: float, how: str, simulation: Simulation) -> str:
 
 
 STEPS_EACH_RESOLUTION = 2
-"""Number of steps with a tolerance, some 1.5 rad of the fastest oscillation each, per longest step that is stable with RK4,
-2.8 rad."""
+"""Number of steps with a tolerance (about 1.5 rad of the fastest oscillation each) per longest stable step of RK4 (2.8 rad)."""
 
 
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
@@ -101,7 +101,7 @@ def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> 
 
 
 def start_of(problem: Problem) -> Array | None:
-    """Return the middle (p,) of a known set that excludes the default start, 0 or a baseline's theta_0; otherwise None."""
+    """Return the middle (p,) of a known set if the set excludes the default start (0 or a baseline's theta_0); otherwise None."""
     known_set, theta_0 = problem.known.theta_set, problem.known.theta_0
     if known_set is None or known_set.contains(np.zeros(len(known_set.middle)) if theta_0 is None else theta_0):
         return None
@@ -131,13 +131,13 @@ SHORTEST_TIME_STEPS = 5
 def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     """Return an estimate of the largest Gamma that the step resolves, and a text on how it was found.
 
-    For phi(x) = x, one input and a known gain it is ``certify``'s gamma_max. Otherwise it follows from the same frozen oscillator
-    with the largest regressor of the loop with known theta, including u if its gain is estimated, because certify's bound covers
-    everything that the known set allows and would exclude gains that cases use. Faults, a shell and an observer are ignored.
-    Raises InputError if the step resolves no gain.
+    For phi(x) = x, one input and a known gain, it is gamma_max of ``certify``. Otherwise it follows from the same frozen
+    oscillator with the largest regressor of the loop with known theta, including u if its gain is estimated: the bound of
+    ``certify`` covers everything that the known set allows and would exclude gains that cases use. Faults, a shell and an
+    observer are ignored. Raises InputError if the step resolves no gain.
     """
     problem = problem.nominal
-    if problem.fixed_observer is not None:  # for which no gamma_max is known
+    if problem.fixed_observer is not None:  # no gamma_max is known for it
         problem = replace(problem.design, observer=None, sensor=None)
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
         plain = Mrac(gamma=1.0, theta_hat0=start_of(problem))

@@ -1,4 +1,5 @@
-"""The plants on which tunings are tried: the case's own plant, and others from its known set or its parameters' ranges."""
+"""The plants on which tunings are tried: the plant of the case, and others from its known set or from the ranges of its
+parameters."""
 
 from __future__ import annotations
 
@@ -21,10 +22,10 @@ from barbalat.validate import Array, InputError
 
 
 def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
-    """Return the case's plant, and others drawn from its known set and, if the input's gain is unknown, from its interval.
+    """Return the case's plant, and others drawn from its known set and, if the input gain is unknown, from its interval.
 
-    For a plant with physical parameters the others are drawn from their ranges. Raises InputError for several plants if the truth
-    is a single one, see ``one_plant_because``.
+    For a plant with physical parameters, the others are drawn from the parameter ranges. Raises InputError if several plants are
+    requested but the truth is a single plant (see ``one_plant_because``).
     """
     if plants > 1 and (why := one_plant_because(problem)) is not None:
         raise InputError.of("plants", f"must be 1, because {why}; got {plants}")
@@ -33,16 +34,17 @@ def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> 
         return _of_the_ranges(problem, problem.plant.physical, plants, random)
     thetas = known_set.drawn(random, plants - 1)
     found = [problem.plant, *(replace(problem.plant, theta=theta) for theta in thetas)]
-    if problem.known.gains is not None:  # the case's own gain is written out too, so all plants have one structure
+    if problem.known.gains is not None:  # the gain of the case is written out too, so that all plants have one structure
         gains = [[path.gain for path in problem.plant.paths], *problem.known.gains.drawn(random, plants - 1)]
         found = [_with_gains(plant, gain) for plant, gain in zip(found, gains, strict=True)]
     return [replace(problem, plant=plant) for plant in found]
 
 
 def one_plant_because(problem: Problem) -> str | None:
-    """Return a clause with the reason why there are no other plants to simulate; None if there are.
+    """Return a clause that says why there are no other plants to simulate; None if there are.
 
-    The truth may have its own matrix A, whose variation no known set describes, or contain no parameter with a range.
+    The truth may have a separate matrix A, whose variation is described by no known set, or may contain no parameter with a
+    range.
     """
     physical, truth = problem.plant.physical, problem.truth or Truth()
     if physical is None:
@@ -55,7 +57,7 @@ def one_plant_because(problem: Problem) -> str | None:
 
 
 def _of_the_ranges(problem: Problem, physical: PhysicalPlant, plants: int, random: np.random.Generator) -> list[Problem]:
-    """Return the problem, and others whose truth has parameters drawn from their ranges."""
+    """Return the problem, and problems whose truth has parameters drawn from their ranges."""
     uncertain = [one for one in physical.parameters if not one.is_exact]
     drawn = {one.name: spread_of(one).at(random.random(plants - 1)) for one in uncertain}
     values = [{name: float(values[i]) for name, values in drawn.items()} for i in range(plants - 1)]
@@ -73,10 +75,10 @@ MOST_EXTREMES = 256
 
 
 def extreme_plants(problem: Problem, known_set: KnownSet, count: int, seed: int) -> list[Problem]:
-    """Return at most ``count`` plants at corners of the parameters' ranges, or else of the known set and the gain's interval.
+    """Return at most ``count`` plants at corners of the parameters' ranges, or else of the known set and the gain interval.
 
-    The first one differs most from the case's own plant, and each further one differs most from those before it.
-    Plants differ in their matrices, input gains and delays, each entry relative to its largest value.
+    The first plant differs most from the plant of the case, and each further plant differs most from the previous ones. The
+    difference includes matrices, input gains and delays, each entry relative to its largest value.
     """
     random = np.random.default_rng(seed)
     corners = [problem, *_corners(problem, known_set, random)]
@@ -140,13 +142,13 @@ def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) 
 
 
 def parameters_of(problem: TrackingProblem) -> Any:
-    """Return the values with which estimates are compared, or those of the design plant if the truth has none."""
+    """Return the values with which estimates are compared, or the values of the design plant if the truth has none."""
     true = problem.true_parameters
     return problem.parameters if true is None else true
 
 
 def drawn_values(problems: Sequence[TrackingProblem]) -> tuple[dict[str, float], ...] | None:
-    """Return for each plant the simulated values of the parameters with ranges; None if plants are drawn from the known set."""
+    """Return, for each plant, the simulated values of the parameters with ranges; None if plants are drawn from the known set."""
     found = []
     for problem in problems:
         physical = problem.plant.physical if isinstance(problem, Problem) else None

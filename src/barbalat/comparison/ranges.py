@@ -1,4 +1,4 @@
-"""The ranges of the fields that a tuning varies, and the positions of a scheme's own knobs in a case file."""
+"""The ranges of the fields that a tuning varies, and the positions of a scheme's knobs in a case file."""
 
 from __future__ import annotations
 
@@ -88,12 +88,12 @@ class Space:
 
 
 BEYOND_GRID = 100.0
-"""Factor by which a search extends the grid's range, for parameters without other bounds."""
+"""Factor by which a search extends the range of the grid, for parameters without other bounds."""
 
 
 def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
     """Return the scheme's knobs in the controller's table, each at the only place where its name occurs. Raises InputError if
-    there is none."""
+    there are no knobs."""
     found: dict[FieldPath, Range] = {}
     for name, values in knobs.values.items():
         places = list(_places(tables, name))

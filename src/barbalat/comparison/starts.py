@@ -1,4 +1,4 @@
-"""The initial estimates of controllers. All have the same knowledge, or a sentence names those that differ."""
+"""The initial estimates of controllers. All have the same knowledge; if not, a sentence names the ones that differ."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ def estimates_in(equations: Equations | SampledEquations) -> Array:
 
 
 def start_of(problem: Problem, controller: Controller) -> Array | None:
-    """Return a controller's initial estimates of theta (p,); None if it has none, or none that are known to be of theta."""
+    """Return a controller's initial estimates of theta (p,); None without estimates, or if they are not known to be estimates of
+    theta."""
     start = initial_estimates(problem, controller)
     p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.matched.gain_unknown else 0
     return start[:p] if len(start) in (p, p + gains) else None
 
 
 def different_starts(problem: Problem, controllers: Sequence[Controller]) -> list[str]:
-    """Return sentences on controllers whose estimates start at other values than those of the first one that estimates theta."""
+    """Return sentences on controllers whose initial estimates differ from those of the first controller that estimates theta."""
     known = {one.name: start for one in controllers if (start := start_of(problem, one)) is not None}
     if not known:
         return []

@@ -1,4 +1,4 @@
-"""PI control, and linear controllers from the known part of a plant in one call."""
+"""PI control, and functions that design linear controllers for the known part of a plant in one call."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def pi_controller(model: TransferFunction, delay: float) -> TransferFunction:
     """K(s) = k_p (1 + 1/(T_i s)) for a model with the unmodelled delay [s] at its input.
 
     SIMC with tau_c = delay (Skogestad, 2003): crossover near 1/(2 delay), where models of relative degree one are integrators;
-    T_i = 8 delay. k_p makes the gain one there. Raises InputError if the loop is then unstable.
+    T_i = 8 delay. k_p makes the gain one at the crossover. Raises InputError if the loop is then unstable.
     """
     delay = validate.positive("unmodelled_delay", delay)
     crossover, T_i = 1 / (2 * delay), 8 * delay
@@ -48,9 +48,9 @@ def hinf_feedback(
 ) -> LinearFeedback:
     """The mixed-sensitivity design for the nominal plant; mu is computed for the delay of the design.
 
-    unmodelled_delay  [s] that the loop must tolerate at the plant's input; by default a tenth of the family's fastest time
-                      constant
-    bandwidth         [rad/s]; by default 0.9 times the largest that the delay allows
+    unmodelled_delay  delay [s] that the loop must tolerate at the plant's input; by default a tenth of the fastest time constant
+                      of the family
+    bandwidth         [rad/s]; by default 0.9 times the largest bandwidth that the delay allows
     output, nominal, anti_windup  as in LinearFeedback
 
     Raises InputError as ``mixed_sensitivity`` does.
@@ -72,7 +72,8 @@ def pi_feedback(
     anti_windup: float | None = None,
     name: str = "PI",
 ) -> LinearFeedback:
-    """The PI design for the nominal plant; parameters as in ``hinf_feedback``. Raises InputError as ``pi_controller`` does."""
+    """The PI design for the nominal plant; for the parameters, see ``hinf_feedback``. Raises InputError as ``pi_controller``
+    does."""
     c, model = design_model(known, output)
     delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     K = pi_controller(model, delay)

@@ -1,8 +1,8 @@
 """Mixed-sensitivity H-infinity design: the fastest loop that the unmodelled dynamics allow.
 
-||[W_S S; W_KS K S; W_T T]||_inf <= 1 with W_T the size of the unmodelled dynamics, so |W_T T| <= 1 guarantees stability, and W_S
-= (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2, which requires the bandwidth w_B and that |S| falls with the square of the frequency
-below it, as it does with a PI controller on this plant. The largest feasible w_B is found by bisection. Source: Skogestad and
+||[W_S S; W_KS K S; W_T T]||_inf <= 1 where W_T is the size of the unmodelled dynamics, so |W_T T| <= 1 guarantees stability, and
+W_S = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2 requires the bandwidth w_B and that |S| is proportional to the square of the
+frequency below it, as with a PI controller on this plant. The largest feasible w_B is found by bisection. Source: Skogestad and
 Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
 """
 
@@ -26,9 +26,8 @@ from barbalat.validate import Array, InputError
 def design_model(known: Known, output: Array | None = None) -> tuple[Array, TransferFunction]:
     """(c, c'(sI - A_m)^-1 b): the plant between u and c'x once the nominal theta'x is cancelled; c is P b by default.
 
-    P b makes it strictly positive real, and therefore minimum phase with relative degree one: the choice that limits a linear
-    loop least. Raises InputError for c = 0, and for a plant with several inputs or a regressor other
-    than x.
+    P b makes the model strictly positive real and therefore minimum phase with relative degree one. This choice limits a linear
+    loop least. Raises InputError for c = 0, and for a plant with several inputs or a regressor other than x.
     """
     require_linear_plant(known)
     c = known.P @ known.b if output is None else validate.vector("output", output, known.n)
@@ -41,7 +40,7 @@ def design_model(known: Known, output: Array | None = None) -> tuple[Array, Tran
 def delay_weight(delay: float) -> TransferFunction:
     """W(s) with |e^(-j w d) - 1| <= |W(j w)| for all w and all d <= delay [s]: s delay/(1 + s delay/sqrt(12)).
 
-    2 sin(x/2) <= x/sqrt(1 + x^2/12): both sides agree up to x^3, and the right one tends to sqrt(12) > 2. The form is that of
+    2 sin(x/2) <= x/sqrt(1 + x^2/12): both sides agree up to x^3, and the right side tends to sqrt(12) > 2. The form is that of
     Wang, Lundstrom and Skogestad (1994), with 3.465.
     """
     delay = validate.positive("unmodelled_delay", delay)
@@ -49,9 +48,9 @@ def delay_weight(delay: float) -> TransferFunction:
 
 
 def default_delay(known: Known) -> float:
-    """A tenth of the fastest time constant in the family [s]: 0.1/max |eigenvalue of A_m + b theta'| over the set's corners.
+    """A tenth of the fastest time constant in the family [s]: 0.1/max |eigenvalue of A_m + b theta'| over the corners of the set.
 
-    The unmodelled dynamics are then assumed to begin a decade above the model's.
+    The unmodelled dynamics are then assumed to begin a decade above the dynamics of the model.
     """
     require_linear_plant(known)
     corners = [np.zeros(known.n)] if known.theta_set is None else product(*zip(*known.theta_set.extent, strict=True))
@@ -60,17 +59,19 @@ def default_delay(known: Known) -> float:
 
 
 SENSITIVITY_PEAK = 2.0
-"""M: the largest |S| that W_S allows; it gives a gain margin of at least 2 and a phase margin of at least 29 degrees (ibid.,
+"""M, the largest |S| that W_S allows. It gives a gain margin of at least 2 and a phase margin of at least 29 degrees (ibid.,
 2.4)."""
 STEADY_SENSITIVITY = 1e-6
-"""A: |S| at zero frequency; an integrator itself would put a pole of W_S on the axis, which the synthesis does not allow."""
+"""A, |S| at zero frequency. An exact integrator would put a pole of W_S on the imaginary axis, which the synthesis does not
+allow."""
 BANDWIDTH_SHARE = 0.9
-"""Fraction of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole goes to infinity."""
+"""Fraction of the largest bandwidth: at the limit, the fast pole of the controller goes to infinity and the controller becomes
+improper."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MixedSensitivity:
-    """A design: controller on the error, the weights, the requested bandwidth [rad/s], and the norm reached (at most 1)."""
+    """A design: controller on the error, the weights, the requested bandwidth [rad/s], and the achieved norm (at most 1)."""
 
     controller: StateSpace
     W_S: TransferFunction
@@ -83,7 +84,7 @@ class MixedSensitivity:
 def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | None = None) -> MixedSensitivity:
     """A controller K(s) on the error for the model, such that the loop tolerates the unmodelled delay [s] at its input.
 
-    bandwidth  w_B of W_S [rad/s]; by default 0.9 times the largest one for which the norm stays at or below 1
+    bandwidth  w_B of W_S [rad/s]; by default 0.9 times the largest bandwidth for which the norm is at most 1
 
     Raises InputError without the package slycot (extra ``robust``), for a model with poles on the imaginary axis, and if the
     weights cannot be met.
@@ -110,7 +111,7 @@ def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | 
 
 
 def in_time_unit(model: TransferFunction, unit: float) -> TransferFunction:
-    """The model with time in units of ``unit`` s: in units of the delay the synthesis is best conditioned."""
+    """The model with time in units of ``unit`` s: the synthesis is best conditioned in units of the delay."""
     return TransferFunction(*(c * unit ** -np.arange(len(c) - 1.0, -1.0, -1.0) for c in (model.num, model.den)))
 
 
@@ -140,7 +141,7 @@ def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpa
 
 
 def _effort(scaled: TransferFunction) -> float:
-    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so K rolls off above that frequency."""
+    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so that K rolls off above that frequency."""
     return float(abs(scaled.at(10j)))
 
 
@@ -151,7 +152,8 @@ def _plant(scaled: TransferFunction, bandwidth: float) -> tuple[Array, Array, Ar
 
 
 def _largest_bandwidth(scaled: TransferFunction) -> float:
-    """Bisection to 1 %, between 0.001 and 10 over the delay, on whether a controller with norm below 1 exists."""
+    """Find the largest bandwidth for which a controller with norm below 1 exists, by bisection to 1 % between 0.001 and 10 over
+    the delay."""
 
     def is_met(bandwidth: float) -> bool:
         return _suboptimal(_plant(scaled, bandwidth)) is not None
@@ -165,7 +167,7 @@ def _largest_bandwidth(scaled: TransferFunction) -> float:
 
 
 def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, float] | None:
-    """The central controller of norm below 1 and the norm it reaches; ``None`` if there is none."""
+    """The central controller of norm below 1 and its norm; ``None`` if there is none."""
     slycot = _slycot()
     A, B, C, D = plant
     try:

@@ -1,4 +1,4 @@
-"""Whether a dead time or a constant term explains a recording better: a scan over dead times with short fits."""
+"""Finds out whether a dead time or a constant term explains a recording better, by a scan over dead times with short fits."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ MOST_DELAY = 0.2
 """Fraction of the samples for the fit up to which dead times are tried."""
 SCAN_STEPS = 8
 WORTH = 0.9
-"""Largest residual on the validation samples, relative to that of the given model."""
+"""Largest residual on the validation samples, relative to the residual of the given model."""
 LAGS = 8
 WHITE = 0.15
-"""Correlation of residuals at lags up to ``LAGS`` below which the residuals are noise that no other model can explain."""
+"""Correlation of residuals at lags up to ``LAGS`` below which the residuals are noise that no model can explain."""
 ROUNDING = 1e-7
 """Fraction of a state's range below which its residuals are rounding errors."""
 SPREAD = 4.0
-"""Number of standard deviations of that correlation for noise."""
+"""Number of standard deviations of the correlation of noise."""
 BETTER = 0.22
-"""Gain of the log-likelihood for each sample from which a term is worth a finding: one state's residual is a fifth smaller."""
+"""Gain of the log-likelihood per sample from which a term is worth reporting: the residual of one state is then 20 % smaller."""
 SURE = 15.0
 """Gain of the log-likelihood below which chance may explain it."""
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another offset or delay [s], with the worst state's fit on the validation samples, and that without it."""
+    """A different offset or delay [s], with the fit of the worst state on the validation samples, with it and without it."""
 
     offset: bool
     delay: float | None
@@ -43,7 +43,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """The options to try, and the reason."""
+        """A sentence on the options to try, and the reason."""
         terms = ["a constant term"] * self.offset + ([] if self.delay is None else [f"a dead time of {self.delay:g} s"])
         options = ["--offset"] * self.offset + ([] if self.delay is None else [f"--delay {self.delay:g}"])
         return (
@@ -55,12 +55,12 @@ class Alternative:
 def alternative(
     whole: Recording, structure: Structure, fitted: Fit, residual: Array, *, offset: bool, delay: float, trained: int
 ) -> Alternative | None:
-    """The offset and delay that explain a recording clearly better than the given ones; None if there are none.
+    """The offset and delay that explain a recording clearly better than the given ones; None if there is nothing better.
 
-    whole      without delay and in absolute values
-    structure  for its coefficients without a constant term
-    fitted     with the given ones
-    residual   (N, n) of that fit; if it is noise, nothing is tried
+    whole      recording without delay and in absolute values
+    structure  structure of its coefficients without a constant term
+    fitted     fit with the given offset and delay
+    residual   (N, n) residual of that fit; if it is noise, nothing is tried
     trained    number of samples of ``whole`` that are not reserved for validation
     """
     if _is_noise(residual, fitted.simulated):
@@ -83,7 +83,7 @@ def alternative(
 
 
 def _is_noise(residual: Array, states: Array) -> bool:
-    """Whether each state's residuals are uncorrelated over a few samples, or rounding."""
+    """Whether the residuals of each state are uncorrelated over a few samples, or rounding errors."""
     residual = residual[:, np.sqrt(np.mean(residual**2, axis=0)) > ROUNDING * np.ptp(states, axis=0)]
     power = np.maximum(np.sum(residual**2, axis=0), 1e-300)
     lags = range(1, min(LAGS, len(residual) - 1) + 1)
@@ -92,7 +92,7 @@ def _is_noise(residual: Array, states: Array) -> bool:
 
 
 class _Scan:
-    """Short fits of the same samples with dead times in steps, each with a constant term or without."""
+    """Short fits of the same samples with dead times in steps, each with and without a constant term."""
 
     def __init__(self, whole: Recording, structure: Structure, fitted: Fit, delay: float, trained: int) -> None:
         self.whole, self.plain, self.trained = whole, structure, trained
@@ -145,7 +145,8 @@ class _Scan:
         return best
 
     def validated(self, steps: int, constant: bool) -> float:
-        """The worst state's fit on the samples after those of the fit, or on all if there are too few; -inf if one diverges."""
+        """The fit of the worst state on the samples after those used for fitting, or on all samples if there are too few; -inf if
+        a state diverges."""
         recording, _ = self.model(steps, constant, len(self.whole.times))
         rest = (
             recording.part(self.samples, len(recording.times))

@@ -1,4 +1,4 @@
-"""An identification as a case file: a plant with physical parameters, as a starting point for the user."""
+"""Writes an identification as a case file with a plant in physical parameters, as a starting point for the user."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from barbalat.linear.pole_placement import place
 from barbalat.validate import Array, InputError
 
 SPREAD = 0.25
-"""Relative distance between neighbouring poles of the file's model, as a fraction of the plant's fastest pole."""
+"""Distance between neighbouring poles of the model in the file, as a fraction of the fastest pole of the plant."""
 SHARE_OF_DELAY = 0.5
-"""Largest product of a pole of the file's model and the dead time."""
+"""Largest product of a model pole in the file and the dead time."""
 PERIODS, STEPS = 4.0, 100.0
-"""Periods of the file's command; solver steps per fastest time constant."""
+"""Periods of the command in the file, and solver steps per fastest time constant."""
 AT_REST = 1e-6
 """Fraction of the model's largest steady-state gain below which a state counts as unaffected."""
 
 
 def case_text(found: Identification, source: str) -> str:
-    """A whole case file. Ranges are those of the known set, or without a noise bound the confidence intervals.
+    """A whole case file. The ranges are those of the known set or, without a noise bound, the confidence intervals.
 
     Raises InputError if a range is unbounded, and if no poles can be placed.
     """
@@ -125,7 +125,7 @@ def _parameters(found: Identification, ranges: Array) -> tuple[str, list[list[st
 
 
 def _model(found: Identification) -> tuple[list[float], Array]:
-    """Real poles as fast as the plant's fastest, and A_m."""
+    """Real poles as fast as the fastest pole of the plant, and A_m."""
     fastest = float(np.abs(np.linalg.eigvals(found.A)).max()) or 1.0
     if found.delay:
         fastest = min(fastest, SHARE_OF_DELAY / found.delay)
@@ -151,8 +151,8 @@ def _gains(A_m: Array, B: Array, labels: list[str]) -> str:
 
 
 def _adaptation_gain(found: Identification, A_m: Array, followed: int, amplitude: float) -> float:
-    """The gain with which the estimates' oscillation, sqrt(gamma b'Pb (|x|^2 + |u|^2)) while the followed state rests at the
-    command's amplitude, is as fast as the model's fastest pole."""
+    """The gain for which the oscillation frequency of the estimates, sqrt(gamma b'Pb (|x|^2 + |u|^2)) with the controlled state
+    at rest at the command amplitude, equals the fastest pole of the model."""
     from scipy.linalg import solve_continuous_lyapunov
 
     gain = -np.linalg.solve(A_m, found.B)

@@ -1,4 +1,4 @@
-"""The arguments of an identification other than its recording: each is checked against the names and the data."""
+"""The arguments of an identification other than its recording: all are checked against the names and the data."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class Structure:
     """Prior knowledge of the rows.
 
     given   (n,) which rows are given exactly
-    start   (n, p) the coefficients that are known, and 0
+    start   (n, p) the known coefficients, with 0 elsewhere
     free    (n, p) which coefficients are searched
-    limits  (n, p, 2) their bounds, infinite if there are none
+    limits  (n, p, 2) bounds of the coefficients, infinite if there are none
     """
 
     given: Array

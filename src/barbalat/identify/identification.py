@@ -1,4 +1,5 @@
-"""The plant x' = A x + B u from a recording: output-error fit, the set of all plants that explain the data, and validation."""
+"""The plant x' = A x + B u from a recording: by an output-error fit, the set of all plants that explain the data, and
+validation."""
 
 from __future__ import annotations
 
@@ -23,9 +24,9 @@ from barbalat.validate import Array, InputError
 
 DEFAULT_HELD_OUT = 0.25
 WINDOW = Estimate(memory=2e3, seconds=2e-4)
-"""The cost of a window and its fraction of a linear programme."""
+"""The cost of a window, including its part of a linear programme."""
 VALUE = Estimate(memory=100.0, seconds=1e-5)
-"""The cost of a sample's derivative with respect to a coefficient, over all steps and dead times of the search."""
+"""The cost of the derivative of a sample with respect to a coefficient, over all steps and dead times of the search."""
 
 
 def identify(
@@ -45,19 +46,20 @@ def identify(
     """Identify x' = A x + B u from samples of all states x, with inputs held from sample to sample.
 
     data         a CSV file with a header line, whose columns ``inputs``, ``outputs`` and ``time`` name, or a Recording
-    noise        by output: a bound of the measurement error. With ``slope`` it gives the set of all plants that explain the data
-    slope        by output: a bound of |x'| over the recording [unit/s]; it bounds the error of the trapezoidal rule
-    derivatives  by output: the output that is its exact derivative; that row is not identified
-    within       by (state, name): known bounds of the coefficient of ``name`` in the row of ``state``; the nominal row and
-                 all ranges lie within them
+    noise        by output: a bound on the measurement error. Together with ``slope`` it gives the set of all plants that explain
+                 the data
+    slope        by output: a bound on |x'| over the recording [unit/s], which bounds the error of the trapezoidal rule
+    derivatives  by output: the output that is its exact derivative; the row of that output is not identified
+    within       by (state, name): known bounds on the coefficient of ``name`` in the row of ``state``; the nominal row and all
+                 ranges lie within them
     offset       whether each unknown row has a constant term; the plant then describes deviations from the
                  ``operating_point``
     delay        dead time of all inputs [s], a multiple of the sample time
     held_out     fraction of the samples, at the end, that are used only for validation
 
-    The set's bounds are guaranteed for the given noise and slope, known and held inputs, and a linear plant without disturbance.
-    Without them the ranges are confidence intervals of an output-error fit, for independent measurement errors.
-    Raises InputError for wrong data, and if no plant explains them within the bounds.
+    The bounds of the set are guaranteed for the given noise and slope bounds, known and held inputs, and a linear plant without
+    disturbances. Without noise bounds, the ranges are confidence intervals of an output-error fit with independent measurement
+    errors. Raises InputError for wrong data, and if no plant explains them within the bounds.
     """
     whole = data if isinstance(data, Recording) else read_csv(data, inputs, outputs, time)
     names = whole.output_names
@@ -141,7 +143,7 @@ def _enclosed(name: str, every: Windows, structure: Structure, i: int, other: Al
 
 
 def _unexplained(name: str, every: Windows, limits: Array | None) -> str:
-    """The error that no row explains the data, with the smallest factor of the error bounds for which a row would explain
+    """The error that no row explains the data. It states by which factor the error bounds would have to grow for a row to explain
     them."""
     free = least_factor(every)
     if limits is None:
@@ -167,7 +169,7 @@ def _row(
     i: int, train: Recording, structure: Structure, fitted: Fit, nominal: Array, every: Windows | None,
     enclosure: Enclosure | None,
 ) -> Row:  # fmt: skip
-    """The result of one row; its intervals are infinite where the fitted motion does not excite a coefficient."""
+    """The result for a row. Its intervals are infinite where the fitted motion does not excite a coefficient."""
     name = train.output_names[i]
     if structure.given[i]:
         return Row(name, structure.start[i])
@@ -198,7 +200,7 @@ def _validated(
     recording: Recording, model: Recording, rows: tuple[Row, ...], fitted: Fit, noise: Mapping[str, float] | None,
     slope: Mapping[str, float] | None, reference: Array | None, delay: float, trained: int, other: Alternative | None,
 ) -> Identification:  # fmt: skip
-    """The identification with the nominal plant's results on the validation samples."""
+    """The identification with the results of the nominal plant on the validation samples."""
     names, start = recording.output_names, trained % len(recording.times)
     rest, measured = model.part(start, len(model.times)), recording.part(start, len(model.times))
     matrix = np.array([row.nominal for row in rows])

@@ -1,4 +1,4 @@
-"""Set membership: all rows of coefficients that explain the data within error bounds, enclosed by linear programmes.
+"""Set membership: all rows of coefficients that explain the data within error bounds, enclosed by means of linear programmes.
 
 Over a window of samples the plant x' = A x + B u with held inputs gives, row by row,
 
@@ -13,9 +13,10 @@ follows from |x_j'| <= L_j. A row a explains a window if
 which is exact for errors anywhere in their box. That set is not convex, but it is a polyhedron in each orthant of the
 coefficients whose regressors have an error, where linear programmes give its extreme values. With more than ``MOST_ORTHANTS``
 such coefficients, |a_j| is replaced by its chord over an interval that contains a_j, which gives a convex set that contains the
-exact one.
+exact set.
 
-Every bound follows by weak duality and is rounded outward: the solver's results are only multipliers, which may be inexact.
+Every bound follows by weak duality and is rounded outward. The results of the solver serve only as multipliers, which may be
+inexact.
 """
 
 from __future__ import annotations
@@ -30,24 +31,24 @@ from scipy.optimize import linprog
 from barbalat.validate import Array, InputError
 
 MOST_ORTHANTS = 6
-"""Number of coefficients of noisy regressors up to which the set is searched orthant by orthant: 2^6 of them."""
+"""Number of coefficients of noisy regressors up to which the set is searched orthant by orthant, in at most 2^6 orthants."""
 EPS = float(np.finfo(float).eps)
 SLACK = 1e-9
-"""Fraction of a window's error bound by which programmes are widened, so rounding leaves them feasible."""
+"""Fraction of a window's error bound by which programmes are widened, so that they remain feasible despite rounding."""
 CHORD_PASSES = 6
 BEYOND_ALL = 1e9
-"""Emptiness is proven for rows up to this many times the ratio of the changes to the regressors; a larger one does not describe
-a plant."""
+"""Emptiness is proven for rows up to this many times the ratio of the changes to the regressors; a larger row does not describe a
+plant."""
 TOLERANCE = 1e-6
-"""Tolerance of the programmes, in units of the windows' error bounds; the solver's own is a tenth of it."""
+"""Tolerance of the programmes, in units of the windows' error bounds; the tolerance of the solver is a tenth of it."""
 FACTOR_PASSES = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """The bounds from windows of the data, for one row: |left - Q a| <= left_error + Q_error |a|.
+    """The bounds that windows of the data give for one row: |left - Q a| <= left_error + Q_error |a|.
 
-    left (K,), Q (K, p), left_error (K,), Q_error (K, p), all errors include rounding
+    left (K,), Q (K, p), left_error (K,), Q_error (K, p), where all errors include rounding
     """
 
     left: Array
@@ -74,11 +75,11 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """Bounds, (p,) each, of every row that explains the windows; infinite if unbounded.
+    """Bounds, each (p,), on every row that explains the windows; infinite if unbounded.
 
-    exact    whether the orthants were searched, so only the correlation of the coefficients is lost
-    empty    whether it is proven that no row explains the windows, up to ``BEYOND_ALL`` if their errors leave the set's
-             directions unbounded
+    exact    whether the orthants were searched, in which case only the correlation of the coefficients is lost
+    empty    whether it is proven that no row explains the windows (no row up to ``BEYOND_ALL`` if the errors leave directions of
+             the set unbounded)
     """
 
     lower: Array
@@ -88,7 +89,7 @@ class Enclosure:
 
 
 def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
-    """Bounds of every coefficient over all rows that explain the windows.
+    """Bound every coefficient over all rows that explain the windows.
 
     within  (p, 2), prior bounds, infinite if there are none
     """
@@ -107,10 +108,11 @@ def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
 
 
 def least_factor(windows: Windows, within: Array | None = None) -> float:
-    """The smallest factor found of all error bounds with which some row explains the windows.
+    """The smallest common factor of the error bounds, as far as found, with which some row explains the windows.
 
     The largest ratio of a misfit to its bound is minimised over the rows of each orthant by linear programmes (Dinkelbach 1967,
-    Management Science 13(7)); with more than ``MOST_ORTHANTS`` noisy coefficients only over the orthant of the least-squares row.
+    Management Science 13(7)); with more than ``MOST_ORTHANTS`` noisy coefficients, only over the orthant of the least-squares
+    row.
     """
     scaled, scale = _by_columns(windows)
     bounds = _everything(len(scale)) if within is None else within * scale[:, None]
@@ -124,7 +126,7 @@ def least_factor(windows: Windows, within: Array | None = None) -> float:
 
 
 def _least_factor_of(windows: Windows, bounds: Array, best: Array) -> Array:
-    """The row of an orthant with the smallest factor, or ``best`` if none of them is better."""
+    """The row of an orthant with the smallest factor, or ``best`` if no row is better."""
     if (bounds[:, 0] > bounds[:, 1]).any():
         return best
     signs = np.where(bounds[:, 0] >= 0, 1.0, np.where(bounds[:, 1] <= 0, -1.0, 0.0))
@@ -153,7 +155,8 @@ def _everything(p: int) -> Array:
 
 
 def _by_columns(windows: Windows) -> tuple[Windows, Array]:
-    """The windows for coefficients multiplied by powers of two, without rounding, so all regressors are of size 1."""
+    """The windows for coefficients that are multiplied by powers of two (without rounding errors) to give all regressors size
+    1."""
     scale = 2.0 ** np.round(np.log2(np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)))
     return Windows(windows.left, windows.Q / scale, windows.left_error, windows.Q_error / scale), scale
 
@@ -224,7 +227,8 @@ def _first_box(windows: Windows) -> Array:
 
 
 def _self_bounded(beta: Array, R: Array) -> Array | None:
-    """A box with |a| <= box for every a with |a| <= beta + R |a|; None if the spectral radius of R is not proven below 1."""
+    """A box with |a| <= box for every a with |a| <= beta + R |a|; None if it cannot be proven that the spectral radius of R is
+    below 1."""
     with np.errstate(all="ignore"):
         box = np.linalg.solve(np.eye(len(beta)) - R, beta + 1e-300) * (1 + 1e-9) if np.isfinite(R).all() else beta
     if not np.isfinite(box).all() or not (box > 0).all():
@@ -234,7 +238,7 @@ def _self_bounded(beta: Array, R: Array) -> Array | None:
 
 
 class _Part(NamedTuple):
-    """Bounds (p, 2) of a polyhedron, None if it is empty; and whether it is empty up to ``BEYOND_ALL``."""
+    """Bounds (p, 2) of a polyhedron (None if it is empty), and whether it is empty up to ``BEYOND_ALL``."""
 
     box: Array | None
     empty: bool
@@ -243,7 +247,7 @@ class _Part(NamedTuple):
 def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) -> _Part:
     """Bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}.
 
-    For coefficients that are not noisy, Q_error is rounding error, which the far larger slack covers.
+    For coefficients without noise, Q_error is only rounding error, which is covered by the far larger slack.
     """
     noisy = windows.noisy
     E = np.where(noisy, windows.Q_error, 0.0)
@@ -260,7 +264,7 @@ def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) ->
     most_violated = np.column_stack([G, -np.ones(len(G))])
     least = linprog(np.append(np.zeros(p), 1.0), A_ub=most_violated, b_ub=g, bounds=[*free, (-1.0, None)], method="highs")
     needed = max(0.0, float(least.x[-1])) if least.x is not None else 0.0
-    # more than needed, so the solver does not consider a set with a single point empty
+    # more than needed, so that the solver does not consider a set of a single point to be empty
     programmes = _dual_bounds(G, g + (2 * needed + TOLERANCE if needed else 0.0), G_error)
     size = max(np.abs(windows.left).max(), windows.left_error.max(), np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0))
     box = np.full(p, BEYOND_ALL * size) if programmes is None else programmes[0]
@@ -309,7 +313,7 @@ def _dual_bounds(G: Array, g: Array, G_error: Array) -> tuple[Array, Array] | No
 
 
 def _weak_dual(c: Array, y: Array, G: Array, g: Array, G_error: Array) -> tuple[float, Array]:
-    """An upper bound of y'g, and of |c - G'y| by entries."""
+    """Upper bounds on y'g and, by entries, on |c - G'y|."""
     used = y > 0
     y, G, g, G_error = y[used], G[used], g[used], G_error[used]
     gamma = (len(y) + 4) * EPS

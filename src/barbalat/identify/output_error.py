@@ -1,9 +1,9 @@
 """Output-error fit of x' = A x + B u: the simulated states are fitted to the measured ones, exactly for held inputs.
 
 With independent measurement errors this is maximum likelihood (Ljung, System Identification, 2nd ed., section 7.4): neither the
-sampling interval nor noise in a regressor biases it. The initial states of segments and the errors' sizes, one for each state,
-are estimated too. Segments that become longer from pass to pass lead from a rough first guess to the whole recording; an
-unstable plant keeps segments over which an error of the start grows by ``MOST_GROWTH`` time constants.
+sampling interval nor noise in a regressor biases it. The initial states of segments and the size of the errors of each state are
+estimated too. Segments that become longer from pass to pass lead from a rough first guess to the whole recording; for an unstable
+plant, segments stay so short that an initial error grows over at most ``MOST_GROWTH`` time constants.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from barbalat.identify.recording import Recording
 from barbalat.validate import Array, InputError
 
 SHORTEST = 16
-"""Samples of the first pass's segments; they are four times longer in each following pass."""
+"""Number of samples in a segment of the first pass; segments are four times longer in each following pass."""
 MOST_GROWTH = 4.0
 STEPS = 40
-"""Gauss-Newton steps of a pass, with Levenberg's and Marquardt's damping."""
+"""Number of Gauss-Newton steps of a pass, with Levenberg's and Marquardt's damping."""
 CONVERGED = 1e-4
-"""Square of the step, in standard errors, at which a search ends: a step of a hundredth of a standard error."""
+"""Square of the step, in standard errors, at which a search ends: the step is then 0.01 standard errors."""
 EXACT = 1e-10
 """Fraction of a state's range below which its residual is rounding error."""
 SAME_INTERVAL = 1e-9
@@ -39,7 +39,7 @@ class Fit:
 
     simulated (N, n)  the fitted states
     loss              minus the logarithm of the likelihood, up to a constant
-    freedom           number of measured values less that of fitted ones
+    freedom           number of measured values minus number of fitted values
     length            samples of a segment
     converged         whether the last pass ended at a minimum
     """
@@ -54,7 +54,7 @@ class Fit:
 
 
 def fit(recording: Recording, start: Array, free: Array) -> Fit:
-    """The coefficients [A B] (n, p), of which those in ``free`` are searched from ``start``, which may be rough."""
+    """The coefficients [A B] (n, p), where those in ``free`` are searched from ``start``, which may be rough."""
     search = _Search(recording, start, free, None)
     matrix, length = start, SHORTEST
     while True:
@@ -68,7 +68,7 @@ def fit(recording: Recording, start: Array, free: Array) -> Fit:
 def refit(
     recording: Recording, starts: Sequence[Array], free: Array, length: int, *, bounds: Array | None = None, steps: int = STEPS
 ) -> Fit:
-    """A fit with segments of one length from the best of these starts, with coefficients within ``bounds`` (n, p, 2)."""
+    """Fit with segments of one length, beginning at the best of these starts, with coefficients within ``bounds`` (n, p, 2)."""
     search = _Search(recording, starts[0], free, bounds)
     if bounds is not None:
         length = min(length, search.longest(np.clip(starts[0], bounds[..., 0], bounds[..., 1])))
@@ -94,7 +94,7 @@ class _At:
 
 
 class _Search:
-    """One recording and structure; the coefficients of a point are those that are free, theta (P,)."""
+    """One recording and structure; a point consists of the free coefficients, theta (P,)."""
 
     def __init__(self, recording: Recording, start: Array, free: Array, bounds: Array | None) -> None:
         self.y, self.w = recording.outputs, recording.inputs
@@ -117,7 +117,7 @@ class _Search:
         return N if growth * N <= 1 else min(N, max(4, int(MOST_GROWTH / growth)))
 
     def misfit(self, matrix: Array, length: int) -> float:
-        """The squared residuals, relative to the states' ranges."""
+        """The squared residuals, relative to the ranges of the states."""
         return _square(self.at(matrix[self.free], self.size, length).residual / self.size)
 
     def minimum(self, matrix: Array, length: int, steps: int) -> Fit:
@@ -164,7 +164,7 @@ class _Search:
         return Fit(matrix, spread, at.states, loss, max(N * n - fitted, 1.0), length, converged)
 
     def sizes(self, at: _At) -> Array:
-        """(n,) RMS of the residuals, at least that of rounding errors."""
+        """(n,) RMS of the residuals, but at least the size of rounding errors."""
         return np.sqrt(np.mean(at.residual**2, axis=0) + self.floor**2)
 
     def at(self, theta: Array, sigma: Array, length: int) -> _At:
@@ -213,14 +213,14 @@ class _Search:
 
     @staticmethod
     def by_segments(values: Array, chain: _Chain) -> Array:
-        """(N, n, c) as (segments, rows, c), with zeros after the last sample."""
+        """Reshape (N, n, c) to (segments, rows, c), with zeros after the last sample."""
         N, n, c = values.shape
         padded = np.zeros((chain.segments * chain.length, n, c))
         padded[:N] = values
         return padded.reshape(chain.segments, chain.length * n, c)
 
     def step(self, R: Array, size: Array, theta: Array, damping: float) -> Array:
-        """The damped step from the triangle of [J / size, r], within the bounds."""
+        """The damped step within the bounds, from the triangular factor of [J / size, r]."""
         P = len(size)
         A = np.vstack([R[:, :P], math.sqrt(damping) * np.eye(P)])
         b = np.concatenate([R[:, P], np.zeros(P)])
@@ -236,7 +236,7 @@ class _Search:
 class _Chain:
     """The recursion z[k+1] = Phi[k] z[k] + g[k] over segments of samples, which all begin with z = 0.
 
-    It runs over blocks of about sqrt(N) samples at once, and joins them afterwards.
+    The recursion runs over blocks of about sqrt(N) samples at once, which are joined afterwards.
     """
 
     def __init__(self, Phi: Array, length: int) -> None:
@@ -264,7 +264,7 @@ class _Chain:
         return padded.reshape(self.blocks, self.block, *steps.shape[1:])
 
     def _run(self, z: Array, g: Array | None) -> tuple[Array, Array]:
-        """z at every sample of all blocks (blocks, block, n, c), and after them."""
+        """z at every sample of all blocks, (blocks, block, n, c), and after the blocks."""
         found = np.empty((self.blocks, self.block, *z.shape[1:]))
         for k in range(self.block):
             found[:, k] = z
@@ -274,7 +274,7 @@ class _Chain:
         return found, z
 
     def _joined(self, forced: Array, ends: Array, start: Array) -> Array:
-        """(N, n, c) from the blocks' responses, with the state that each block passes to the next one of its segment."""
+        """(N, n, c) from the responses of the blocks and the state that each block passes to the next block of its segment."""
         handed = np.empty((self.blocks, *start.shape))
         for i in range(self.blocks):
             handed[i] = start if self.begins[i] else self.across[i - 1] @ handed[i - 1] + ends[i - 1]
@@ -283,7 +283,7 @@ class _Chain:
 
 
 def _sizes(J: Array) -> Array:
-    """Norms of the columns, 1 for those that are 0."""
+    """Norms of the columns; 1 for columns of norm 0."""
     size = np.linalg.norm(J, axis=0)
     return np.where(size > 0, size, 1.0)
 

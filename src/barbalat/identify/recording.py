@@ -21,7 +21,7 @@ LEAST_SAMPLES = 8
 EVEN = 1e-6
 """Relative difference up to which sampling intervals count as one sample time."""
 CONSTANT = "constant"
-"""The name of a constant term, as of an input that is always 1."""
+"""The name of a constant term, which is treated as an input that is always 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +80,20 @@ class Recording:
         return self.shifted(steps)
 
     def shifted(self, steps: int) -> Recording:
-        """The samples from the number ``steps`` on, with the inputs from as many samples before."""
+        """The samples from number ``steps`` on, each with the input from that many samples before."""
         N = len(self.times)
         return Recording(self.times[steps:], self.inputs[: N - steps], self.outputs[steps:], self.input_names, self.output_names)
 
     def about(self, reference: Array) -> Recording:
-        """Deviations from a reference of the outputs and inputs (n + m,), with an input 1 for a constant term in each row."""
+        """Deviations from a reference (n + m,) of the outputs and inputs, with an additional input 1 for a constant term in each
+        row."""
         n = len(self.output_names)
         inputs = np.column_stack([self.inputs - reference[n:], np.ones(len(self.times))])
         return Recording(self.times, inputs, self.outputs - reference[:n], (*self.input_names, CONSTANT), self.output_names)
 
 
 def read_csv(file: str | Path, inputs: Sequence[str], outputs: Sequence[str], time: str | None = None) -> Recording:
-    """The columns of these names; the time is the column ``time``, by default t or time.
+    """Read the columns with these names; the time is the column ``time``, by default t or time.
 
     Raises InputError with the file and the column or line.
     """
@@ -131,7 +132,7 @@ def _require_names(inputs: Sequence[str], outputs: Sequence[str]) -> None:
 
 
 def _numbers(path: Path, line: int, row: Sequence[str], names: Sequence[str], places: Sequence[int]) -> list[float]:
-    """The finite numbers of a line in the named columns; InputError with the line and the column."""
+    """The finite numbers of a line in the named columns; raises InputError with the line and the column."""
     found = []
     for name, place in zip(names, places, strict=True):
         cell = row[place].strip() if place < len(row) else ""

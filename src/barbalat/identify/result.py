@@ -16,12 +16,12 @@ from barbalat.validate import Array
 
 CONFIDENCE = 0.95
 LEAST_FIT = 0.7
-"""Smallest fit at which the ranges are accepted as those of a plant."""
+"""Smallest fit at which the ranges are accepted as describing a plant."""
 CORRELATED = 0.3
-"""Correlation of residuals from sample to sample at which the correct interval of a constant is 1.4 times as wide as with
+"""Correlation of residuals from sample to sample at which the correct interval for a constant is 1.4 times as wide as for
 independent errors."""
 LEAST_PER_PERIOD = 4.0
-"""Least number of samples in a period; with two or fewer, an oscillation has the same samples as a slower one."""
+"""Least number of samples in a period; with two or fewer, an oscillation has the same samples as a slower oscillation."""
 NOISE_ALONE = 3.0
 """A residual on validation samples counts as noise up to this multiple of the fit's residual, because a restart amplifies its
 initial error by e."""
@@ -29,7 +29,7 @@ initial error by e."""
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """The result for one state's row: its coefficients are those of the states, then those of the inputs.
+    """The result for the row of one state: the coefficients of the states, followed by those of the inputs.
 
     estimate, interval (p,), (p, 2)  of the output-error fit, with the confidence of ``CONFIDENCE``, infinite for a coefficient
                                      that the data do not excite; None for a given row
@@ -50,7 +50,7 @@ class Row:
 
     @property
     def outside(self) -> bool:
-        """Whether the fit lies outside the known set or the bounds of within, in a coefficient that the data excite."""
+        """Whether the fit lies outside the known set or the bounds of within, in an excited coefficient."""
         box = self.ranges if self.enclosure is not None else self.limits
         if self.estimate is None or self.interval is None or box is None:
             return False
@@ -59,7 +59,8 @@ class Row:
 
     @property
     def ranges(self) -> Array:
-        """(p, 2): the set's box, or else the confidence intervals within ``limits`` with the nominal row, or a given row."""
+        """(p, 2) the box of the set, or else the confidence intervals within ``limits``, extended to contain the nominal row; for
+        a given row, the row."""
         if self.enclosure is not None:
             return np.column_stack([self.enclosure.lower, self.enclosure.upper])
         if self.interval is None:
@@ -75,18 +76,18 @@ class Identification:
     """The result of ``identify``; ``case_text`` writes it as a case file.
 
     fit         by state, on the validation samples: 1 - |y - simulated| / |y - mean|, with the nominal plant simulated from the
-                initial state that fits them best; None if it diverged
+                initial state that fits these samples best; None if the simulation diverged
     restarted   an unstable nominal plant is simulated for at most this number of samples and then restarted from the measured
                 state: an error at the start grows by a factor of e at most; None if the simulation is never restarted
-    held_fit    with restarts, the fit of a prediction that holds the measured state from each restart to the next
+    held_fit    with restarts, the fit of a prediction that holds the measured state from one restart to the next
     predicted   (N, n), the nominal plant's states over the validation samples; at a restart the end of the earlier prediction
     held_factor by state: the factor by which the error bounds would have to grow for the nominal plant to explain the validation
                 windows; None without error bounds
     residual    by state: RMS of the fit's residuals
     correlation by state: of these residuals from one sample to the next
-    reference   (n + m,) means of the samples of the fit, with an offset: the plant is that of deviations, and a row's constant is
-                x' there; None without
-    delay       of all inputs [s]; ``recording`` contains the delayed inputs
+    reference   (n + m,) with an offset, the means of the samples used for the fit: the plant describes deviations from them, and
+                the constant of a row is x' there; None without an offset
+    delay       delay of all inputs [s]; ``recording`` contains the delayed inputs
     other       an offset or delay that explains the data better
     converged   whether the fit ended at a minimum
     """
@@ -110,14 +111,14 @@ class Identification:
 
     @property
     def means(self) -> dict[str, float] | None:
-        """With an offset, the means of the samples of the fit by name; the constants are the rows' x' there."""
+        """With an offset, the means of the samples used for the fit, by name; the constants of the rows are x' there."""
         names = (*self.recording.output_names, *self.recording.input_names)
         return None if self.reference is None else dict(zip(names, map(float, self.reference), strict=True))
 
     @property
     def operating_point(self) -> dict[str, float] | None:
-        """With an offset: the nominal plant's equilibrium nearest to the means of the samples, by name, measured in
-        standard deviations; None without an offset, or if the plant has no equilibrium."""
+        """With an offset, the equilibrium of the nominal plant that is nearest to the means of the samples in terms of standard
+        deviations, by name; None without an offset, or if the plant has no equilibrium."""
         if self.reference is None:
             return None
         names = (*self.recording.output_names, *self.recording.input_names)
@@ -148,7 +149,7 @@ class Identification:
 
     @property
     def residuals(self) -> Array:
-        """(N, n), measured minus simulated, over the validation samples; not finite if the nominal plant diverged."""
+        """(N, n) measured minus simulated states over the validation samples; not finite if the nominal plant diverged."""
         with np.errstate(invalid="ignore", over="ignore"):
             return self.recording.outputs[len(self.recording.times) - len(self.predicted) :] - self.predicted
 
@@ -163,7 +164,7 @@ class Identification:
 
     @property
     def findings(self) -> list[str]:
-        """Findings to consider before the numbers are used."""
+        """Findings to consider before using the results."""
         said = []
         for row in self.rows:
             for direction in row.unexcited:
@@ -217,7 +218,7 @@ class Identification:
         return said
 
     def _poor_predictions(self, where: str) -> list[str]:
-        """The states whose fit is poor: because they do not move, because of the noise, or because the plant is wrong."""
+        """The states whose fit is poor: because they do not move, are noisy, or the plant is wrong."""
         rms = np.sqrt(np.mean(self.residuals**2, axis=0))
         moved = np.ptp(self.recording.outputs[len(self.recording.times) - len(self.predicted) :], axis=0)
         fits = {name: -np.inf if value is None else value for name, value in self.fit.items()}
@@ -307,5 +308,5 @@ class Identification:
 
 
 def _ends(pair: Array) -> list[float | None]:
-    """The ends of a range, None where it has no bound."""
+    """The ends of a range; None where it has no bound."""
     return [float(value) if np.isfinite(value) else None for value in pair]

@@ -11,7 +11,7 @@ from barbalat.validate import Array
 
 
 def restart_every(matrix: Array, rest: Recording) -> int | None:
-    """The number of samples after which an unstable plant's simulation restarts; None if it never does."""
+    """The number of samples after which the simulation of an unstable plant restarts; None if it never restarts."""
     n = len(matrix)
     growth, duration = float(np.linalg.eigvals(matrix[:, :n]).real.max()), float(rest.times[-1] - rest.times[0])
     return max(1, int(1 / (growth * mean_interval(rest)))) if growth * duration > 1 else None
@@ -23,8 +23,8 @@ def mean_interval(recording: Recording) -> float:
 
 
 def predicted(matrix: Array, rest: Recording, restarted: int | None) -> Array:
-    """(N, n) states simulated with [A B] from the initial state that fits all samples best, or if there are restarts, from the
-    measured state at the first sample and again after each ``restarted`` samples."""
+    """(N, n) states simulated with [A B] from the initial state that fits all samples best, or, with restarts, from the measured
+    state at the first sample and again after every ``restarted`` samples."""
     if restarted is None:
         return simulated(rest, matrix)
     n, found = len(matrix), [rest.outputs[0]]

@@ -1,4 +1,5 @@
-"""Windows of a recording: the integral form of x' = A x + B u over runs of samples, with errors, and its least squares."""
+"""Windows of a recording: the integral form of x' = A x + B u over sequences of samples, with error bounds, and its least-squares
+solution."""
 
 from __future__ import annotations
 
@@ -15,14 +16,14 @@ MOST_WINDOWS = 400
 LEAST_ROWS = 4
 """Least number of rows of least squares for each coefficient."""
 STILL = 1e-10
-"""Singular value of the regressors, relative to the largest, below which the regressors do not move in a direction."""
+"""Singular value of the regressors, relative to the largest, below which a direction counts as not moving."""
 BLIND = 1e-6
-"""A coefficient belongs to an unexcited direction if its fraction of the direction is above this; smaller shares are rounding
+"""A coefficient belongs to an unexcited direction if its entry in the direction is above this; smaller entries are rounding
 errors."""
 
 
 def windows_of(recording: Recording, i: int, noise: Mapping[str, float], slope: Mapping[str, float]) -> Windows:
-    """Windows of 1, 2, 4, ... steps of the row of state i, with their errors."""
+    """Windows of 1, 2, 4, ... steps for the row of state i, with error bounds."""
     names = recording.output_names
     nu, L = (np.array([bounds[name] for name in names]) for bounds in (noise, slope))
     t, x, u = recording.times, recording.outputs, recording.inputs
@@ -49,7 +50,7 @@ def _lengths(steps: int) -> list[int]:
 
 
 def first_guess(train: Recording, i: int, start: Array, free: Array) -> Array:
-    """The row of state i by least squares of the integral form, over consecutive windows of the length with the narrowest
+    """The row of state i by least squares on the integral form, over consecutive windows of the length with the narrowest
     intervals; coefficients that are not ``free`` keep their value. The trapezoidal rule and noise bias the result."""
     t, x, u = train.times, train.outputs, train.inputs
     h = np.diff(t)[:, None]
@@ -71,7 +72,7 @@ def first_guess(train: Recording, i: int, start: Array, free: Array) -> Array:
 
 
 def blind(Q: Array) -> tuple[tuple[Array, ...], Array]:
-    """Directions in which regressors do not move at all, up to rounding, and the coefficients with a fraction in one of them."""
+    """Directions in which regressors do not move at all, up to rounding, and the coefficients that occur in one of them."""
     size = np.maximum(np.abs(Q).max(axis=0, initial=0.0), 1e-300)
     _, values, rows = np.linalg.svd(Q / size, full_matrices=False)
     still = rows[values <= STILL * values.max(initial=0.0)]

@@ -1,1 +1,1 @@
-"""The numbers of a case: their paths, their effects on a run, and the arguments of kernels that vary them."""
+"""The numbers of a case that can be varied: their paths, their effects on a run, and the kernel arguments for varied numbers."""

@@ -16,7 +16,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 Member = tuple[Any, ...]
-"""A problem and a controller, and its equations on it if they are known: see ``Case.member``."""
+"""A problem, a controller and, if known, the controller's equations for the problem (see ``Case.member``)."""
 
 
 OTHER_STRUCTURE = (
@@ -24,9 +24,9 @@ OTHER_STRUCTURE = (
     "narrow the range, or sweep its parts one by one; a delay must be 0 in all members, or at least one solver step in all"
 )
 ROUNDING = 1e-9
-"""Fraction of the largest number of an array. A number that did not change with any value tried and differs by at most this in
-some member is the same number computed by different operations, such as an A_m that follows from a varied A; every member uses
-the first's."""
+"""Fraction of the largest number of an array. A number that did not change with any tried value, and differs by at most this in
+some member, is the same number computed by different operations, such as an A_m that follows from a varied A. Every member then
+uses the number of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +79,9 @@ def alike(one: Array, two: Array) -> Array:
 class Family:
     """Members of one structure that vary in the same numbers as a few examples: one kernel for all members.
 
-    differs   (N,) truth values: which numbers of a member are arguments of the kernel
-    windows   of the kernel, see ``Members``
-    rounding  admissible difference of examples in other numbers, relative to their array's largest number
+    differs   (N,) which numbers of a member are arguments of the kernel
+    windows   windows of the kernel (see ``Members``)
+    rounding  admissible difference between examples in other numbers, relative to the largest number of the array
     """
 
     reader: Reader
@@ -93,7 +93,7 @@ class Family:
     def of(
         cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0, watched: Watched | None = None
     ) -> Family:
-        """Raise InputError if an example can't be used; ``watched`` as in ``Members``."""
+        """Create the family; raises InputError if an example can't be used. For ``watched``, see ``Members``."""
         reader = Reader.of(examples[0][:2], simulation, adjustable=False, watched=watched)
         for problem, controller, *_ in examples[1:]:
             reader.add(problem, controller)
@@ -131,9 +131,9 @@ class Family:
 
     @property
     def weights(self) -> tuple[Array, Array]:
-        """(k,) the rows of the parameters that are a delay's weights, and the indices of these weights among all weights."""
+        """(k,) the rows of the parameters that are weights of a delay, and the indices of these weights among all weights."""
         reader = self.reader
-        if reader.weights is not None and reader.adjustable:  # all of them, at the end
+        if reader.weights is not None and reader.adjustable:  # all weights, at the end
             size = reader.weights.first.size
             return int(self.differs.sum()) + 1 + np.arange(size), np.arange(size)
         first = reader.columns.first.delay_weights
@@ -142,7 +142,7 @@ class Family:
         return np.flatnonzero(arguments >= 0), arguments[arguments >= 0]
 
     def given(self, numbers: Numbers, streams: Array) -> Members:
-        """Members with these numbers and these streams of noise, (M,)."""
+        """The arguments for members with these numbers and noise streams, (M,)."""
         return replace(
             self.members,
             states=numbers.states,

@@ -20,25 +20,25 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_CORNERS = 2**8
-"""Largest number of cases that are built to verify that a box of numbers is admissible, which takes two seconds. With more than
-eight numbers a case is built for every member."""
+"""Largest number of cases that are built to verify that a box of numbers is admissible; building them takes two seconds. With
+more than eight numbers, a case is built for every member."""
 MOST_KEPT = 20_000
-"""Largest number of cases whose numbers are kept for later members: a few kilobytes each."""
+"""Largest number of cases whose numbers are cached for later members; each takes a few kilobytes."""
 
 
 @dataclass(eq=False)
 class Setting:
-    """All members with the same values of those numbers whose change requires another kernel.
+    """All members that agree in the numbers whose change requires a different kernel.
 
-    A number that occurs unchanged in every kernel, or is the plant's delay, is inserted directly, see ``probe.direct``: no case
-    is then built for a member. Values that constructors would reject are still rejected: a case is built for each corner of the
-    box that contains the members. This is valid for the whole box, because the admissible set of such numbers is convex: limits,
-    orders, known sets. Each corner's numbers must also equal the inserted ones, bit for bit. If a corner is rejected, a case is
-    built for every member.
+    A number that occurs unchanged in every kernel, or is the delay of the plant, is inserted directly (see ``probe.direct``), and
+    no case is built for a member. Values that constructors would reject are still rejected, because a case is built for each
+    corner of the box that contains the members. This is valid for the whole box, because the admissible set of such numbers is
+    convex: limits, orders, known sets. Each corner's numbers must also equal the inserted ones, bit for bit. If a corner is
+    rejected, a case is built for every member.
 
     base      (d,) numbers of an example
-    families  of each controller
-    copied    by column, how each controller's numbers follow directly
+    families  families of each controller
+    copied    how the numbers of each controller follow directly, by column
     """
 
     varied: Varied
@@ -47,16 +47,16 @@ class Setting:
     families: tuple[Family, ...]
     copied: dict[int, tuple[Effect | DelayEffect, ...]]
     numeric: tuple[int, ...] = ()
-    admitted: Array | None = None  # (2, copied) the box for whose corners cases were built
+    admitted: Array | None = None  # (2, copied) the box at whose corners cases were built
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(
         cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0, judged: bool = False
     ) -> Setting:
-        """``base`` contains the numbers that are the same for all, in their columns; ``windows`` as in ``Members``.
+        """``base`` contains, in their columns, the numbers that are the same for all members; for ``windows``, see ``Members``.
 
-        judged  whether all runs are judged, by the case's own settings
+        judged  whether all runs are judged, by the settings of the case
         """
         numeric = [column for column, kind in enumerate(kinds) if kind.is_number]
         rows = {column: tried.rows(column, base) for column in numeric}
@@ -96,15 +96,15 @@ class Setting:
         return self.example.problem.signals
 
     def driven_by(self, base: Array, example: Case) -> Setting:
-        """The setting with the signals of a different example, which is the case with these numbers."""
+        """This setting with the signals of a different example: the case with these numbers."""
         if (base == self.base).all():
             return self
         made = {base.tobytes(): self._made(self.base)} if self.numeric == () else {}
         return replace(self, base=base, example=example, made=made)
 
     def members(self, rows: Array, streams: Array) -> tuple[Members, ...]:
-        """The arguments of each kernel; rows (M, d), streams of noise (M,). RefusedError for a member that gives no valid
-        case."""
+        """The arguments of each kernel, for rows (M, d) and noise streams (M,). Raises RefusedError for a member that gives no
+        valid case."""
         numbers = self.numbers(rows)
         found = (family.given(one, streams) for family, one in zip(self.families, numbers, strict=True))
         return tuple(one.driven_by(self.signals) for one in found)
@@ -152,7 +152,7 @@ class Setting:
         return _numbers(self.families, cases)
 
     def _admits(self, values: Array, unique: Array, others: Sequence[int]) -> bool:
-        """Whether the box around the copied numbers is known to be admissible, with each of the other numbers."""
+        """Whether the box around the copied numbers is known to be admissible for each combination of the other numbers."""
         low, high = values.min(axis=0), values.max(axis=0)
         if self.admitted is None or (low < self.admitted[0]).any() or (high > self.admitted[1]).any():
             box = np.array([low, high])
@@ -175,7 +175,7 @@ class Setting:
             yield changed
 
     def _ends(self, row: Array) -> Iterator[Array]:
-        """The row with all copied numbers at their minimum, and at their maximum."""
+        """The rows with all copied numbers at their minima and at their maxima."""
         assert self.admitted is not None
         for values in self.admitted:
             changed = row.copy()
@@ -195,7 +195,7 @@ class Setting:
 
 
 class RefusedError(InputError):
-    """A member that gives no valid case; ``place`` is its index among those requested."""
+    """A member that gives no valid case; ``place`` is its index among the requested members."""
 
     def __init__(self, place: int, error: InputError) -> None:
         super().__init__(*error.sentences)

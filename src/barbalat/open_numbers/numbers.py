@@ -1,4 +1,4 @@
-"""The numbers of a case: their list, the admissible values of each, and the values tried to find its effect."""
+"""The numbers of a case, the admissible values of each, and the values that are tried to find its effect."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from barbalat.protocols import InterpolatedSignal
 from barbalat.validate import Array, InputError
 
 NO_NUMBERS = ("name", "record_points", "seed", "sample_time", "solver")
-"""Keys and fields that contain no number of the loop, or determine when something happens."""
+"""Keys and fields that contain no number of the loop, or that determine when something happens."""
 MANTISSAS = (
     1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0, 2.2, 2.5, 2.7, 3.0, 3.3, 3.6, 4.0, 4.3, 4.7, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5,
     8.0, 9.0,
 )  # fmt: skip
 """Values per decade on a logarithmic slider: roughly evenly spaced, with two digits, including the usual round values."""
 REACH_FACTORS = (100.0, 10.0, 3.0, 1.3)
-"""Range of a logarithmic slider to either side, as a factor; the first for which constructors accept the ends is used."""
+"""Range of a logarithmic slider to either side, as a factor; the first factor for which constructors accept the ends is used."""
 LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
-"""Range of a linear slider to either side, relative to the number itself; absolute for a zero."""
+"""Range of a linear slider to either side, relative to the number; absolute for a zero."""
 LINEAR_STEPS = 40
-"""Steps to either side of a linear slider's start."""
+"""Number of steps to either side of the start of a linear slider."""
 SPECIAL_VALUES = (-1.0, 0.0, 1.0)
-"""Values on which a structure may depend: a zero determines which states are coupled, and a gain of one is omitted."""
+"""Values on which a structure may depend: zeros determine which states are coupled, and a gain of one is omitted."""
 At = Callable[[FieldPath, float], Case]
-"""The case with a different number at one place; raises InputError if it can't be used."""
+"""The case with a different number at one place; raises InputError if that case can't be used."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Number:
     """A number of the case with the values of its slider.
 
-    values       (K,) increasing, including the case's own value
-    whole        whether it is written without a decimal point
+    values       (K,) increasing, including the value in the case
+    whole        whether the number is written without a decimal point
     logarithmic  whether the slider's scale is logarithmic
-    without      excluded values in between, which would give another system
+    without      excluded values in between, which would change the structure
     """
 
     path: FieldPath
@@ -51,7 +51,7 @@ class Number:
 
     @property
     def tried(self) -> Array:
-        """The values that are tried: the number's own, some over the whole range, and those on which a structure may depend."""
+        """The values that are tried: the present value, some over the whole range, and values on which a structure may depend."""
         values, last = self.values, len(self.values) - 1
         special = [value for value in SPECIAL_VALUES if values[0] <= value <= values[last] and value not in self.without]
         return np.unique([self.value, *values[[0, last // 5, last // 2, last]], *special])
@@ -63,7 +63,7 @@ def neighbours(value: float) -> tuple[float, float]:
 
 
 def in_tables(tables: dict[str, Any]) -> Iterator[tuple[FieldPath, float]]:
-    """The numbers of a case file's tables with their places; of a physical parameter, the simulated value."""
+    """The numbers of a case file's tables with their places; for a physical parameter, its simulated value."""
     declared, truth = tables.get("parameters"), tables.get("truth")
     given = declared if isinstance(declared, dict) else {}
     own = truth.get("parameters", {}) if isinstance(truth, dict) else {}
@@ -94,7 +94,7 @@ def in_case(case: Case) -> Iterator[tuple[FieldPath, float]]:
 
 
 def in_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
-    """The numbers among an object's fields; for a controller that contains another one, the numbers of both."""
+    """The numbers among the fields of an object; for a controller that contains another controller, the numbers of both."""
     if isinstance(part, (bool, InterpolatedSignal)):  # recorded data are not varied
         return
     if isinstance(part, (int, float)):
@@ -115,7 +115,7 @@ def in_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...
 
 
 def ranged(path: FieldPath, value: float, at: At) -> Number | None:
-    """The number with the values that its case's constructors accept; None if they accept no other one."""
+    """The number with the values that the constructors of its case accept; None if they accept no other value."""
     whole = isinstance(value, int)
     if value > 0 and not _taken(path, [-value], at):
         for reach in REACH_FACTORS:

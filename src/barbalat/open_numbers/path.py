@@ -22,7 +22,7 @@ _ERROR_OF = re.compile(r"\b(\w+_e)\[(\d+)\]")
 FILE_TABLES = {"disturbance": "plant", "unmatched": "plant", "output_disturbance": "plant", "input_gain": "uncertainty"}
 """Fields of a problem that are keys of a table of the case file, with that table."""
 WRAPPED = "controller"
-"""The field of a controller that contains another one, as in ``Sampled``: paths omit it, as case files do."""
+"""The field of a controller that contains another controller, as in ``Sampled``. Paths omit this field, as case files do."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class FieldPath:
 
     @property
     def structured(self) -> str:
-        """The path in the structured names of FMI, where the indices of a matrix's entry share their brackets."""
+        """The path in the structured names of FMI, in which both indices of a matrix entry are in one pair of brackets."""
         return str(self).replace("][", ",")
 
     @classmethod
@@ -63,7 +63,7 @@ class FieldPath:
 
     @property
     def vector(self) -> tuple[Key, ...]:
-        """The place of the vector or matrix that contains the number, or its own."""
+        """The path of the vector or matrix that contains the number, or of the number if there is none."""
         keys = self.keys
         while isinstance(keys[-1], int):
             keys = keys[:-1]
@@ -91,11 +91,11 @@ class FieldPath:
         return here
 
     def put(self, tables: Tables, value: float, *, said: FieldPath | None = None) -> None:
-        """Put a number at this path, as a whole number if there was a whole one or none; missing tables are created.
+        """Put a number at this path, as an integer if the previous value was an integer or missing; missing tables are created.
 
         said  the path that a user gave, for the error if a formula or a text is there; by default this path
 
-        Raises InputError if there is a list or a table: its entries are the numbers.
+        Raises InputError if the path leads to a list or a table, whose entries are the numbers.
         """
         here: Any = tables
         for position, key in enumerate(self.keys[:-1]):
@@ -158,13 +158,13 @@ def by_index(text: str, labels: Labels | None) -> str:
 
 
 def by_label(text: str, labels: Labels | None) -> str:
-    """The reverse, for metrics of errors: ``max_abs_e[0]`` becomes ``max_abs_e[phi]``."""
+    """The inverse of ``by_index`` for metrics of errors: ``max_abs_e[0]`` becomes ``max_abs_e[phi]``."""
     names = () if labels is None else labels.names
     return _ERROR_OF.sub(lambda found: f"{found[1]}[{names[int(found[2])]}]" if int(found[2]) < len(names) else found[0], text)
 
 
 def copied(tables: Tables) -> Tables:
-    """An independent copy of tables: only tables and lists are copied, since other values are immutable."""
+    """An independent copy of tables: only tables and lists are copied, because other values are immutable."""
     return {key: _copied(value) for key, value in tables.items()}
 
 

@@ -1,7 +1,7 @@
-"""The effect of a number of a case on a run, found by trying other values; all commands use this one routine.
+"""Finds the effect of a number of a case on a run by trying different values; all commands use this routine.
 
 A number may occur unchanged, bit for bit. Other numbers may follow from it: P from A_m, a filter's matrices from kappa, the
-weights of a delay. It may affect only the signals; or another value may need a different kernel or other steps.
+weights of a delay. It may affect only the signals, or a different value may require a different kernel or different steps.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from barbalat.validate import Array, InputError
 
 
 class Kind(Enum):
-    """The effect of other values of a number on a case."""
+    """The kind of effect that different values of a number have on a case."""
 
     STRUCTURE = "structure"
-    """The effect of a number that needs a different kernel or other steps."""
+    """The effect of a number whose values need different kernels or different steps."""
     SIGNAL = "signal"
     """The effect of a number of the command or of a disturbance."""
     FOLLOWED = "followed"
-    """Other numbers of the same kernel, which follow from it."""
+    """The effect of a number from which other numbers of the same kernel follow."""
     COPIED = "copied"
-    """Numbers of the same kernel that equal the number itself, bit for bit."""
+    """The effect of a number that occurs unchanged, bit for bit, in the same kernel."""
 
     @property
     def is_number(self) -> bool:
@@ -54,8 +54,9 @@ Rows = set[tuple[str, int]]
 class Effect:
     """The effect of one number on the arguments of one controller's kernel.
 
-    parameters, states  rows (k,) that it changes
-    table               (K, rows) their values for each of its values, parameters first; None if they equal the number itself
+    parameters, states  rows (k,) that the number changes
+    table               (K, rows) values of these rows for each value of the number, parameters first; None if they equal the
+                        number
     """
 
     parameters: Array
@@ -68,7 +69,7 @@ class Effect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers) -> Effect | None:
-        """The effect in members that differ only in this number, ``values`` (K,); None if delays or streams of noise change."""
+        """The effect in members that differ only in this number, ``values`` (K,); None if delays or noise streams change."""
         apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
         if any(part is not None and (part != part[..., :1]).any() for part in apart):
             return None
@@ -86,7 +87,7 @@ class Effect:
 
     @property
     def copied(self) -> bool:
-        """Whether every row that it changes equals the number itself."""
+        """Whether every changed row equals the number."""
         return self.table is None
 
     def put(self, numbers: Numbers, values: Array) -> None:
@@ -97,10 +98,10 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class DelayEffect:
-    """The effect of a number that is only the plant's delay: the kernel's arguments follow from it without building an object.
+    """The effect of a number that is only the plant's delay. The kernel's arguments follow from it without building an object.
 
-    copied         rows of the kernel's parameters that equal the delay itself
-    rows, entries  rows that are weights, and which of all weights they are; first: all of them (w,)
+    copied         rows of the kernel's parameters that equal the delay
+    rows, entries  rows that are weights, and their indices among all weights; ``first`` contains all weights (w,)
     """
 
     simulation: Simulation
@@ -131,7 +132,7 @@ class DelayEffect:
         assert numbers.lags is not None
         lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
         others = np.delete(np.arange(self.first.size), self.entries)
-        if (np.abs(weights[others] - self.first[others, None]) > ROUNDING).any():  # the largest is about 1
+        if (np.abs(weights[others] - self.first[others, None]) > ROUNDING).any():  # the largest weight is about 1
             raise InputError(OTHER_STRUCTURE)
         numbers.parameters[self.rows] = weights[self.entries]
         numbers.parameters[self.copied] = numbers.delays[:] = values
@@ -149,7 +150,7 @@ def _delayed(values: bytes, dt: float, solver: Tableau, fused: bool) -> tuple[Ar
 def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEffect | None:
     """How the kernel's arguments follow from a number without building an object; None if objects must be built.
 
-    ``numbers`` are from members that differ only in it, with ``values`` (K,).
+    ``numbers`` come from members that differ only in this number, which takes the ``values`` (K,).
     """
     effect = Effect.of(values, numbers)
     return effect if effect is not None and effect.copied else DelayEffect.of(values, numbers, family)
@@ -158,7 +159,8 @@ def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEff
 def examined(members: Sequence[Member], values: Array, simulation: Simulation) -> tuple[Effect | None, Family]:
     """The effect of the number in which these members differ, and the kernel that serves all of them.
 
-    The effect is None if delays or noise change. StructureError if no kernel serves all, InputError if one can't be used.
+    The effect is None if delays or noise change. Raises StructureError if no kernel serves all members, and InputError if a
+    member can't be used.
     """
     family = Family.of(members, simulation)
     return Effect.of(values, family.numbers), family
@@ -166,7 +168,7 @@ def examined(members: Sequence[Member], values: Array, simulation: Simulation) -
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """Values of the varied numbers: ``middle`` (d,) of all, and some other values of each, ``around``."""
+    """Values of the varied numbers: the ``middle`` (d,) of all, and some other values of each in ``around``."""
 
     middle: Array
     around: tuple[Array, ...]
@@ -189,8 +191,8 @@ def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
 
 
 def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
-    """The kind of the number in which the cases differ from the base; ``values`` (1 + K,) contains the base's value, then those
-    of the cases."""
+    """The kind of the number in which the cases differ from the base; ``values`` (1 + K,) contains the value in the base,
+    followed by the values in the cases."""
     if any(case.simulation != base.simulation for case in cases):
         return Kind.STRUCTURE
     if any(len(case.controllers) != len(base.controllers) for case in cases):
@@ -217,7 +219,7 @@ def _read(base: Member, others: Sequence[Member], simulation: Simulation) -> Fam
 
 
 def _moves(family: Family) -> bool:
-    """Whether the first member's own kernel would have other arguments for one of the others, beyond rounding."""
+    """Whether the kernel of the first member would have different arguments, beyond rounding, for one of the others."""
     reader = family.reader
     own = argument_numbers(Columns(reader.columns.first), opened=not reader.simulation.fused)
     try:
@@ -229,7 +231,7 @@ def _moves(family: Family) -> bool:
 
 
 FEWER_VALUES = 20
-"""Number of values of a slider that excludes others: there may be many such sliders, and each has a table."""
+"""Number of values for sliders that share rows with other sliders. There may be many such sliders, each with a table."""
 
 
 class Readable(Protocol):
@@ -242,7 +244,7 @@ class Readable(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One controller of the case with the kernel of its module."""
+    """A controller of the case with the kernel of its module."""
 
     index: int
     family: Family
@@ -267,17 +269,18 @@ def effects_of(
     room: float = inf,
     like: Sequence[Effect] | None = None,
 ) -> tuple[Number, list[Effect]] | None:
-    """The effects on every target, and the values for which all keep their structure; None if a page can't reproduce it.
+    """The effects on every target, and the values for which all targets keep their structure; None if a page can't reproduce the
+    number.
 
-    Fewer values are tabulated, in at most ``room`` bytes, for a number that changes a row that is already taken.
+    For a number that changes a row which is already taken, fewer values are tabulated, in at most ``room`` bytes.
 
-    A number that is passed on unchanged needs no case for each value: the admissible set of such numbers is convex, and its ends
-    and some values in between were accepted. Only SPECIAL values may change a structure: a matrix's zero determines which states
-    are coupled, and a kernel does not multiply by an input gain of 1.
+    A number that is passed on unchanged does not need a case for each value, because the admissible set of such numbers is
+    convex, and its ends and some values in between were accepted. Only SPECIAL values may change a structure: zeros of matrices
+    determine which states are coupled, and a kernel does not multiply by an input gain of 1.
 
     taken  rows of each target that other numbers change
-    like   the effects on kernels that differ from the targets in their projection: if both have the same numbers at the values
-           tried, they are equal in general, as for every number that the projection does not use
+    like   the effects on kernels that differ from the targets in their projection. If both have the same numbers at the tried
+           values, they are equal in general, as for every number that the projection does not use
     """
     few = number.tried
     found = _made(number, few, targets, at)
@@ -299,7 +302,7 @@ def effects_of(
 
 
 def _as(known: Effect, effect: Effect, tried: Array, number: Number) -> Effect | None:
-    """The effect with the whole table of a known one, if both have the same numbers at the values tried."""
+    """The effect with the whole table of a known effect, if both have the same numbers at the tried values."""
     if known.table is None or effect.table is None:
         return effect if known.table is None and effect.table is None else None
     among = np.isin(tried, number.values)
@@ -310,14 +313,14 @@ def _as(known: Effect, effect: Effect, tried: Array, number: Number) -> Effect |
 
 
 def thinned(number: Number) -> Number:
-    """The number with some of its values, including its own."""
+    """The number with some of its values, including the present one."""
     own = int(np.searchsorted(number.values, number.value))
     every = max(1, len(number.values) // FEWER_VALUES)
     return replace(number, values=number.values[own % every :: every])
 
 
 def _made(number: Number, values: Array, targets: Sequence[Readable], at: At) -> tuple[Array, list[Effect]] | None:
-    """The values at which all targets keep their structure, and the effects; None if the case's own is not among them."""
+    """The values at which all targets keep their structure, and the effects; None if the value in the case is not among them."""
     kept, cases = _admitted(number, values, at)
     if number.value not in kept or len(kept) < 2:
         return None

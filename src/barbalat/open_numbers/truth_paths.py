@@ -20,7 +20,7 @@ THETA = ("plant", "theta")
 OF_THE_PLANT = ("A", "b")
 """Keys of [plant] from which designs follow."""
 APART = (*OF_THE_PLANT, "x0", "disturbance", "unmatched")
-"""Keys of [plant] without effect on the simulated plant if [truth] has its own values. The states of [truth] may be others."""
+"""Keys of [plant] that do not affect the simulated plant if [truth] has these keys too. The states of [truth] may differ."""
 
 
 def is_parameter(path: FieldPath) -> bool:
@@ -29,7 +29,7 @@ def is_parameter(path: FieldPath) -> bool:
 
 
 def own_keys(given: Tables | Problem) -> frozenset[str]:
-    """The keys of ``APART`` for which a file's [truth], or a problem's truth, has its own values."""
+    """The keys of ``APART`` for which the [truth] of a file, or the truth of a problem, has separate values."""
     if isinstance(given, Problem):
         return frozenset(key for key in APART if given.truth is not None and getattr(given.truth, key) is not None)
     truth = given.get("truth")
@@ -39,9 +39,11 @@ def own_keys(given: Tables | Problem) -> frozenset[str]:
 def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None, own: frozenset[str]) -> None:
     """Put a number into the tables, at its place in [truth] if it belongs to the plant.
 
-    redesign  False: plant.A and plant.b mean the truth's; True: these and parameters are the design's as well, and everything is
-              designed again; None: plant.A and plant.b are the design's, parameters the truth's
-    own       the ``own_keys`` of the file. Their numbers in [plant] belong to the design alone, and are rejected for False
+    redesign  with False, plant.A and plant.b are those of the truth; with True, they and the parameters change in the design as
+              well, and everything is designed again; with None, plant.A and plant.b are those of the design, and parameters those
+              of the truth
+    own       the ``own_keys`` of the file. The numbers of these keys in [plant] belong to the design alone and are rejected if
+              ``redesign`` is False
     """
     if is_parameter(path) and path.keys[0] == PARAMETERS and redesign:
         _redesign_with(tables, path, value)
@@ -50,7 +52,7 @@ def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None,
 
 
 def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozenset[str]) -> FieldPath:
-    """The place of the number that ``path`` varies, see ``put``; missing tables of [truth] are copied from [plant]."""
+    """The place of the number that ``path`` varies (see ``put``); missing tables of [truth] are copied from [plant]."""
     if is_parameter(path):
         _require_declared(tables, path)
         plant, truth = tables.get("plant", {}), tables.get("truth", {})
@@ -67,7 +69,7 @@ def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozen
 
 
 def is_of_the_design(problem: Problem, path: FieldPath) -> bool:
-    """Whether a number of the plant, or a parameter, is not simulated because [truth] has its own numbers."""
+    """Whether a number of the plant, or a parameter, is not simulated because [truth] has separate numbers."""
     if is_parameter(path):
         physical = problem.plant.physical
         return physical is not None and path.keys[-1] not in names_simulated(vars(physical), vars(problem.truth or Truth()))
@@ -75,7 +77,8 @@ def is_of_the_design(problem: Problem, path: FieldPath) -> bool:
 
 
 def with_own_input(tables: Tables) -> Tables:
-    """The tables with the plant's input in [truth] as well if there is an observer, whose design contains the input."""
+    """The tables in which, if there is an observer, the plant's input is also in [truth], because the observer design contains
+    the input."""
     plant, found = tables.get("plant"), copied(tables)
     if "observer" in tables and isinstance(plant, dict) and "input" in plant:
         _in_the_truth(found, ("plant", "input"), of_design=False)
@@ -83,9 +86,10 @@ def with_own_input(tables: Tables) -> Tables:
 
 
 def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> InputError:
-    """The error for a number of the plant for which [truth] has its own value, with the path of that value.
+    """The error for a number of the plant for which [truth] has a separate value, with the path of that value.
 
-    states  the truth's, by which indices of the plant's states become indices of the truth's; None if both have the same
+    states  the truth's states, which translate indices of the plant's states into indices of the truth's; None if both have the
+            same states
     labels  names of the plant's states; None for x_1, x_2, ...
     """
     key, *index = path.keys[1:]
@@ -98,7 +102,7 @@ def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> Inpu
 
 
 def _row_of(i: Key, states: Any, labels: Sequence[str] | None) -> int | None:
-    """The row of the plant's i-th state among the truth's states; None if they do not name it."""
+    """The row of the plant's i-th state among the truth's states; None if the truth does not name it."""
     names = list(states) if all(isinstance(one, str) for one in states) else []
     if not isinstance(i, int) or (labels and i >= len(labels)):
         return None
@@ -123,7 +127,7 @@ def _require_declared(tables: Tables, path: FieldPath) -> None:
 
 
 def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
-    """Raise InputError for a name that no parameter of the case has."""
+    """Raise InputError if the case has no parameter of this name."""
     name = str(path.keys[-1])
     if name not in known:
         there = f"the parameters are {', '.join(known)}" if known else "the case has no [parameters]"

@@ -1,4 +1,4 @@
-"""A case with other numbers at some of its paths: in a case file's tables, or in Python's objects."""
+"""A case with different numbers at some paths, in the tables of a case file or in Python objects."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from barbalat.validate import Array, InputError
 
 
 class Varied(ABC):
-    """Base of both: the values at ``paths`` are given for each member."""
+    """Base of both forms: the values at ``paths`` are given for each member."""
 
     paths: tuple[FieldPath, ...]
     """The paths of the varied numbers."""
     redesign: bool | None
-    """Whether the design follows the plant's numbers, see ``truth_paths.put``."""
+    """Whether the design follows the plant's numbers (see ``truth_paths.put``)."""
 
     @property
     @abstractmethod
@@ -38,12 +38,12 @@ class Varied(ABC):
 
     @abstractmethod
     def at(self, values: Sequence[float] | Array) -> Case:
-        """The case with these numbers, checked like any other; raises InputError if it can't be used."""
+        """The case with these numbers, checked like any other; raises InputError if the case can't be used."""
 
 
 @dataclass(frozen=True, eq=False)
 class VariedObjects(Varied):
-    """Fields of a problem, of its controllers and of the simulation, by their names: ``controller[0].gamma``."""
+    """Fields of a problem, of its controllers and of the simulation, by name: ``controller[0].gamma``."""
 
     case: Case
     paths: tuple[FieldPath, ...]
@@ -61,7 +61,7 @@ class VariedObjects(Varied):
         return f"{self.case!r}"
 
     def standing(self, path: FieldPath) -> object:
-        """The value of a field; None if there is none."""
+        """The value of a field; None if there is no such field."""
         if truth_paths.is_parameter(path):
             problem = self.case.problem
             physical = problem.plant.physical if isinstance(problem, Problem) else None
@@ -98,19 +98,19 @@ class VariedObjects(Varied):
 
 
 Place = tuple[FieldPath, tuple[Key, ...], float]
-"""A number's whole path, its keys from some part on, and its value."""
+"""The whole path of a number, its keys from some part on, and its value."""
 
 
 def _put(part: Any, places: Sequence[Place]) -> Any:
-    """A copy of a part with other numbers at some places, made by its constructors with all of them at once; raises InputError if
-    there is no number at one of these places."""
+    """A copy of a part with different numbers at some places, all passed to its constructors at once; raises InputError if one of
+    these places contains no number."""
     if not places:
         return part
     for path, keys, value in places:
         if not keys:
             return _number(path, part, value)
     if isinstance(part, FixedObserver):
-        return _put(part.design, places)  # which the problem designs again
+        return _put(part.design, places)  # the problem designs it again
     by_key: dict[Key, list[Place]] = {}
     for path, keys, value in places:
         by_key.setdefault(keys[0], []).append((path, keys, value))
@@ -154,7 +154,7 @@ def _number(path: FieldPath, old: Any, value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class VariedCase(Varied):
-    """The values at ``paths`` are given for each member; everything else is from the file, or from other ``tables``."""
+    """The values at ``paths`` are given for each member; everything else comes from the file, or from the given ``tables``."""
 
     text: CaseText
     paths: tuple[FieldPath, ...]
@@ -177,16 +177,16 @@ class VariedCase(Varied):
         return self.with_numbers(dict(zip(self.paths, map(float, values), strict=True)))
 
     def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
-        """The case with these numbers, checked like any other; raises InputError if it can't be used."""
+        """The case with these numbers, checked like any other; raises InputError if the case can't be used."""
         if (moved := self._moved(numbers)) is not None:
             return moved
-        if not self._variants:  # its first numbers are in tables that the file lacks
+        if not self._variants:  # the first numbers are in tables that the file lacks
             self._variants.append(self.text.variants(self._with(numbers)))
         found = self._variants[0].at({path.keys: value for path, value in numbers.items()})
         return self.text.case(self._with(numbers)) if found is None else found
 
     def _moved(self, numbers: Mapping[FieldPath, float]) -> Case | None:
-        """The case if only parameters of the truth differ from the first one: the design is reused."""
+        """The case if it differs from the first case only in parameters of the truth, so that the design can be reused."""
         of_the_truth = bool(numbers) and all(map(truth_paths.is_parameter, numbers))
         if self.redesign or not of_the_truth:
             return None
@@ -202,7 +202,7 @@ class VariedCase(Varied):
 
     @cached_property
     def _unmoved(self) -> Case:
-        """The case with the tables' own numbers."""
+        """The case with the numbers in the tables."""
         return self.text.case(copied(self._tables))
 
     @cached_property
@@ -212,10 +212,10 @@ class VariedCase(Varied):
 
 
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
-    """A case file's tables that contain ``paths``.
+    """The tables of a case file in a form that contains ``paths``.
 
-    If one of them is in theta and the plant is given by A, from which theta follows, A_m and that theta replace A. InputError if
-    A, or a number that follows from it, is to vary as well.
+    If one path is in theta and the plant is given by A, from which theta follows, A_m and that theta replace A. Raises InputError
+    if A, or a number that follows from it, is to vary as well.
     """
     tables, paths = text.data(), tuple(paths)
     plant, model = tables.get("plant"), tables.get("reference_model")

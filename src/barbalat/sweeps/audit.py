@@ -1,4 +1,4 @@
-"""Checks whether verdicts depend on the solver: repeats some members of a finished sweep, each with half of the step that gave
+"""Checks whether verdicts depend on the solver by repeating some members of a finished sweep, each with half the step that gave
 its verdict."""
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ AGAIN = "run again"
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """The number of audited members for which one verdict on one controller is known, and the number of these whose verdict
-    changes."""
+    """The number of audited members for which one verdict on one controller is known, and how many of these verdicts changed."""
 
     changed: int
     judged: int
@@ -39,14 +38,14 @@ class Changed:
 
 @dataclass(frozen=True, kw_only=True)
 class Audit:
-    """The effect of half the step on a sweep's verdicts.
+    """The effect of halving the step on the verdicts of a sweep.
 
     members    numbers of the members that were repeated with at least one controller; ``of`` is the sweep's number of members
-    drawn      number of selected members: those that are unsettled, or for which half the step is rejected, cannot be repeated
-    changed    number of ``members`` with a different verdict on any controller; None if none could be repeated, see ``why``
+    drawn      number of selected members; members that are unsettled, or for which half the step is rejected, cannot be repeated
+    changed    number of ``members`` whose verdict changed for some controller; None if no member could be repeated (see ``why``)
     verdicts   by verdict, and then by controller
     errors     by controller, members whose largest |e| differs by more than a tenth
-    tolerance  whether the members run with a tolerance, a 32nd of which is then used instead of half the step
+    tolerance  whether the members run with a tolerance, in which case 1/32 of it is used instead of half the step
     """
 
     members: tuple[int, ...] = ()
@@ -65,7 +64,7 @@ class Audit:
 
     @property
     def share(self) -> Share | None:
-        """The fraction of members with a changed verdict; None if none could be repeated."""
+        """The fraction of members with a changed verdict; None if no member could be repeated."""
         return None if self.changed is None else Share(count=self.changed, judged=len(self.members))
 
     @property
@@ -99,7 +98,7 @@ class Audit:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """``share`` is the fraction of members with a changed verdict."""
+        """Return the JSON object, in which ``share`` is the fraction of members with a changed verdict."""
         return {
             "members": list(self.members),
             "drawn": self.drawn,
@@ -121,10 +120,10 @@ def audit(
     members: int | None = None,
     run: Callable[[Work], Columns],
 ) -> Audit:
-    """Repeat some members, each controller's with half of the step that settled it; unsettled ones are left out.
+    """Repeat some members, for each controller with half the step that settled its run; unsettled runs are omitted.
 
-    They are selected from all members by the plan's seed, so the changed ones estimate a fraction of the sweep. ``members`` is
-    their number, by default AUDITED_SHARE of all and at least FEWEST_AUDITED; ``run`` does the work.
+    The plan's seed selects them from all members, so the changed verdicts estimate a fraction of the whole sweep. ``members`` is
+    how many are repeated, by default AUDITED_SHARE of all and at least FEWEST_AUDITED; ``run`` does the work.
     """
     study, by_tolerance = settling.study, settling.study.example.simulation.tolerance is not None
     count = max(FEWEST_AUDITED, round(AUDITED_SHARE * len(study))) if members is None else members
@@ -163,7 +162,7 @@ class _Chosen:
 
 
 def _work(settling: Settling, before: _Chosen) -> Work:
-    """The same columns with half the step, and the members that have them."""
+    """The columns recomputed with half the step, and the members for which this was possible."""
     study, numbers, found = settling.study, before.column("member"), {name: v.copy() for name, v in before.columns.items()}
     reruns: list[Rerun] = []
     for i, controller in enumerate(study.controllers):

@@ -1,4 +1,4 @@
-"""Guarantees for members before they run: a certificate's bound on the error, if one holds for all of them."""
+"""Guarantees for members before they run: the bound on the error from a certificate, if one holds for all of them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from barbalat.validate import Array
 MOST_CERTIFIED = 64
 """Largest number of combinations of varied numbers other than theta that are certified, each in about a second."""
 ERROR_BOUND = "error_bound"
-"""A controller's column: the guaranteed bound of every |e|; NaN if there is none for that member."""
+"""A controller's column: the guaranteed bound on every |e|; NaN if there is none for the member."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Certified:
-    """The bound for one controller's members that differ only in theta, NaN if there is none, and its validity."""
+    """The bound for one controller's members that differ only in theta (NaN if there is none), and its validity."""
 
     bound: float
     known: KnownSet | None
@@ -37,8 +37,8 @@ class Bounds:
     """The guaranteed ``error_bound`` of each member, over the whole known set if theta varies.
 
     A physical parameter that varies within its range moves theta within the set derived from it. A member whose theta is outside
-    its own known set has no bound. No member has one if the plan contains more than MOST_CERTIFIED combinations of the other
-    numbers on which a controller depends; this is known before the sweep and independent of the order of the runs.
+    its known set has no bound. No member has a bound if the plan contains more than MOST_CERTIFIED combinations of the other
+    numbers on which a controller depends. This is known before the sweep and does not depend on the order of the runs.
     """
 
     study: Study
@@ -91,7 +91,7 @@ class Bounds:
         return bounds
 
     def _others(self, place: int) -> list[int]:
-        """Columns other than theta on which this controller's loop depends, without those of other controllers."""
+        """Columns other than theta on which the loop of this controller depends, without the columns of other controllers."""
         paths = self.study.plan.paths
         concerned = (path.keys[0] != "controller" or path.keys[1] == place for path in paths)
         return [i for i, concerns in enumerate(concerned) if concerns and i not in (*self.thetas, *self.parameters)]
@@ -133,7 +133,7 @@ class Bounds:
         return _Certified(bound, known, for_its_theta=not self.thetas)
 
     def _thetas(self, rows: Array) -> Array:
-        """(M, n) each member's theta; n = 0 if it does not vary."""
+        """(M, n) each member's theta; n = 0 if theta does not vary."""
         problem = self.study.example.problem
         if not self.thetas or not isinstance(problem, Problem):
             return np.zeros((len(rows), 0))

@@ -1,5 +1,5 @@
-"""Divides members into chunks: the members in one file of a store, the members that run together for about a second, and the
-storage of columns without a store: memory, or files if they are too large.
+"""Divides members into chunks (the members that run together for about a second and form one file of a store), and keeps columns
+without a store, in memory or in files if they are too large.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ Columns = dict[str, Array]
 
 
 class Rows(Protocol):
-    """The interface of a finished sweep's data."""
+    """The interface to the data of a finished sweep."""
 
     @property
     def names(self) -> list[str]:
-        """The columns' names, in their order."""
+        """The names of the columns, in order."""
         ...
 
     def column(self, name: str) -> Array:
-        """(M,) by the members' numbers."""
+        """The values (M,) by member number."""
         ...
 
     def row(self, member: int) -> dict[str, float]:
@@ -44,7 +44,7 @@ CHUNK_WORK = 2 * 10**8
 FEWEST_MEMBERS, MOST_MEMBERS = 32, 2**16
 """Members of a chunk: at least two kernel calls, and at most some 30 MB of columns."""
 MOST_CHUNKS = 4096
-"""Largest number of chunks of a sweep: its index, some hundred bytes per chunk, is written after every one."""
+"""Largest number of chunks of a sweep: its index, some hundred bytes per chunk, is written after every chunk."""
 
 
 class Chunk(NamedTuple):
@@ -55,7 +55,7 @@ class Chunk(NamedTuple):
 
 
 def chunk_size(members: int, steps: int) -> int:
-    """Members of a chunk, for runs with this number of steps."""
+    """Number of members in a chunk, for runs with this number of steps."""
     by_time = min(max(CHUNK_WORK // max(steps, 1), FEWEST_MEMBERS), MOST_MEMBERS)
     return max(by_time, -(-members // MOST_CHUNKS))
 
@@ -70,15 +70,15 @@ UNIT_SECONDS = 1.0
 """Approximate duration of a unit of work [s]. If the process is killed, this much work is lost in addition to the unstored
 results."""
 GROWTH = 8
-"""Largest growth of the number of members between units: the first ones include compilation and are not representative."""
+"""Largest growth of the number of members between units: the first units include compilation and are not representative."""
 
 
 @dataclass(eq=False)
 class Pace:
     """The number of members that run at once, based on the duration of earlier units. No bit depends on it.
 
-    ahead   number of units that wait for each running unit: a started unit takes longer than its own work by this factor
-    fewest  smallest number of members that run together, so kernels have work for all their lanes
+    ahead   number of units that wait for each running unit; a started unit takes longer than its work by this factor
+    fewest  smallest number of members that run together, so that kernels have work for all lanes
     """
 
     ahead: int = 1
@@ -87,7 +87,7 @@ class Pace:
     begun: dict[int, float] = field(default_factory=dict)
 
     def units(self, chunks: Sequence[Chunk]) -> Iterator[Chunk]:
-        """These chunks divided into units, each of which starts when it is requested; no unit spans two chunks."""
+        """Divide these chunks into units, each of which starts when it is requested; no unit spans two chunks."""
         for chunk in chunks:
             done = 0
             while done < chunk.size:
@@ -97,7 +97,7 @@ class Pace:
                 done += unit.size
 
     def done(self, unit: Chunk) -> None:
-        """Determine the size of the next units from the time since this one started."""
+        """Determine the size of the next units from the time since this unit started."""
         seconds = (time.perf_counter() - self.begun.pop(unit.first)) / self.ahead
         wanted = unit.size * min(UNIT_SECONDS / max(seconds, 1e-9), GROWTH)
         self.size = int(max(wanted, self.fewest))
@@ -127,7 +127,7 @@ def in_order(made: Made) -> Made:
 class UnstoredChunks:
     """Columns in memory, or in a folder with one file for each chunk, which is deleted with the object.
 
-    Chunks are added here as to a ``Store``, but in the order of their first members.
+    Chunks are added as to a ``Store``, but in the order of their first members.
     """
 
     folder: Path | None
@@ -143,7 +143,7 @@ class UnstoredChunks:
 
     @classmethod
     def room_for(cls, chunks: list[Chunk], columns: int) -> UnstoredChunks:
-        """Storage for these chunks; its files are deleted with it."""
+        """Storage for these chunks; its files are deleted with the object."""
         if sum(chunk.size for chunk in chunks) * columns * 8 <= MOST_IN_MEMORY:
             return cls(None, chunks)
         folder = Path(tempfile.mkdtemp(prefix="barbalat-sweep-"))

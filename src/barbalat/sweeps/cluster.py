@@ -1,8 +1,8 @@
-"""Chunks on Dask's workers, on this machine or on others: workers may join and die, and their lost work is repeated.
+"""Chunks on Dask's workers, on this machine or on others: workers may join and die, and lost work is repeated.
 
 The workers' results do not depend on the processor or its C library. Numbers that LAPACK or the C library computes (P, inverses,
-matrix exponentials, a delay's weights, samples of a sine) are computed once, where the sweep was started, and sent with the
-operation lists. A worker translates the lists and runs them.
+matrix exponentials, a delay's weights, samples of a sine) are computed once, on the computer that started the sweep, and sent
+with the operation lists. A worker translates the lists and runs them.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """Packages on which a worker's bits may depend, in addition to Barbalat's version and the minor version of Python."""
 SOURCES = "barbalat's sources"
-"""The name of the digest of this package's sources: two states may have the same version number."""
+"""The name of the digest of this package's sources: two states of the sources may have the same version number."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tabulated:
-    """Signals by their samples."""
+    """Signals given by their samples."""
 
     samples: dict[int, Array]
     final: Array
@@ -67,7 +67,7 @@ class Tabulated:
 
 @dataclass(frozen=True, eq=False)
 class WorkerTask:
-    """A part of a chunk, without its signals; ``made_by`` are the ``versions`` of the client."""
+    """A part of a chunk, without its signals; ``made_by`` contains the ``versions`` of the client."""
 
     members: tuple[Members, ...]
     simulation: Simulation
@@ -109,7 +109,7 @@ def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable
 @dataclass(frozen=True, eq=False)
 class Canary:
     """A few members of the study that every worker's process runs first. The results must equal the client's bit for bit. Hashes
-    of the sources do not reveal a patched package, another compiler's library or a defective processor."""
+    of the sources do not reveal a patched package, the library of a different compiler or a defective processor."""
 
     task: WorkerTask
     tables: Tabulated
@@ -139,19 +139,19 @@ _DIGESTS: dict[str, str] = {}
 
 
 def kept(tables: Tabulated) -> Tabulated:
-    """Data that a cluster stores for many chunks; the scheduler recreates them if their worker is lost."""
+    """Data that a cluster keeps for many chunks; the scheduler recreates them if a worker is lost."""
     return tables
 
 
 def checked_figures(sent: WorkerTask, tables: Tabulated, canary: Canary) -> tuple[str, str, list[Figured]]:
-    """The worker's address, the canary's digest there, and ``figures``."""
+    """The worker's address, the digest of the canary on that worker, and ``figures``."""
     from distributed import get_worker
 
     return get_worker().address, canary.digest(), figures(sent, tables)
 
 
 def figures(sent: WorkerTask, tables: Tabulated) -> list[Figured]:
-    """The metrics of each controller, computed by one thread; InputError on a worker whose bits would differ."""
+    """The metrics of each controller, computed by one thread; raises InputError on a worker whose bits would differ."""
     own = versions()
     clients = sent.made_by
     names = [*clients, *(own.keys() - clients.keys())]
@@ -169,12 +169,12 @@ ANSWER_SECONDS = 10.0
 CLOSING_SECONDS = 0.5
 """Seconds for the final messages to a cluster: Ctrl-C must finish within two."""
 CHUNKS_AHEAD = 2
-"""Chunks per thread of the workers that run or wait there, so no thread is idle while its next chunk is sent."""
+"""Chunks per thread of the workers that run or wait there, so that no thread is idle while its next chunk is sent."""
 MOST_TABLES = 8
 """Number of signal tables that a cluster holds for later chunks: some 10 MB each."""
 MOST_DEATHS = 5
-"""Number of times that a chunk is sent again after the scheduler has given it up, which happens after three workers died with
-it."""
+"""Number of times that a chunk is sent again after the scheduler has given it up, which happens after three workers died while
+running it."""
 
 
 class SchedulerLostError(Exception):
@@ -183,7 +183,7 @@ class SchedulerLostError(Exception):
 
 @dataclass(frozen=True)
 class Scheduler:
-    """The location of a cluster: the ``address`` of a running scheduler, or a number of ``workers`` started on this machine."""
+    """Where a cluster is: the ``address`` of a running scheduler, or a number of ``workers`` started on this machine."""
 
     address: str | None = None
     workers: int | None = None
@@ -237,7 +237,7 @@ def _local(workers: int | None) -> LocalCluster:
 
 
 def _close(cluster: LocalCluster) -> None:
-    """Kills workers that are in the middle of a chunk: Dask would wait for them for ten more seconds at the end of this
+    """Kills workers that are in the middle of a chunk, because Dask would wait for them for ten more seconds at the end of this
     process."""
     workers = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(TimeoutError, OSError):
@@ -250,7 +250,8 @@ def _close(cluster: LocalCluster) -> None:
 
 
 def _require_answer(address: str) -> None:
-    """Raise InputError if no scheduler identifies itself. A client would wait for a port that is open but does not answer."""
+    """Raise InputError if no scheduler identifies itself. A client would wait forever for a port that is open but does not
+    answer."""
     from distributed.core import connect
     from distributed.security import Security
 
@@ -274,11 +275,11 @@ def _require_answer(address: str) -> None:
     def wait() -> None:
         with contextlib.suppress(
             Exception
-        ):  # the answer of a different server may be arbitrary: a web server's text would be read as a request for 3 EB of memory
+        ):  # another kind of server may answer anything: the text of a web server would be read as a request for 3 EB of memory
             asyncio.run(within())
             answered.set()
 
-    asking = Thread(target=wait, daemon=True)  # a notebook's own thread already has a running loop
+    asking = Thread(target=wait, daemon=True)  # the thread of a notebook already has a running loop
     asking.start()
     asking.join()  # Ctrl-C ends this without waiting
     if not answered.is_set():
@@ -299,7 +300,8 @@ class _Given:
     deaths: int = 0
 
     def further(self) -> Columns | None:
-        """Pass the metrics to the work that waits for them: returns the columns when it is finished, None if it requests more."""
+        """Pass the metrics to the work that waits for them. Return the columns when the work is finished, None if it requests
+        more."""
         figures = [self.found[i] for i in range(len(self.parts))]
         try:
             self.parts, self.found = (self.work.send(figures) if figures else next(self.work)), {}
@@ -320,7 +322,7 @@ class Workers:
     canary: tuple[str, Future] | None = None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
-        """Each chunk with its columns when complete, in any order; SchedulerLostError."""
+        """Yield each chunk with its columns when complete, in any order. Raises SchedulerLostError."""
         from distributed import as_completed
 
         waiting, done = iter(chunks), as_completed(loop=self.client.loop)
@@ -346,7 +348,7 @@ class Workers:
             self._further(_Given(chunk, self.work(chunk)), done)
 
     def _further(self, given: _Given, done: as_completed) -> Columns | None:
-        """Submit what the work of a chunk requests; returns its columns when it is finished."""
+        """Submit what the work of a chunk requests; return its columns when it is finished."""
         columns = given.further()
         if columns is None:
             for place in range(len(given.parts)):
@@ -356,7 +358,7 @@ class Workers:
     def _give(self, given: _Given, place: int, done: as_completed) -> None:
         part, worker = given.parts[place], self._least_busy()
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, sent once for all chunks
+            warnings.filterwarnings("ignore", "Sending large graph")  # the tables of signals, sent once for all chunks
             future = self.client.submit(
                 checked_figures,
                 WorkerTask.of(part),
@@ -386,19 +388,20 @@ class Workers:
         return self.canary[1]
 
     def _least_busy(self) -> str | None:
-        """The least busy worker, to be used if it is alive. Dask itself prefers a worker that already has the signals."""
+        """The least busy worker, to be used if it is alive. Dask prefers a worker that already has the signals."""
         busy = Counter(worker for _, _, worker in self.under_way.values())
         return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
 
     def _threads(self) -> dict[str, int]:
-        """The number of threads of each worker, by its address."""
+        """The number of threads of each worker, by address."""
         try:
             return dict(self.client.nthreads())
         except (OSError, TimeoutError) as error:
             raise SchedulerLostError from error
 
     def _result(self, future: Future, given: _Given) -> list[Figured] | None:
-        """A part's metrics; None if its workers died; InputError from a worker that computes other bits than this computer."""
+        """A part's metrics; None if its workers died; raises InputError from a worker whose bits differ from those of this
+        computer."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker

@@ -1,5 +1,5 @@
-"""The cost of a sweep before it is run: a few members are processed here like all others, and the time and memory of each stage
-are measured."""
+"""The cost of a sweep before it is run: a few members are processed here like all others to measure the time and memory of each
+stage."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ tables."""
 
 
 def require_members(settling: Settling, members: int, certificates: int = 0) -> None:
-    """Raise InputError if this number of members (those missing from a store) exceeds the budget, before the first of them is
-    built.
+    """Raise InputError if this number of members (or the number missing from a store) exceeds the budget, before the first of
+    them is built.
 
     If the runs with finer steps could be too many, the plan's first members are run to estimate their cost.
 
@@ -55,7 +55,7 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
     traced = sum(of_kernel(loop.size).seconds for loop in loops)
     if not by_tolerance:
         alone += of_steps(study.example.problem, loops, study.steps / len(loops))
-    elif any(TimeSignals.of(study.example.problem.signals).formulas):  # which are part of the attempts' code
+    elif any(TimeSignals.of(study.example.problem.signals).formulas):  # signals are part of the code of attempts
         alone += Estimate(seconds=traced)
 
     def cost(count: float) -> Estimate:
@@ -87,7 +87,7 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
 
 
 def _apart(study: Study, *kinds: Kind) -> int:
-    """Largest number of members that can't run together because of numbers of these kinds; 0 if none varies."""
+    """Largest number of members that can't run together because of numbers of these kinds; 0 if no such number varies."""
     if not any(kind in kinds for kind in study.kinds):
         return 0
     axes, draws = study.plan.axes.values(), study.kinds[len(study.plan.axes) :]
@@ -101,13 +101,15 @@ class Costs:
     effect.
 
     steps     solver steps, summed over all controllers
-    worker    processor time of the worker that simulates it, including its fraction of compiling for a chunk of a second or two
-              [s]
-    client    processor time for sending it, receiving and storing its metrics [s]; one process does that for all workers
-    sent, returned, stored  bytes to a worker, from it, and on the disk
+    worker    processor time of the worker that simulates the member, including its part of the compilation for a chunk of a
+              second or two [s]
+    client    processor time for sending the member and for receiving and storing its metrics [s]; one process does this for all
+              workers
+    sent, returned, stored  bytes sent to a worker, returned from it, and stored on the disk
     tables    bytes of the signals' samples, which are sent to each worker once
-    reruns    evaluations with finer steps, as a multiple of the plain ones, each of which costs RERUN_COST times as much
-    settled   fraction of the plan's first members that are settled by their own step or by an affordable finer one
+    reruns    number of evaluations with finer steps, relative to the plain runs; each costs RERUN_COST times as much as a plain
+              one
+    settled   fraction of the plan's first members that are settled by the step of the sweep or by an affordable finer step
     """
 
     steps: int
@@ -122,7 +124,8 @@ class Costs:
 
     @classmethod
     def of(cls, study: Study) -> Costs:
-        """Measure a second's work on members of a study; InputError as in a sweep, and without the extra ``study``."""
+        """Measure a second's work on members of a study; Raises InputError as in a sweep, and if the extra ``study`` is
+        missing."""
         require_parquet()
         study.example.simulation.require_steps("what is measured of a sweep's costs")
         settling = Settling(study)
@@ -134,7 +137,7 @@ class Costs:
         begun = time.process_time()
         found = [figures(pickle.loads(sent), tabled) for sent, tabled in zip(given, tables, strict=True)]
         simulated = time.process_time() - begun
-        for _ in range(2):  # the first one imports the modules that draw members and write files
+        for _ in range(2):  # the first run imports the modules that draw members and write files
             client, size = _handled(study, count, found)
         if client * whole < MEASURING_SECONDS and whole > count:  # fixed costs of a chunk are spread over all its members
             client, _ = _handled(study, whole, found)  # repeated metrics compress better than others
@@ -156,12 +159,12 @@ class Costs:
         return self.worker * (1 + RERUN_COST * self.reruns) / self.client
 
     def chunk(self, members: int) -> int:
-        """Members of a chunk for a sweep with this number of members."""
+        """Number of members in a chunk for a sweep with this number of members."""
         return chunk_size(members, self.steps)
 
 
 def _handled(study: Study, count: int, found: Sequence[Sequence[Figured]]) -> tuple[float, float]:
-    """Seconds of the client and bytes on the disk per member, with metrics repeated from those ``found``."""
+    """The client's seconds and the bytes on the disk per member, with metrics repeated from those ``found``."""
     begun = time.process_time()
     parts = list(study.parts(0, count))
     for part in parts:

@@ -1,4 +1,4 @@
-"""The evaluation of many runs: shares with intervals, and extremes with their members. Failures come first."""
+"""The evaluation of many runs: fractions with intervals, and extremes with the members that attain them. Failures come first."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from barbalat.validate import Array, Named
 
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 RING, NOT_SETTLED = "estimates ring", "not settled"
-"""Shares from finer steps: the parts of ``oscillated``, and the members whose verdict no affordable step settles."""
+"""Fractions found with finer steps: the parts of ``oscillated``, and the members whose verdict no affordable step settles."""
 VERDICTS = (*(str(kind) for kind in Class if kind is not Class.FOLLOWS), RING, NOT_SETTLED)
 """The judge's classes whose fractions are reported."""
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
-"""Names of fractions; every other share has the name of a requirement and counts the members that violate it."""
+"""Names of fractions; every other fraction is named after a requirement and counts the members that violate it."""
 EXAMINED = "only the estimates: a limit cycle of the control or of the state with constant estimates is not counted"
 """The signals of ``oscillated``."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is still growing, or lost at a smaller size, is not counted"
@@ -39,7 +39,7 @@ NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
 class Extremes:
     """The extremes and the median of a metric over the members that have it.
 
-    worst_member  the one with the largest value; for ``diverged_at`` the one with the smallest
+    worst_member  the member with the largest value; for ``diverged_at``, the member with the smallest value
     finite        number of members that have the metric: those that did not diverge
     """
 
@@ -51,7 +51,7 @@ class Extremes:
 
     @classmethod
     def of(cls, values: Array, *, smallest: bool = False) -> Extremes | None:
-        """None if no member has a finite value."""
+        """The extremes of a column; None if no member has a finite value."""
         finite = np.isfinite(values)
         if not finite.any():
             return None
@@ -60,7 +60,7 @@ class Extremes:
         return cls(
             min=float(kept.min()),
             max=float(kept.max()),
-            median=float(np.median(kept, overwrite_input=True)),  # avoids another copy of 10^7 numbers
+            median=float(np.median(kept, overwrite_input=True)),  # avoids one more copy of 10^7 numbers
             worst_member=int(worst),
             finite=len(kept),
         )
@@ -71,10 +71,10 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """Shares, extremes and sensitivities, by verdict or metric, and then by controller.
+    """Fractions, extremes and sensitivities, by verdict or metric and then by controller.
 
     unexamined  by controller, why ``oscillated`` is unknown for every member
-    filled  median and largest max |e| relative to the guaranteed bound: the part of the guarantee that runs use
+    filled  median and largest max |e| relative to the guaranteed bound: how much of the guarantee the runs use
     """
 
     shares: dict[str, dict[str, Share]]
@@ -94,7 +94,7 @@ def evidence(
     notes: Sequence[str] = (),
     unexamined: Mapping[str, str] | None = None,
 ) -> Evidence:
-    """The evidence, computed from one column after another; ``notes`` are known limitations."""
+    """Compute the evidence, one column after another; ``notes`` are known limitations."""
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
@@ -129,17 +129,18 @@ T = TypeVar("T")
 
 
 def _named(kind: str, found: Mapping[str, Mapping[str, T]]) -> dict[str, dict[str, T]]:
-    """A dictionary by names and then by controllers; the error for an unknown name suggests the closest one."""
+    """A dictionary by names and then by controllers; the error for an unknown name suggests the closest name."""
     return Named.of(kind, {name: Named.of("controller", by) for name, by in found.items()})
 
 
 class Verdict(NamedTuple):
     """A verdict on M members.
 
-    counted  (M,) for which members it is true
-    judged   (M,) for which members it is known
-    settled  (M,) for which members it is not due to the solver
-    split    whether the fraction distinguishes settled members; ``diverged`` and ``oscillated`` refer to the runs themselves
+    counted  (M,) whether the verdict is true for each member
+    judged   (M,) whether it is known
+    settled  (M,) whether it is not due to the solver
+    split    whether the fraction distinguishes settled members; ``diverged`` and ``oscillated`` do not, because they describe the
+             runs
     """
 
     name: str
@@ -158,7 +159,7 @@ class Verdict(NamedTuple):
 
 
 def judged_by(rows: Rows, controller: str, requirements: Sequence[Requirement]) -> Iterator[Verdict]:
-    """All verdicts on the members with one controller; a member that diverged violates every requirement."""
+    """All verdicts on the members with one controller. A member that diverged violates every requirement."""
     names, diverged = list(rows.names), np.isfinite(rows.column(f"{controller}/diverged_at"))
     everyone, split = np.ones(len(diverged), dtype=bool), f"{controller}/{SETTLED}" in names
     known = rows.column(f"{controller}/{SETTLED}") == 1 if split else everyone
@@ -185,7 +186,7 @@ def judged_by(rows: Rows, controller: str, requirements: Sequence[Requirement]) 
 
 
 def largest_error(rows: Rows, controller: str) -> Array:
-    """(M,) the largest over all components; NaN if a member diverged."""
+    """(M,) the largest error over all components; NaN if the member diverged."""
     return reduce(np.maximum, (rows.column(name) for name in rows.names if name.startswith(f"{controller}/max_abs_e[")))
 
 

@@ -1,4 +1,4 @@
-"""Draws over a case's known set: a vector uniform in its box or ball, an input gain uniform in its interval."""
+"""Draws over a case's known set: vectors uniform in the box or ball, input gains uniform in their intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from barbalat.sweeps.spread import CutNormal, Distribution, InBall, LogUniform, 
 from barbalat.validate import InputError
 
 KNOWN_SET, BETWEEN = "known-set", "between"
-"""The words that are given instead of a distribution and mean a draw from the known set or from the range of a physical
+"""The words that stand in place of a distribution and mean a draw from the known set or from the range of a physical
 parameter."""
 GAIN = "gain"
 """The last key of the path of an input's gain."""
@@ -67,7 +67,7 @@ def _of_gain(problem: object, path: FieldPath) -> Uniform:
 
 
 def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
-    """Pairs of path and distribution; a vector over the case's known set becomes a distribution for each entry."""
+    """Pairs of path and distribution; a vector drawn over the case's known set becomes one distribution for each entry."""
     labels = (source if isinstance(source, Case) else source.case()).problem.labels if given else None
     found: dict[FieldPath, Distribution] = {}
     for place, distribution in given:
@@ -101,8 +101,8 @@ def _new(found: Mapping[FieldPath, Distribution], drawn: Mapping[FieldPath, Dist
 
 
 def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
-    """A distribution for the parameter at ``path``, or for ``parameters`` one for each uncertain one; raises InputError for
-    others."""
+    """A distribution for the parameter at ``path``, or one for each uncertain parameter if the path is ``parameters``; raises
+    InputError for other paths."""
     physical = case.problem.plant.physical if isinstance(case.problem, Problem) else None
     known = {} if physical is None else {one.name: one for one in physical.parameters}
     if path.keys == (PARAMETERS,):

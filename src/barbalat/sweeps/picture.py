@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from barbalat.sweeps.result import SweepResult
 
 FEWEST_BINS, MOST_BINS = 10, 60
-"""Least and largest number of bins of a histogram; in between twice the cube root of the members (Rice's rule)."""
+"""Least and largest number of bins of a histogram; in between, twice the cube root of the number of members (Rice's rule)."""
 HATCHES = ("", "///", "...", "xxx")
 """Hatches of bars with similar colours."""
 MOST_BARS = 12
-"""Largest number of inputs in a chart of variance shares; those with the largest shares are shown."""
+"""Largest number of inputs in a chart of variance fractions; the inputs with the largest fractions are shown."""
 DECADES_FOR_LOG = 1.3
 """An axis is logarithmic if the largest value is at least 20 times the smallest."""
 
@@ -40,16 +40,16 @@ DECADES_FOR_LOG = 1.3
 MARKED = {Class.FOLLOWS: ".", Class.OFF: "^", Class.CYCLE: "o", Class.LOST: "x"}
 """The markers of the judge's classes, in drawing order; open if not settled."""
 MOST_MARKED = 2000
-"""Largest number of members in a panel: if there are more, an evenly spaced subset is drawn."""
+"""Largest number of members in a panel; of more members, an evenly spaced subset is drawn."""
 MOST_SHOWN = 4
 """Largest number of controllers with a panel and a run."""
 BINS_OF_DECIDING = 8
-"""Number of equally large groups into which a varied number is divided to show its effect."""
+"""Number of equally large groups into which the values of a varied number are divided to show its effect."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorstRun:
-    """A controller's worst member, simulated again: the panel of its motion, up to ``t_end`` [s]."""
+    """The worst member of a controller, simulated again: the panel of its trajectory, up to ``t_end`` [s]."""
 
     controller: str
     member: int
@@ -122,7 +122,7 @@ def _scatter(axes: Axes, found: SweepResult, controller: str, theme: Theme) -> N
 
 
 def histograms(found: SweepResult, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """The largest |e| of every member, a row for each component; the guaranteed bounds as lines."""
+    """The largest |e| of every member, a row for each component; the guaranteed bounds are lines."""
     figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
     figure = new_figure(NARROW if narrow else WIDE, 2.6 * max(len(figures), 1) + 0.6, shown=shown, layout="constrained")
     theme = Theme.current()
@@ -189,7 +189,7 @@ class Heat:
 
 
 def heat_of(found: SweepResult, figure: str) -> Heat | None:
-    """None for a grid of other than two axes, and if members diverged at each of its points."""
+    """The map; None unless the grid has two axes, or if members diverged at each of its points."""
     axes = [(path, axis.values) for path, axis in found.plan.axes.items() if axis.count > 1]
     if len(axes) != 2 or len(found.plan.axes) != 2:
         return None
@@ -235,7 +235,7 @@ def _edges(values: Array, *, logarithmic: bool) -> Array:
 
 
 def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], name: str, *, narrow: bool = False) -> Figure:
-    """A bar for each varied number and controller: its fraction of the metric's variance, with its interval; the largest on
+    """A bar for each varied number and controller: its fraction of the metric's variance, with its interval; the largest at the
     top."""
     shares: dict[str, float] = {}
     for one in sensitivities:

@@ -1,5 +1,5 @@
-"""The numbers of each member: on a grid, drawn, or every draw at every point of a grid. They depend only on the member's
-number."""
+"""The numbers of each member: on a grid, drawn, or every draw at every point of a grid. They depend only on the number of the
+member."""
 
 from __future__ import annotations
 
@@ -32,20 +32,21 @@ class Design(Enum):
 
 
 DEFAULT_MEMBERS = dict.fromkeys(Design, 1000) | {Design.SALTELLI: 1024}
-"""Number of draws: a fraction of a few percent then has an interval of about one percent. Saltelli's are powers of two."""
+"""Default number of draws, with which a fraction of a few percent has an interval of about one percent. Saltelli's design needs
+powers of two."""
 MOST_MEMBERS = 10**10
 """Largest number of members of a sweep: each of 4096 chunks then has some 2.5 million, half a gigabyte of columns."""
 
 
 def members_of(given: int | None, design: Design, *, drawn: bool) -> int:
-    """The draws at each point of a grid: the given number, or the design's default if anything is drawn."""
+    """The number of draws at each point of a grid: the given number, or the default of the design if anything is drawn."""
     if given is not None:
         return given
     return DEFAULT_MEMBERS[design] if drawn else 1
 
 
 def design_of(name: str | Design) -> Design:
-    """The design with this name; raises InputError for an unknown one."""
+    """The design with this name; raises InputError for an unknown name."""
     try:
         return Design(name)
     except ValueError:
@@ -56,11 +57,11 @@ def design_of(name: str | Design) -> Design:
 
 @dataclass(frozen=True)
 class Plan:
-    """axes and draws by the paths of the varied numbers; with both, every draw occurs at every point of the grid.
+    """axes and draws by the paths of the varied numbers. With both, every draw occurs at every point of the grid.
 
-    members  number of draws; for Saltelli's design the number in its first matrix, a power of two, from which d + 2 times as many
-             follow for d numbers
-    seed     of the draws
+    members  number of draws. For Saltelli's design, the number in its first matrix, a power of two; d numbers need d + 2 times as
+             many members
+    seed     seed of the draws
     """
 
     axes: Mapping[FieldPath, Axis] = field(default_factory=dict)
@@ -98,7 +99,7 @@ class Plan:
 
     @property
     def points(self) -> int:
-        """The number of the grid's points."""
+        """The number of points of the grid."""
         count = 1
         for axis in self.axes.values():
             count *= axis.count
@@ -111,7 +112,7 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """The number of all members."""
+        """The total number of members."""
         return self.points * self.draws_each
 
     def __len__(self) -> int:
@@ -119,15 +120,15 @@ class Plan:
 
     @property
     def keeps_its_first(self) -> bool:
-        """Whether the first members are unchanged if more are requested."""
+        """Whether the first members stay the same if more members are requested."""
         return self.design in (Design.RANDOM, Design.SOBOL) and not self.axes
 
     def values(self, first: int, count: int) -> Array:
-        """(count, paths) of the members from number ``first`` on."""
+        """(count, paths) the values for the members from number ``first`` on."""
         return self.values_for(np.arange(first, first + count))
 
     def values_for(self, numbers: Array) -> Array:
-        """(K, paths) of the members with these numbers."""
+        """(K, paths) the values for the members with these numbers."""
         point, draw = np.divmod(numbers, self.draws_each)
         columns = []
         for axis in reversed(list(self.axes.values())):
@@ -143,16 +144,16 @@ class Plan:
         return np.column_stack(columns)
 
     def streams(self, first: int, count: int) -> Array:
-        """(count,) noise numbers of the members: those of their draws, so one draw has the same noise at every point of the
-        grid."""
+        """(count,) the noise streams of the members, which are those of their draws, so a draw has the same noise at every point
+        of the grid."""
         return self.streams_for(np.arange(first, first + count))
 
     def streams_for(self, numbers: Array) -> Array:
-        """The noise numbers of the members with these numbers."""
+        """The noise streams of the members with these numbers."""
         return np.asarray(numbers % self.draws_each)
 
     def _shares(self, draw: Array) -> Array:
-        """(K, draws) for these numbers of draws, which may restart where the grid continues."""
+        """(K, draws) the fractions for these draw numbers, which may begin again at the next point of the grid."""
         found, dimensions = np.empty((len(draw), len(self.draws))), len(self.draws)
         if self.design is Design.SALTELLI:
             return self._saltelli(draw, dimensions)
@@ -205,8 +206,8 @@ class Plan:
 
 @lru_cache(maxsize=2)
 def _hypercube(seed: int, block: int, count: int, dimensions: int) -> Array:
-    """A block's draws, which are cached for its next chunk; with chunks of a thousand members they would otherwise dominate the
-    time."""
+    """The draws of a block. They are cached for its next chunk, because with chunks of a thousand members they would otherwise
+    dominate the time."""
     from scipy.stats import qmc
 
     return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng([seed, block])).random(count))

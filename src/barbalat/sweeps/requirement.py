@@ -23,8 +23,8 @@ _FORM = re.compile(r"\s*(?P<figure>[^<>=]*?)\s*(?P<sign><=|>=|<|>)\s*(?P<limit>[
 
 @dataclass(frozen=True)
 class Requirement:
-    """``figure`` may belong to one controller, as ``L1/max_abs_e[0]``, or to all controllers; without brackets it refers to all
-    components."""
+    """A requirement. ``figure`` may name one controller, as in ``L1/max_abs_e[0]``, or apply to all; without brackets it refers
+    to all components."""
 
     figure: str
     sign: str
@@ -43,7 +43,7 @@ class Requirement:
         return f"{self.figure} {self.sign} {self.limit:g}"
 
     def columns(self, names: list[str], controller: str) -> list[str]:
-        """The columns of a controller to which the requirement applies; none if it is about another controller."""
+        """The columns of a controller to which the requirement applies; none if it is about a different controller."""
         own = [name for name in names if name.startswith(f"{controller}/")]
         figure = self.figure.removeprefix(f"{controller}/")
         return [name for name in own if name.removeprefix(f"{controller}/").split("[")[0] == figure] or [

@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 
 
 DID = {str(Class.CYCLE): "in a limit cycle"}
-"""Words for classes whose names do not read well after a number."""
+"""Words for classes whose names read badly after a number."""
 
 
 def _are_settings(paths: Sequence[str]) -> bool:
-    """Whether these paths are settings of a design, and none is a number of the plant."""
+    """Whether all these paths are settings of a design and not numbers of the plant."""
     return all(path.startswith(("observer.", "baseline.")) for path in paths)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SweepResult:
-    """Figures of all members, and their evaluation.
+    """The metrics of all members and their evaluation.
 
     resumed     number of members found in the store
-    seconds     time for everything that was simulated now
+    seconds     time for everything that was simulated in this call
     redesigned  the designs that are repeated for each member, by the paths on which they depend
-    of_the_design  the varied paths of the plant and of parameters that are not simulated, because [truth] has its own numbers
-    redesign    whether that was requested
+    of_the_design  the varied paths of the plant and of parameters that are not simulated, because [truth] has separate numbers
+    redesign    whether redesigning was requested
     audit       the effect of a finer step on the verdicts of some members
-    member_steps  solver steps of all members simulated now, over all controllers; 0 with a tolerance
+    member_steps  solver steps of all members simulated in this call, over all controllers; 0 with a tolerance
     """
 
     case: str
@@ -68,7 +68,7 @@ class SweepResult:
 
     @property
     def judged(self) -> bool:
-        """Whether the members have verdicts; a store from before runs were judged has none."""
+        """Whether the members have verdicts; an old store, written before runs were judged, has none."""
         return f"{self.controllers[0]}/{VERDICT}" in self.rows.names
 
     @property
@@ -131,7 +131,7 @@ class SweepResult:
         return f", each on its own plant, and not one design on many plants{alone}"
 
     def column(self, name: str) -> Array:
-        """(M,) by the members' numbers, by its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
+        """(M,) a column by its name in a store, in the order of the member numbers: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
         if name not in self.rows.names:
             raise validate.unknown_name("column", name, self.rows.names)
         return self.rows.column(name)
@@ -150,7 +150,7 @@ class SweepResult:
         return histograms(self, shown=True)
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's document of ``sweep --json``."""
+        """The document of ``sweep --json``."""
         found = self.evidence
         return {
             "case": self.case,

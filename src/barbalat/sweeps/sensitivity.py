@@ -1,4 +1,4 @@
-"""The fraction of a metric's variance over the members that each varied number explains by itself: first-order Sobol indices."""
+"""First-order Sobol indices: the fraction of a metric's variance over the members that each varied number explains by itself."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from barbalat.sweeps.statistics import CONFIDENCE_LEVEL
 from barbalat.validate import Array, counted
 
 MOST_DRAWS = 2**14
-"""Largest number of draws of an estimate: its interval is then about a hundredth wide, and it takes a tenth of a second."""
+"""Largest number of draws of an estimate: its interval is then about 0.01 wide, and it takes 0.1 s."""
 FEWEST_DRAWS = 128
 """Least number of draws: with fewer, RBD-FAST's spectrum has too few points for its ten harmonics."""
 RESAMPLES = 50
 """Number of resamples of the bootstrap."""
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
-"""A share below this is rounding error: the square of that of a sum of 10^6 numbers."""
+"""A fraction below this is rounding error: the square of the rounding error of a sum of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 """The evaluated metrics, without indices of components."""
 
@@ -32,10 +32,10 @@ FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 class Sensitivity:
     """The sensitivity of one metric of one controller to one number.
 
-    first      fraction of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
-               Estimates below 0 or above 1 are clipped
-    total      the fraction including interactions of the number with others; only for Saltelli's design, else None
-    estimator  how it was obtained
+    first      fraction of the variance, with its interval ``low`` to ``high``; both ends equal the fraction if it is exact for
+               the grid. Estimates below 0 or above 1 are clipped
+    total      the fraction including interactions of the number with others; only for Saltelli's design, otherwise None
+    estimator  how the fractions were obtained
     """
 
     controller: str
@@ -59,7 +59,7 @@ SALTELLI, RBD_FAST, FACTORIAL = (
 
 
 def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[list[Sensitivity], list[str]]:
-    """Sensitivities of the metrics that all members have, and sentences on metrics and numbers without one."""
+    """Sensitivities of the metrics that all members have, and sentences on the metrics and numbers without a sensitivity."""
     found: list[Sensitivity] = []
     notes: list[str] = []
     if plan.draws and plan.design is not Design.SALTELLI:
@@ -119,7 +119,8 @@ def _near_one(values: Array) -> Array:
 
 
 def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) -> Iterator[Sensitivity]:
-    """The sensitivity of the mean over the grid to the drawn numbers; its variance is a part of the whole variance."""
+    """The sensitivity of the mean over the grid to the drawn numbers; the variance of that mean is a part of the whole
+    variance."""
     from SALib.analyze import rbd_fast
 
     mean = by_point.mean(axis=tuple(range(len(plan.axes)))) if plan.axes else by_point
@@ -148,7 +149,7 @@ def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
     mean = values[: 2 * n].mean()
 
     def first_order(rows: Array) -> Array:
-        """Saltelli's estimator of 2010 over some of the rows: (d,)."""
+        """Saltelli's 2010 estimator, (d,), over some of the rows."""
         of_a, of_b, of_ab = a[rows] - mean, b[rows] - mean, ab[:, 0, rows] - mean
         return np.asarray((of_b * (of_ab - of_a)).mean(axis=1) / np.var([of_a, of_b]))
 

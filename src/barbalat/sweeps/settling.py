@@ -1,7 +1,7 @@
-"""Separates plant and solver: members whose step may damp or excite unresolved oscillations are repeated
-with a step that resolves them.
+"""Separates plant and solver: members are repeated with a finer step if their step may damp or excite oscillations that it does
+not resolve.
 
-The member's metrics and verdict are then those with that step.
+The metrics and verdict of such a member are those with the finer step.
 """
 
 from __future__ import annotations
@@ -28,34 +28,33 @@ from barbalat.validate import Array, InputError
 PILOTS = 32
 """Number of a plan's members from which the affordable steps are determined."""
 RERUN_COST = 4.6
-"""Processor time of an evaluation in runs with finer steps, as a multiple of one of the plain sweep: it includes the judge,
-the search for limit cycles and the audit. Measured on studies in which most members are suspect; the search for limit cycles
-takes more than half of this time."""
+"""Processor time of an evaluation in runs with finer steps, relative to one of the plain sweep. It includes the judge, the search
+for limit cycles and the audit. Measured on studies in which most members are suspect; the search for limit cycles takes more than
+half of this time."""
 MOST_RERUN = 9.0 / RERUN_COST
-"""Largest total number of evaluations of runs with finer steps, as a multiple of the plain sweep's: together they take ten
-times its time."""
+"""Largest total number of evaluations of runs with finer steps, as a multiple of those of the plain sweep; together they take ten
+times as long as the plain sweep."""
 ALWAYS_RERUN = 3 * 10**8
-"""Number of solver steps that these runs may always take, even in a small sweep: some ten seconds of one core."""
+"""Number of solver steps that these runs may always take, even in a small sweep: about ten seconds of one core."""
 
 GOLDEN = (5**0.5 - 1) / 2
-"""The multiples of this number modulo 1 are evenly distributed in [0, 1), so any sequence of them samples the members
-evenly."""
+"""The multiples of this number modulo 1 are evenly distributed in [0, 1), so any sequence of member numbers is sampled evenly."""
 
 Work = Generator[list[StudyPart], list[list[Figured]], Columns]
 """Yields parts to be run anywhere, receives their metrics, and returns columns."""
 
 
 class Step(NamedTuple):
-    """The factor by which a step is smaller, and whether it uses the method that resolves more, see ``Refining``, or the
-    case's own."""
+    """The factor by which a step is smaller, and whether it uses the method that resolves more (see ``Refining``) or the method
+    of the case."""
 
     factor: int
     refined: bool
 
 
 class Afforded(NamedTuple):
-    """The members that are repeated: all that need a factor of at most ``finest``, and a fraction of those that need up to
-    ``beyond``."""
+    """Which members are repeated: all that need a factor of at most ``finest``, and a fraction of those that need a factor of up
+    to ``beyond``."""
 
     finest: float
     beyond: float = 0.0
@@ -65,8 +64,8 @@ class Afforded(NamedTuple):
         return str(self.finest) + (f" and {self.share:.17g} up to {self.beyond:g}" if self.share else "")
 
     def admits(self, numbers: Array, factor: float) -> Array:
-        """(K,) whether members with these numbers are repeated with a step smaller by ``factor``; this depends only on
-        the numbers."""
+        """(K,) whether the members with these numbers are repeated with a step smaller by ``factor``. This depends only on the
+        numbers."""
         if factor <= self.finest or factor > self.beyond:
             return np.full(len(numbers), factor <= self.finest)
         return np.asarray((numbers * GOLDEN) % 1.0 < self.share)
@@ -74,9 +73,9 @@ class Afforded(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Finer(Varied):
-    """The cases of a study with a different step. A sampled controller keeps its sample time, and a sampled law its own steps.
+    """The cases of a study with a different step. A sampled controller keeps its sample time, and a sampled law keeps its steps.
 
-    With a tolerance, the finer tolerance with which runs are measured is used, whatever the step.
+    With a tolerance, whatever the step, the finer tolerance is that which is used to measure the error of runs.
     """
 
     varied: Varied
@@ -102,8 +101,8 @@ class Finer(Varied):
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
-    """Members with one controller and another step: ``places`` are their indices among those requested, and ``part`` contains the
-    members to run."""
+    """Members with one controller and a different step: ``places`` are their indices among those requested, and ``part`` contains
+    the members to run."""
 
     controller: int
     places: Array
@@ -113,9 +112,9 @@ class Rerun:
 
 @dataclass(eq=False)
 class Settling:
-    """A study whose members are repeated if their own step does not settle their result, if it ``settles``.
+    """A study that, if it ``settles``, repeats members whose result is not settled by their step.
 
-    kernels  approximate numbers of kernels of the members that ran last: with their own step, and with finer ones
+    kernels  approximate numbers of kernels of the members that ran last, with the original step and with finer steps
     """
 
     study: Study
@@ -125,14 +124,14 @@ class Settling:
     kernels: int = field(init=False, default=1)
 
     def finer(self, step: Step) -> Study:
-        """The same study with a different step."""
+        """This study with a different step."""
         if step not in self._finer:
             self._finer[step] = Study(Finer(self.study.varied, step), self.study.plan, motions=self.study.motions)
         return self._finer[step]
 
     def work(self, numbers: Array) -> Work:
-        """All columns of the members with these numbers, (K,); raises InputError, with its number, for one that gives no valid
-        case."""
+        """All columns of the members with these numbers, (K,); raises InputError, with the number of the member, if a member
+        gives no valid case."""
         parts = list(self.study.parts_for(numbers))
         found = self.study.columns_for(numbers, parts, (yield parts))
         reruns = list(self._reruns(found)) if self.settles else []
@@ -160,10 +159,10 @@ class Settling:
                     yield from self.again(found["member"], places, i, Step(int(factor), refined=True))
 
     def again(self, numbers: Array, places: Array, controller: int, step: Step) -> Iterator[Rerun]:
-        """These members with a different step, without those that this step rejects or whose cost is too high.
+        """These members with a different step, except those for which this step is rejected or costs too much.
 
-        A varied delay may be a whole number of the finer steps at every tried value: its weights then look constant. Such members
-        stay unsettled, whichever other members run with them.
+        A varied delay may be a whole number of the finer steps at every tried value: its weights then appear to be constant. Such
+        members stay unsettled, whichever other members run with them.
         """
         study = self.finer(step)
         try:
@@ -182,7 +181,7 @@ class Settling:
             yield Rerun(controller, places[part.which], part, study)
 
     def _settle(self, found: Columns, rerun: Rerun, fine: Figured) -> None:
-        """Use the results of the finer step, but keep the information whether estimates oscillate with the case's own step."""
+        """Use the results of the finer step, but keep the information whether estimates oscillate with the step of the case."""
         name, resolved = self.study.controllers[rerun.controller], fine.finer_by == 0
         (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
         columns = fine.metrics.columns() | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}
@@ -191,9 +190,9 @@ class Settling:
 
     @cached_property
     def afforded(self) -> Afforded:
-        """The limits for repeated members, so all repetitions together cost less than MOST_RERUN plain sweeps.
+        """The limits for repeated members, chosen so that all repetitions together cost less than MOST_RERUN plain sweeps.
 
-        They are determined from the plan's first members, so they do not depend on the members that run together.
+        These limits are determined from the first members of the plan, so they do not depend on the members that run together.
         """
         within = max(MOST_RERUN, ALWAYS_RERUN / (len(self.study) * self.study.steps))
         tried = sorted({factor for factor, _ in self._needed})
@@ -205,7 +204,7 @@ class Settling:
         return Afforded(finest, beyond, (within - taken) / (self.expected(beyond) - taken))
 
     def cost(self, columns: Callable[[str], Array]) -> str | None:
-        """The cost of the repetitions compared with the plain sweep, as a sentence; None if there are none."""
+        """A sentence on the cost of the repetitions compared with the plain sweep; None without repetitions."""
         case, found = self.study.example, 0.0
         refining = Refining.of(case.simulation.solver, delayed=case.problem.delay > 0)
         for controller in self.study.controllers:
@@ -220,20 +219,20 @@ class Settling:
         )
 
     def expected(self, finest: float) -> float:
-        """Evaluations of all repetitions with factors up to ``finest``, as a multiple of the plain sweep's."""
+        """Number of evaluations of all repetitions with factors up to ``finest``, relative to the plain sweep."""
         each = len(self.study.controllers) * self._pilots
         return sum(work for factor, work in self._needed if factor <= finest) / each
 
     @property
     def reruns(self) -> float:
-        """Expected evaluations of the repetitions, as a multiple of the plain sweep's."""
+        """Expected number of evaluations of the repetitions, relative to the plain sweep."""
         finest, beyond, share = self.afforded
         return (1 - share) * self.expected(finest) + share * self.expected(beyond)
 
     @property
     def settled(self) -> float:
-        """The fraction of the plan's first members, over all controllers, that are settled by their own step, or by one that is
-        afforded."""
+        """The fraction of the plan's first members, over all controllers, that are settled by the original step, or by an
+        affordable finer step."""
         finest, beyond, share = self.afforded
         each = len(self.study.controllers) * self._pilots
         left = sum(1.0 if factor > max(finest, beyond) else (1.0 - share) * (factor > finest) for factor, _ in self._needed)
@@ -245,13 +244,13 @@ class Settling:
 
     @property
     def _needed(self) -> list[tuple[float, float]]:
-        """The factors, and the evaluations that they take, for those of the plan's first members and controllers that need
-        one."""
+        """The factors, and the evaluations that they cost, for the plan's first members and those controllers that need a finer
+        step."""
         return [one for one in self._looked_at if 0 < one[0] < np.inf]
 
     @property
     def _unknown(self) -> int:
-        """The number of the plan's first members for which no factor is sufficient, or none is known."""
+        """The number of the plan's first members for which no factor is sufficient, or no factor is known."""
         return sum(not np.isfinite(factor) for factor, _ in self._looked_at)
 
     @cached_property
@@ -270,7 +269,8 @@ class Settling:
 
 
 def settled_by(columns: Callable[[str], Array], controller: str) -> Array:
-    """(K,) the factor by which each member was settled: 0 for its own step, NaN if it is not settled or was not examined."""
+    """(K,) the factor by which each member was settled: 0 for the original step, NaN if the member is not settled or was not
+    examined."""
     return np.where(columns(f"{controller}/{SETTLED}") == 1, columns(f"{controller}/{FINER_BY}"), np.nan)
 
 

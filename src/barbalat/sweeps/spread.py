@@ -1,4 +1,4 @@
-"""The values of a varied number: on a grid's axis, or from a distribution."""
+"""The values of a varied number, on the axis of a grid or from a distribution."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.validate import Array, InputError
 SMALLEST_SHARE, LARGEST_SHARE = 2.0**-54, 1 - 2.0**-53
 """Limits of the probability below a drawn value: 0 and 1 would be the infinite ends of a normal distribution."""
 MOST_VALUES = 10**7
-"""Largest number of values of an axis: all are kept, 80 MB."""
+"""Largest number of values of an axis: all of them are kept, which takes 80 MB."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Uniform:
         _require_range("uniform", self.low, self.high)
 
     def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
-        return np.clip(self.low + (self.high - self.low) * share, self.low, self.high)  # rounding leaves no range
+        return np.clip(self.low + (self.high - self.low) * share, self.low, self.high)  # rounding must not leave the range
 
     def __str__(self) -> str:
         return f"uniform:{self.low!r}:{self.high!r}"
@@ -126,7 +126,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class CutNormal:
-    """From ``low`` to ``high``, normal around the middle; truncated at the ends, which are three standard deviations from the
+    """Normal around the middle of ``low`` to ``high``, truncated at the ends, which are three standard deviations from the
     middle."""
 
     low: float
@@ -147,8 +147,8 @@ class CutNormal:
 class InBall:
     """An entry of a vector that is uniform in a ball, given the entries drawn before it.
 
-    The remaining section of the ball is a ball of fewer dimensions; along one axis of a d-dimensional ball the density is
-    (1 - t^2)^((d - 1)/2) of t in [-1, 1], a beta distribution (Rosenblatt's transformation).
+    The remaining section of the ball is a ball of fewer dimensions; along one axis of a d-dimensional ball the density of t in
+    [-1, 1] is proportional to (1 - t^2)^((d - 1)/2), a beta distribution (Rosenblatt's transformation).
     """
 
     center: tuple[float, ...]
@@ -169,7 +169,7 @@ class InBall:
 
 
 SHARE_OF_RADIUS = 1 - 2.0**-40
-"""Fraction of a ball's radius to which draws are limited, so every draw is inside despite rounding."""
+"""Fraction of a ball's radius to which draws are limited, so that every draw is inside despite rounding."""
 
 DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {
     "uniform": Uniform,

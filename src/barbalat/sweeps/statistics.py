@@ -1,6 +1,6 @@
-"""Statistics of many runs, with intervals that assume no distribution: shares, medians, and significant differences.
+"""Statistics of many runs, with intervals that assume no distribution: fractions, medians and significant differences.
 
-A failed run has an infinite metric: it counts as one run on the worse side and is never excluded.
+A failed run has an infinite metric: it counts as a run on the worse side and is never excluded.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CONFIDENCE_LEVEL = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """The fraction of the members that could be judged; the interval is Clopper and Pearson's.
+    """A fraction of the members that could be judged; the interval is that of Clopper and Pearson.
 
     judged  number of members judged; unknown verdicts are not counted as met
     """
@@ -30,7 +30,7 @@ class Share:
 
     @classmethod
     def of(cls, counted: Array, judged: Array | None = None) -> Share:
-        """The fraction of the true values among all, or among the ``judged`` ones."""
+        """The fraction of true values among all values, or among the ``judged`` values."""
         return cls(count=int(counted.sum()), judged=len(counted) if judged is None else int(judged.sum()))
 
     @property
@@ -64,9 +64,9 @@ class Share:
 
 @dataclass(frozen=True, kw_only=True)
 class SplitShare(Share):
-    """A share with members that are not settled, each of which may or may not belong to it.
+    """A fraction with unsettled members, each of which may or may not count.
 
-    count      number of members that belong to it with a settled verdict
+    count      number of counted members with a settled verdict
     unsettled  number of members without a settled verdict
     """
 
@@ -74,7 +74,7 @@ class SplitShare(Share):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The interval from no unsettled member belonging to the fraction to all of them belonging to it."""
+        """The interval from the case in which no unsettled member counts to the case in which all of them count."""
         least = Share(count=self.count, judged=self.judged, confidence=self.confidence).interval
         most = Share(count=self.count + self.unsettled, judged=self.judged, confidence=self.confidence).interval
         return least[0], most[1]
@@ -88,7 +88,7 @@ Compared = TypeVar("Compared", bound=Hashable)
 
 
 def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
-    """For each fraction, 1 if it is significantly above one half, -1 if it is below, 0 otherwise.
+    """For each fraction, 1 if it is significantly above one half, -1 if it is significantly below, 0 otherwise.
 
     Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not: if
     all fractions are one half, the probability that any of them is reported as different is at most 1 - CONFIDENCE_LEVEL.
@@ -105,10 +105,10 @@ def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
 class Median:
     """The median of a metric, whose values may be infinite, with its interval.
 
-    value     the mean of the two middle values if the number of values is even; the lower one if these are infinities of opposite
-              sign
-    interval  from the k-th smallest to the k-th largest value, exact by the binomial distribution of the number below (Conover,
-              Practical Nonparametric Statistics, section 3.2); an end is missing if there are too few values
+    value     the mean of the two middle values if the number of values is even; the lower of the two if they are infinities of
+              opposite sign
+    interval  from the k-th smallest to the k-th largest value, exact by the binomial distribution of the number of values below
+              (Conover, Practical Nonparametric Statistics, section 3.2); an end is missing if there are too few values
     """
 
     value: float
@@ -125,7 +125,7 @@ class Median:
         low, high = float(ordered[(count - 1) // 2]), float(ordered[count // 2])
         k = int(
             binom.ppf((1 - CONFIDENCE_LEVEL) / 2, count, 0.5)
-        )  # the probability of fewer than k values below the median is less than that
+        )  # the probability of fewer than k values below the median is smaller than the allowed one
         return cls(
             value=low if np.isneginf(low) else (low + high) / 2,
             interval=(float(ordered[k - 1]), float(ordered[-k])) if k else (-np.inf, np.inf),

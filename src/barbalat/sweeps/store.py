@@ -1,4 +1,5 @@
-"""A sweep on disk: a folder of Parquet files, each with a chunk or a part of one, and an index. Stored rows are never changed.
+"""A sweep on disk: a folder of Parquet files, each with a chunk or a part of a chunk, and an index. Stored rows are never
+changed.
 
 When no sweep is running, every file in the folder is Parquet, so pandas, Polars and DuckDB read the folder as one table: the
 index is a file without rows, and its JSON is in the file's metadata. While a sweep is written, the folder also contains a lock
@@ -50,7 +51,7 @@ LOCK_FILE, WRITING_DIR = ".lock", ".writing"
 
 @dataclass(eq=False)
 class Store:
-    """A folder that only this process writes; see ``opened``.
+    """A folder to which only this process writes (see ``opened``).
 
     damaged  names of files that are missing or differ from what was stored: their chunks are computed again
     """
@@ -68,7 +69,7 @@ class Store:
 
     @property
     def missing(self) -> list[Chunk]:
-        """The chunks that are missing, or the missing parts of incomplete ones."""
+        """The chunks that are missing, or the missing parts of incomplete chunks."""
         holes, here = [], 0
         for first, count in sorted((file["first"], file["count"]) for file in self.index.files.values()):
             holes.append((here, first))
@@ -88,7 +89,7 @@ class Store:
         return sum(file["count"] for file in self.index.files.values())
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
-        """Add a chunk's columns: when this returns, they are on disk completely or not at all."""
+        """Add the columns of a chunk. They are written to the disk completely or not at all."""
         self.add_all([(chunk, columns)])
 
     def add_all(self, made: Sequence[tuple[Chunk, Columns]]) -> None:
@@ -117,7 +118,7 @@ class Store:
     def remove_unlisted(self) -> None:
         """Remove files of members that the index does not list, because a writer was killed before it wrote the index.
 
-        Their members are run again, perhaps in other pieces, and would occur twice if the folder were read as one table.
+        Their members will run again, perhaps in different pieces, and would occur twice if the folder were read as one table.
         """
         for file in self.folder.iterdir():
             if _ours(file) and file.name not in self.index.files:
@@ -133,7 +134,7 @@ class Store:
         self._write(INDEX_FILE, buffer.getvalue())
 
     def _write(self, name: str, content: bytes) -> None:
-        """Write under a different name and rename the file when it is on the disk, so no reader sees an incomplete file."""
+        """Write under a different name and rename the file when it is on the disk, so that no reader sees an incomplete file."""
         temporary = self.folder / WRITING_DIR / name
         temporary.parent.mkdir(exist_ok=True)
         try:
@@ -167,8 +168,7 @@ MOST_WAITING = 4
 
 @dataclass(eq=False)
 class Waiting:
-    """Results that are complete but not yet stored; a chunk is stored as soon as it is complete, everything else every few
-    seconds."""
+    """Results that are complete but not yet stored. A complete chunk is stored at once, everything else every few seconds."""
 
     store: Store
     made: list[tuple[Chunk, Columns]] = field(default_factory=list)
@@ -193,7 +193,7 @@ class Waiting:
 
     @property
     def pause(self) -> float:
-        """Interval between two times of storing [s]."""
+        """Interval between two writes [s]."""
         return float(STORED_EVERY * 2.0 ** max((len(self.store.index.files) - MANY_FILES) / FILES_FOR_DOUBLE, 0.0))
 
     def put(self) -> None:
@@ -204,7 +204,7 @@ class Waiting:
         self.stored_at = time.perf_counter()
 
     def _runs(self) -> list[list[tuple[Chunk, Columns]]]:
-        """The contents of single files: consecutive members of a chunk."""
+        """The contents of the individual files: consecutive members of a chunk."""
         together: list[list[tuple[Chunk, Columns]]] = []
         for one in sorted(self.made, key=lambda one: one[0]):
             first = one[0].first
@@ -235,12 +235,12 @@ def opened(
     *,
     grows: bool = False,
 ) -> Iterator[Store]:
-    """A new store, or one to continue, locked for this process; a complete one is not written.
+    """Open a new store, or one to continue, locked for this process. A complete store is not written to.
 
-    grows  whether it may have fewer members than are now requested: the first ones of the same plan
+    grows  whether the store may have fewer members than are now requested, namely the first members of the same plan
 
-    Raises InputError for a folder that can't be written, that another process writes, or that contains another sweep or other
-    files.
+    Raises InputError for a folder that can't be written, that another process is writing to, or that contains a different sweep
+    or other files.
     """
 
     folder = validate.local_path("the store", folder)
@@ -274,7 +274,7 @@ def opened(
 def require_place(folder: Path) -> None:
     """Raise InputError for a folder that ``opened`` would reject in any case, and if a store's dependencies are missing.
 
-    A command calls this before it computes anything. The test leaves no files behind and does not write to a complete store.
+    Commands call this before they compute anything. The test leaves no files behind and does not write to a complete store.
     """
     require_parquet()
     folder = validate.local_path("the store", folder)
@@ -302,7 +302,7 @@ def _ours(file: Path) -> bool:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """The folder, made if necessary and locked for this process; it is removed if it stays empty."""
+    """Create the folder if necessary and lock it for this process; it is removed if it stays empty."""
     from filelock import FileLock, Timeout
 
     refusal = f"the store {str(folder)!r} cannot be written"
@@ -319,14 +319,14 @@ def _locked(folder: Path) -> Iterator[None]:
             yield
         finally:
             shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
-            # removed while it is locked: a waiting process notices this and makes a new one
+            # removed while it is locked; a waiting process notices this and creates a new folder
             with contextlib.suppress(OSError):
                 (folder / LOCK_FILE).unlink()
             lock.release()
 
 
 def _sync(folder: Path) -> None:
-    """Flush the folder's own entries to the disk. Windows has no handle for this and flushes by itself."""
+    """Flush the directory entries of the folder to the disk. Windows has no handle for this and flushes by itself."""
     if sys.platform == "win32":
         return
     handle = os.open(folder, os.O_RDONLY)

@@ -1,4 +1,4 @@
-"""Reads a sweep's folder on disk, also while another process writes to it."""
+"""Reads the folder of a sweep, even while another process is writing to it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 INDEX_FILE = "_index.parquet"
 INDEX_KEY = b"barbalat"
-"""The key of the index in its file's metadata; its ``checksum`` is under ``KEY + b".sha256"``."""
+"""The key of the index in the metadata of its file; its ``checksum`` is under ``KEY + b".sha256"``."""
 READ_AT_ONCE = 2**27
 """Bytes of columns read at once."""
 NAMES_OF_DIFFERENCES = {
@@ -39,7 +39,7 @@ NAMES_OF_DIFFERENCES = {
 
 @dataclass(frozen=True)
 class StoreIndex:
-    """The index of a store: ``files`` by their names, each with its first member, its number of members, and its SHA-256."""
+    """The index of a store: ``files`` by name, each with its first member, number of members and SHA-256."""
 
     identity: dict[str, Any]
     members: int
@@ -63,18 +63,18 @@ class StoreIndex:
 
 
 def name_of(chunk: Chunk) -> str:
-    """The name of a chunk's file, by its first member."""
+    """The file name of a chunk, which contains its first member."""
     return f"members-{chunk.first:012}.parquet"
 
 
 def require_parquet(purpose: str = "a store") -> None:
-    """Raise InputError if the packages for reading and writing it are missing."""
+    """Raise InputError if the packages for reading and writing Parquet are missing."""
     for module in ("pyarrow", "filelock"):
         validate.require_extra(module, "study", purpose)
 
 
 def read_index(folder: Path) -> StoreIndex | None:
-    """The index of a folder; None if there is none; raises InputError if it can't be read."""
+    """The index of a folder, None without one; raises InputError if it can't be read."""
     from pyarrow import ArrowException
 
     try:
@@ -118,8 +118,8 @@ def checksum(text: bytes, schema: pa.Schema) -> bytes:
 
 
 def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
-    """A member's row, also from a store that is being written; raises InputError if it belongs to a different sweep or lacks the
-    member."""
+    """The row of a member, even from a store that is being written; raises InputError if the store belongs to a different sweep
+    or lacks the member."""
     index = read_index(folder)
     if index is None:
         raise InputError(f"the store {str(folder)!r} does not contain a sweep")
@@ -130,7 +130,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
 def require_same(
     folder: Path, index: StoreIndex, identity: dict[str, Any], differences: Mapping[str, str] = NAMES_OF_DIFFERENCES
 ) -> None:
-    """InputError, with the difference, if the store belongs to a different sweep."""
+    """Raise InputError, with the difference, if the store belongs to a different sweep."""
     for key, what in differences.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key in ("equations", "judge") else ""
@@ -140,8 +140,8 @@ def require_same(
 
 
 def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:
-    """The index extended to further members of a plan that keeps its first ones; unchanged for a different sweep or the same
-    number."""
+    """The index extended to further members of a plan that keeps its first members; unchanged for a different sweep or the same
+    number of members."""
     plan = index.identity.get("plan", {}) | {"members": members}
     known = {key: value for key, value in identity.items() if key in index.identity}  # an old store has fewer columns
     if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != known:

@@ -1,5 +1,5 @@
-"""A sweep that is ready to run: any members can be simulated from their numbers alone, with results that don't depend on the
-other members."""
+"""A sweep that is ready to run. Any members can be simulated from their numbers alone, with results that do not depend on other
+members."""
 
 from __future__ import annotations
 
@@ -38,20 +38,21 @@ from barbalat.sweeps.plan import Plan
 from barbalat.validate import Array, InputError
 
 REFERENCE_MODEL, OBSERVER = "the reference model", "the observer"
-"""The uses of a member's numbers, in addition to the names of controllers."""
+"""What uses the numbers of a member, besides the controllers, which are named."""
 OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "simulation")
 """First keys of a designer's choices and knowledge: varying them means varying the design. All other keys belong to the plant."""
 OF_NO_DESIGN = (("plant", "x0"),)
 """Parts that are not design choices: the state is measured, so a predictor begins at its initial value."""
 DESIGN_ROUNDING = 1e-9
-"""Fraction of the largest number of an array: far above the rounding of a matrix that does not depend on the varied numbers."""
+"""Relative difference, with respect to the largest number of an array, that is far above the rounding errors of a matrix that
+does not depend on the varied numbers."""
 
 
 def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
     """The designs that are repeated for each member, by the paths of the plant's numbers on which they depend.
 
     A gain or a reference model computed from the plant is no longer that of the case: such a sweep tries many designs, each on
-    its own plant or on the simulated one, and not one design on many plants.
+    its plant or on the simulated plant, and not one design on many plants.
     """
     found: dict[str, tuple[str, ...]] = {}
     base = varied.at(tried.middle)
@@ -67,8 +68,8 @@ def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
 
 
 def _designs(base: Case, cases: Sequence[Case]) -> list[list[tuple[Array, ...]]]:
-    """The arrays of the reference model, of the observer's design and of each controller's equations: for the base and for the
-    others."""
+    """The arrays of the reference model, the observer design and the equations of each controller, for the base and for the other
+    members."""
     every = (base, *cases)
     designs = [[template.Columns(case.problem.model.matrices).leaves for case in every], [_observer(case) for case in every]]
     for i in range(len(base.controllers)):
@@ -78,7 +79,7 @@ def _designs(base: Case, cases: Sequence[Case]) -> list[list[tuple[Array, ...]]]
 
 
 def _observer(case: Case) -> tuple[Array, ...]:
-    """The numbers from which the observer follows; empty without one."""
+    """The numbers that determine the observer; empty without one."""
     found = case.problem.fixed_observer if isinstance(case.problem, Problem) else None
     if found is None:
         return ()
@@ -87,7 +88,7 @@ def _observer(case: Case) -> tuple[Array, ...]:
 
 
 def _numbers_in(value: Any) -> Iterator[complex]:
-    """The numbers in nested sequences; poles are numbers and pairs."""
+    """The numbers in nested sequences; poles are numbers or pairs."""
     if isinstance(value, (list, tuple, np.ndarray)):
         for one in value:
             yield from _numbers_in(one)
@@ -106,10 +107,10 @@ def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
 
 
 OSCILLATED = "oscillated"
-"""A controller's column: whether its estimates oscillate; NaN if it has none, or if their range is unknown."""
+"""A column of each controller: whether its estimates oscillate; NaN without estimates or if their range is unknown."""
 VERDICT, SETTLED, RINGS, FINER_BY = "verdict", "settled", "rings", "finer_by"
-"""A controller's columns: the number of the judge's class; 1 if that class is settled, 0 if not, NaN if unchecked;
-``oscillated`` by a finer step if one was needed; and the step that the member needs, see ``judging.finer_by``."""
+"""Columns of each controller: the number of the judge's class; 1 if that class is settled, 0 if not, NaN if unchecked;
+``oscillated`` with a finer step if one was needed; and the step that the member needs (see ``judging.finer_by``)."""
 TRIED_SHARES = (0.03, 0.4, 0.97)
 """Quantiles of a distribution, without its far tails, which a constructor may reject."""
 MOST_SETTINGS = 64
@@ -117,8 +118,8 @@ MOST_SETTINGS = 64
 
 
 class Figured(NamedTuple):
-    """The results of M runs of one controller: metrics, (M,) numbers of the judge's classes, and how much finer a step they need;
-    infinite for one that no step tried resolves, or that stalls with a tolerance."""
+    """The results of M runs of one controller: metrics, (M,) numbers of the judge's classes, and how much finer their steps must
+    be; infinite for a run that no tried step resolves, or that stalls with a tolerance."""
 
     metrics: Metrics
     kinds: Array
@@ -127,7 +128,8 @@ class Figured(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StudyPart:
-    """Members with one set of signals: their indices among those requested, and the arguments of each controller's kernel."""
+    """Members with one set of signals: their indices among the requested members, and the arguments of each controller's
+    kernel."""
 
     which: Array
     setting: Setting
@@ -142,11 +144,11 @@ class StudyPart:
 
 @dataclass(eq=False)
 class Study:
-    """The members of a plan on a case.
+    """The members of a plan applied to a case.
 
-    varied   the case, with other numbers at the plan's paths
-    motions  motions of settings' models, by the settings' numbers and instants: studies of the same case with other steps may
-             share them
+    varied   the case, whose numbers at the plan's paths vary
+    motions  motions of the models of settings, by the numbers of the settings and instants; studies of the same case with
+             different steps may share them
     """
 
     varied: Varied
@@ -171,9 +173,10 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """The solver steps of a member's run, summed over all controllers: the maximum over the ends of the varied numbers.
+        """The number of solver steps of a member's run, summed over all controllers; the maximum over the ends of the varied
+        numbers.
 
-        With a tolerance, the fixed steps that take as long as the first member's run.
+        With a tolerance, this is the number of fixed steps that take as long as the run of the first member.
         """
         if self.example.simulation.tolerance is not None:
             return round(sum(self.steps_like))
@@ -185,7 +188,7 @@ class Study:
 
     @cached_property
     def steps_like(self) -> tuple[float, ...]:
-        """With a tolerance, for each controller: the fixed steps that take as long as the first member's run."""
+        """With a tolerance, the number of fixed steps, for each controller, that take as long as the run of the first member."""
         (part,) = self.parts(0, 1)
         return tuple(steps_like(expected_attempts(one)) for one in part.members)
 
@@ -194,18 +197,18 @@ class Study:
         return self.plan.values(first, count)
 
     def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """All columns of these members, each with the case's own step; raises InputError, with its number, for one that gives no
-        valid case."""
+        """All columns of these members, each with the step of the case; raises InputError, with the number of the member, if a
+        member gives no valid case."""
         parts = list(self.parts(first, count))
         return self.columns(first, count, parts, run_here(parts, threads=threads, progress=progress))
 
     def parts(self, first: int, count: int) -> Iterator[StudyPart]:
-        """Members that run together, ready for their kernels; raises InputError, with its number, for one that gives no valid
-        case."""
+        """Members that run together, ready for their kernels; raises InputError, with the number of the member, if a member gives
+        no valid case."""
         return self.parts_for(np.arange(first, first + count))
 
     def parts_for(self, numbers: Array) -> Iterator[StudyPart]:
-        """Members with these numbers, (K,), that run together; see ``parts``."""
+        """Members with these numbers, (K,), that run together (see ``parts``)."""
         rows, streams = self.plan.values_for(numbers), self.plan.streams_for(numbers)
         for which in self._groups(rows):
             setting = self.setting(rows[which[0]])
@@ -215,12 +218,12 @@ class Study:
                 raise InputError(f"member {int(numbers[which[error.place]])}: {error}") from None
 
     def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of members whose parts have run, from each part's metrics of each controller."""
+        """All columns of members whose parts have run, from the metrics of each part and controller."""
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of the members with these numbers, (K,), whose parts have run, with the case's own step; see
-        ``columns``."""
+        """All columns of the members with these numbers, (K,), whose parts have run with the step of the case (see
+        ``columns``)."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
@@ -236,7 +239,7 @@ class Study:
         return found
 
     def _groups(self, rows: Array) -> Iterator[Array]:
-        """The rows that run together: those of one structure with one set of signals."""
+        """The rows that run together because they have one structure and one set of signals."""
         shared = [column for column, kind in enumerate(self.kinds) if not kind.is_number]
         if not shared:
             yield np.arange(len(rows))
@@ -246,7 +249,7 @@ class Study:
         yield from np.split(order, np.flatnonzero(np.diff(group.reshape(-1)[order])) + 1)
 
     def setting(self, row: Array, *, windows: int = 1) -> Setting:
-        """The setting to which a member belongs; ``windows`` as in ``Members``."""
+        """The setting to which a member belongs; for ``windows``, see ``Members``."""
         base = self.tried.middle.copy()
         structural = [column for column, kind in enumerate(self.kinds) if kind is Kind.STRUCTURE]
         driven = [column for column, kind in enumerate(self.kinds) if kind is Kind.SIGNAL]
@@ -283,14 +286,14 @@ class Study:
             width = known_width(problem, controller)
             swings = rings(one, width, motion.crossings).astype(float)
             unknown = len(width) == 0 or not np.isfinite(width).all()
-            ended_early = np.isnan(one.rms_e).any(axis=1)  # it diverged or stalled
+            ended_early = np.isnan(one.rms_e).any(axis=1)  # the run diverged or stalled
             found.append(np.where(ended_early | unknown, np.nan, swings))
         return found
 
     @cached_property
     def _needed_by_modes(self) -> list[float]:
-        """For each controller, the refinement needed at most by the middle member and by the ends of the varied plant numbers
-        and step."""
+        """For each controller, the largest refinement needed by the middle member and at the ends of the varied plant numbers and
+        step."""
         rows = [self.tried.middle]
         for column, path in enumerate(self.plan.paths):
             if path.keys[0] in ("plant", "parameters", "simulation"):
@@ -303,12 +306,13 @@ class Study:
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:
-        """The controllers that are redesigned for each member, by the paths that determine them; see ``redesigned``."""
+        """The controllers that are redesigned for each member, by the paths that determine them (see the function
+        ``redesigned``)."""
         return redesigned(self.varied, self.tried)
 
     @cached_property
     def of_the_design(self) -> tuple[str, ...]:
-        """The varied numbers of the plant and the parameters that are not simulated, because [truth] has its own."""
+        """The varied numbers of the plant and the parameters that are not simulated, because [truth] has separate numbers."""
         problem = self.example.problem
         if not isinstance(problem, Problem):
             return ()
@@ -316,7 +320,7 @@ class Study:
 
     @cached_property
     def unexamined(self) -> dict[str, str]:
-        """The reasons why it cannot be decided whether a controller's estimates oscillate, by its name; other controllers are
+        """Why it cannot be decided whether the estimates of a controller oscillate, by controller name; other controllers are
         omitted."""
         widths = (known_width(self.example.problem, one) for one in self.example.controllers)
         found = {}
@@ -330,8 +334,8 @@ class Study:
     def equations(self) -> str:
         """SHA-256 of the operation lists, numbers and signals of the middle member: the version of the equations.
 
-        The judge is not included, because no bit of a run depends on it: stores from before runs were judged have the same
-        version.
+        The judge is not included, because no bit of a run depends on it: old stores, written before runs were judged, have the
+        same version.
         """
         setting = Setting.of(self.varied, self.kinds, self.tried, self.tried.middle)
         digest = hashlib.sha256(_programs(setting))
@@ -344,12 +348,12 @@ class Study:
         return digest.hexdigest()
 
     def judge(self) -> str:
-        """SHA-256 of the operation lists with the judge's: the version of the verdicts."""
+        """SHA-256 of the operation lists including those of the judge: the version of the verdicts."""
         terms = repr((NEGLIGIBLE, FACTORS, ORDER_EIGHT_FACTORS)).encode()
         return hashlib.sha256(_programs(self.setting(self.tried.middle)) + terms).hexdigest()
 
     def identity(self) -> dict[str, object]:
-        """The data with which a store must have been made to be continued."""
+        """The data that a store must agree with to be continued."""
         return {
             "case": self.varied.source,
             "plan": self.plan.as_json(),
@@ -367,7 +371,7 @@ def _programs(setting: Setting) -> bytes:
 
 
 def _tried(plan: Plan) -> Tried:
-    """Trial values of a plan's varied numbers, with which the effect of each is determined."""
+    """Trial values of the varied numbers of a plan, with which the effect of each number is determined."""
     found, drawn = [axis.values for axis in plan.axes.values()], list[Array]()
     for one in plan.draws.values():
         found.append(one.at(np.array(TRIED_SHARES), drawn))
@@ -384,7 +388,7 @@ def batches_run(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> list[Batch]:
-    """The members of each controller after their unrecorded run."""
+    """Run the members of each controller without a record and return them."""
     simulation = setting.simulation
     if simulation.tolerance is not None:
         shares = [(i / len(members), 1 / len(members)) for i in range(len(members))]
@@ -414,10 +418,10 @@ def figures_of(setting: Setting, batches: Sequence[Batch], threads: int | None =
 
 
 def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | None = None) -> Figured:
-    """The results of a batch's members, after their run; limit cycles are searched for if the step resolves the run."""
+    """The results of the members of a batch, after their run. Limit cycles are searched for if the step resolves the run."""
     if simulation.tolerance is None:
         needed = finer_by(batch, simulation)
-    else:  # with a tolerance, which resolves every oscillation
+    else:  # with a tolerance, every oscillation is resolved
         simulation, needed = simulation.grid, np.zeros(batch.states.shape[1])
     resolved = ~(needed > 0)
     kinds = judged(batch, simulation, terms, among=resolved, frequencies=False, excused=True, threads=threads).kinds

@@ -1,4 +1,4 @@
-"""Runs a sweep from its first member to its last, and evaluates it; or repeats one of its members with a record."""
+"""Runs and evaluates a sweep, or repeats one of its members with a record."""
 
 from __future__ import annotations
 
@@ -77,20 +77,21 @@ def sweep(
 ) -> SweepResult:
     """Run a case many times: over a grid, over random draws, or with every draw at every point of a grid.
 
-    case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
-             controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
-    vary     by paths "START:STOP:COUNT" or "START:STOP:COUNT:log"
-    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file; "between"
-             for "parameters.NAME", or "parameters" for all, over their ranges
+    case     a case file or the name of a bundled case, to whose keys ``vary`` and ``sample`` refer; or a ``Case`` with a problem,
+             controllers and a simulation, to whose fields they refer: ``plant.theta[0]``, ``controller[0].gamma``,
+             ``simulation.dt``
+    vary     by path, "START:STOP:COUNT" or "START:STOP:COUNT:log"
+    sample   by path, "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file; "between"
+             for "parameters.NAME" over its range, or for all "parameters"
     members  draws at each point of the grid, by default 1000 if anything is drawn
     design   how numbers are drawn: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
     require  requirements such as "max_abs_e[0] < 2", whose violations are counted
     store    a folder that keeps every row, and from which a repeated call continues
-    scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the results are bit for bit those of
-               threads, the default
+    scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the results are bit-identical to those of
+               threads, which are the default
     bounds   certify the members where possible and compare their errors with the bounds
-    audit    number of members that are repeated with half the step of their verdict, 0 for none; by default 2 % of them, and at
-             least 30
+    audit    number of members that are repeated with half the step that gave their verdict, 0 for none; by default 2 % of the
+             members and at least 30
     redesign  design reference model and controllers again for each member's plant.A, plant.b and parameters, instead of varying
               only the simulated plant
     Raises InputError.
@@ -135,13 +136,16 @@ def run_study(
 ) -> SweepResult:
     """Run all members; with a store, only the missing ones.
 
-    chunk   largest number of members in a file of a new store, by default as many as take about a second; no bit depends on it
-    scheduler  of the workers that run them; by default threads of this process
-    bounds  certify the members where possible, which takes a second for each controller, and compare their errors with the bounds
+    chunk   largest number of members in a file of a new store; by default, as many as take about a second. Results do not depend
+            on it
+    scheduler  scheduler of the workers that run the members; by default threads of this process
+    bounds  certify the members where possible, which takes about a second for each controller, and compare their errors with the
+            bounds
     audit   number of members that are repeated with half of their step; see ``audit.audit``
     told    receives sentences on the store and on the current wait
 
-    Raises InputError for members beyond the budget, and, with its number, for one that gives no valid case; stored rows stay.
+    Raises InputError for members beyond the budget and, with its number, for a member that gives no valid case. Stored rows are
+    kept.
     """
     if audit is not None:
         validate.whole("audit", audit, least=0)
@@ -222,7 +226,7 @@ UNJUDGED = (
     "this store is older than the verdicts on runs: its members have neither verdicts nor finer steps; use another --store, "
     "or none, to obtain them"
 )
-"""A store without the judge's columns: its rows are read, and new rows have the same columns."""
+"""A store without the judge's columns. Its rows are read, and new rows get the same columns."""
 
 
 @contextlib.contextmanager
@@ -244,7 +248,7 @@ def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Se
 
 @contextlib.contextmanager
 def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], None]]:
-    """Accepts complete chunks; when it ends, for whatever reason, it writes the chunks that are not stored yet."""
+    """Accepts complete chunks and, when it ends for whatever reason, writes the chunks that are not stored yet."""
     if isinstance(sink, UnstoredChunks):
         yield sink.add
         return
@@ -256,7 +260,7 @@ def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], N
 
 
 def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
-    """Pass on the pieces. The size of the next pieces follows from the duration of these."""
+    """Yield the pieces. Their duration determines the size of the next pieces."""
     for one, columns in made:
         yield one, columns
         pace.fewest = FEWEST_MEMBERS * settling.kernels
@@ -264,7 +268,7 @@ def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
 
 
 def _here(settling: Settling, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
-    """Run the chunks in threads, one after the other; ``done`` members are already stored."""
+    """Run the chunks in threads, one after another; ``done`` members are already stored."""
     members = len(settling.study)
     for one in units:
         told = part_of(progress, done / members, one.size / members)
@@ -308,8 +312,8 @@ def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Replayed:
-    """A member's case and the runs of its controllers, with the varied numbers and all metrics under the names of a store's
-    columns."""
+    """The case of a member and the runs of its controllers, with the varied numbers and all metrics under the column names of a
+    store."""
 
     number: int
     case: Case
@@ -317,15 +321,15 @@ class Replayed:
     columns: Columns
 
     def differing(self, stored: Mapping[str, float]) -> list[str]:
-        """The columns of a stored row that differ bit by bit from this run's."""
+        """The columns of a stored row whose bits differ from those of this run."""
         own = {name: float(values[0]) for name, values in self.columns.items()}
         return [name for name, value in own.items() if name in stored and not np.array_equal(stored[name], value, equal_nan=True)]
 
 
 def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
-    """Run the member with this number on its sweep's kernel, because a kernel made for it alone would round differently.
+    """Run the member with this number on the kernel of its sweep, because a kernel made for it alone would round differently.
 
-    A recorded run accumulates its sums in other blocks. Its metrics are therefore those of the unrecorded run.
+    A recorded run accumulates its sums in different blocks, so the metrics are taken from the unrecorded run.
     """
     validate.whole("member", member, least=0, most=len(study) - 1)
     settling, row = Settling(study), study.values(member, 1)
@@ -342,9 +346,9 @@ def replay(study: Study, member: int, *, threads: int | None = None, progress: P
 def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) -> dict[str, tuple[int, Result]]:
     """The worst member of each controller and its recorded run, with the step that settled it.
 
-    Among the members of the worst class: the one that was lost first, or else the one with the largest error in the tail. With a
-    tolerance only members that do not stall: the others have no run. A controller with which all members stall is left out, and
-    so is one whose worst member stalls when it is recorded.
+    Among the members of the worst class, this is the one that was lost first, or else the one with the largest error in the tail.
+    With a tolerance, members that stall have no run and are excluded. A controller is omitted if all its members stall, or if its
+    worst member stalls when it is recorded.
     """
     settling, runs = Settling(study), {}
     for i, name in enumerate(study.controllers):
@@ -360,7 +364,7 @@ def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) 
         own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
         try:
             runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
-        except StalledError:  # a single run has other rounding errors, which may decide whether it slides
+        except StalledError:  # a single run has different rounding errors, which may decide whether it slides
             continue
     return runs
 

@@ -1,6 +1,6 @@
 """The least and the largest value of a metric over a set of numbers, searched by gradients from many starts.
 
-Every value is that of a run, so the set contains it. That no other member is worse is not proven.
+Every value belongs to a run of a member of the set. It is not proven that no other member is worse.
 """
 
 from __future__ import annotations
@@ -38,24 +38,26 @@ from barbalat.validate import Array, InputError
 STARTS = 64
 """Default number of points from which the search chooses its starts, in addition to vertices and the middle."""
 MOST_VERTICES = 64
-"""Largest number of vertices that are tried; of more, that many are drawn."""
+"""Largest number of vertices that are tried; if there are more, this many are drawn."""
 FOLLOWED = 4
-"""Starts from which each search follows gradients: the best points so far."""
+"""Number of starts from which each search follows gradients: the best points so far."""
 APART = 0.15
-"""Distance of the starts from each other in some coordinate, as a fraction of its range, so they lie in different valleys."""
+"""Smallest distance between starts in at least one coordinate, as a fraction of its range, so that they lie in different
+valleys."""
 ROUNDS = 12
 """Largest number of gradients from each start."""
 REFINED, PATIENCE, ELITES, DRAWN = 16, 2, 12, 5
-"""Rounds in which each search then draws points, DRAWN for each number, from the normal distribution of the ELITES best points so
-far, and rounds without a gain after which it ends. They need no slopes, and follow narrow valleys that gradients cross."""
+"""Number of rounds in which each search then draws points (DRAWN for each number) from the normal distribution of the ELITES best
+points so far, and number of rounds without a gain after which it ends. These rounds need no slopes and can follow narrow valleys
+that gradients cross."""
 MOVES = (2.0, 0.3, 0.05, 0.005)
-"""Steps along a gradient, as fractions of the set's width in the direction in which it is steepest; all are tried at once."""
+"""Steps along a gradient, as fractions of the width of the set in the steepest direction; all are tried at once."""
 GAIN = 1e-4
 """Relative gain below which the steps are shortened."""
 WIDE = 4.0
-"""Ratio of the ends of a range of positive numbers beyond which steps of differences are relative to each value."""
+"""Ratio of the ends of a range of positive numbers above which the steps of differences are relative to each value."""
 SHORTENED, SHORTEST = 0.05, 1e-3
-"""The factor by which they are, and the factor below which a search has ended."""
+"""The factor by which steps are shortened, and the factor below which a search has ended."""
 NO_PROOF = "the worst that was found; no proof"
 
 
@@ -64,8 +66,8 @@ class SearchedSet:
     """A box, or a product of intervals and balls, in coordinates z from 0 to 1.
 
     low, high    (d,) ends of each number
-    logarithmic  (d,) truth values: z is uniform in the logarithm
-    balls        columns whose z are limited to the ball in the unit cube
+    logarithmic  (d,) whether z is uniform in the logarithm
+    balls        columns whose coordinates z are limited to the ball in the unit cube
     """
 
     low: Array
@@ -97,7 +99,7 @@ class SearchedSet:
 
     @property
     def decades(self) -> Array:
-        """(d,) whether a number varies over so much that steps are relative to its value."""
+        """(d,) whether a number varies over so wide a range that steps are relative to its value."""
         return self.logarithmic | ((self.low > 0) & (self.high > WIDE * self.low))
 
     def numbers(self, z: Array) -> Array:
@@ -108,7 +110,7 @@ class SearchedSet:
         return np.asarray(np.clip(np.where(self.logarithmic, log, linear), self.low, self.high))
 
     def slopes(self, z: Array) -> Array:
-        """(M, d) derivatives of the numbers in the coordinates."""
+        """(M, d) derivatives of the numbers with respect to the coordinates."""
         with np.errstate(divide="ignore", invalid="ignore"):
             log = self.numbers(z) * np.log(self.high / self.low)
         return np.asarray(np.where(self.logarithmic, log, self.high - self.low))
@@ -135,16 +137,16 @@ class SearchedSet:
 
 
 IN_A_BALL = 1 - 2.0**-40
-"""Fraction of a ball's radius within which points stay despite rounding."""
+"""Fraction of the radius of a ball to which points are limited, so that they stay inside despite rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Member:
     """A member of the set with the value of a metric.
 
-    value      None if its run diverges
+    value      None if the run diverges
     numbers    by path
-    half_step  the value with half the solver's step, which shows whether the step resolves it
+    half_step  the value with half the solver step, which shows whether the step resolves it
     """
 
     value: float | None
@@ -159,7 +161,7 @@ class Member:
 class Extremes:
     """The least and the largest value of a metric of a controller that a search has found over the set.
 
-    bound  the guaranteed bound of |e| at the member with the largest value; None if there is none, or for a different metric
+    bound  the guaranteed bound on |e| for the member with the largest value; None without a bound, or for a different metric
     """
 
     controller: str
@@ -174,11 +176,11 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class WorstFound:
-    """What a search over a set has found; it is no proof that there is nothing worse.
+    """What a search over a set has found, which is no proof that nothing worse exists.
 
     ranges     the ends of each number, by path
-    runs       runs without and with gradients, over all controllers
-    undefined  gradients that do not exist or overflow, as at a corner or where the run is too sensitive
+    runs       numbers of runs without and with gradients, over all controllers
+    undefined  number of gradients that do not exist or overflow, as at a corner or where the run is too sensitive
     steps      for a case with a tolerance, how the fixed steps of the runs were found
     """
 
@@ -223,12 +225,12 @@ def find_worst(
 ) -> WorstFound:
     """Search the least and the largest value of metrics over a set, by gradients from many starts and from vertices.
 
-    case     as in ``sweep``, whose ``vary`` and ``sample`` give the ranges; their counts and densities have no effect. By default
-             the case's known set: the ranges of its parameters, or else those of theta and of the input's gain
+    case     as in ``sweep``. ``vary`` and ``sample`` give the ranges; their counts and densities have no effect. By default the
+             search covers the known set of the case: the ranges of its parameters, or else those of theta and of the input gain
     figures  as in ``sensitivity``
-    starts   points from which the best starts are chosen
+    starts   number of points from which the best starts are chosen
 
-    Raises InputError, also for a number that changes a signal or the structure: vary that in a sweep.
+    Raises InputError, among others for a number that changes a signal or the structure; vary such a number in a sweep.
     """
     source = case if isinstance(case, Case) else CaseText.read(case)
     labels = (source if isinstance(source, Case) else source.case()).problem.labels
@@ -253,7 +255,7 @@ def search_worst(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> WorstFound:
-    """The search for a case that has been read, see ``find_worst``."""
+    """Run the search for a case that has been read (see ``find_worst``)."""
     validate.whole("starts", starts, least=1, most=2**16)
     given = list(given) or known_set_of(source, redesign=redesign)
     region = SearchedSet.of(given)
@@ -290,7 +292,7 @@ def search_worst(
 
 
 def known_set_of(source: CaseText | Case, *, redesign: bool) -> list[tuple[FieldPath, Axis | Distribution]]:
-    """The ranges of the case's parameters, or else its known set of theta and of the input's gain, as far as the simulated plant
+    """The ranges of the case's parameters, or else its known set of theta and of the input gain, as far as the simulated plant
     depends on them; raises InputError if there are none."""
     case = source if isinstance(source, Case) else source.case()
     problem = case.problem
@@ -318,7 +320,7 @@ def known_set_of(source: CaseText | Case, *, redesign: bool) -> list[tuple[Field
 
 
 class _Search:
-    """Searches over one set; ``runs``, ``gradients`` and ``undefined`` count."""
+    """Searches over one set; ``runs``, ``gradients`` and ``undefined`` are counters."""
 
     def __init__(self, study: Study, region: SearchedSet, figures: Sequence[str], threads: int | None) -> None:
         self.study, self.region, self.given, self.threads = study, region, figures, threads
@@ -358,7 +360,8 @@ class _Search:
         return found
 
     def _slopes(self, place: int, z: Array, figures: Sequence[str], rng: np.random.Generator) -> Array:
-        """(M, d) the derivative of each member's metric in the coordinates; a random direction where there is none."""
+        """(M, d) the derivative of each member's metric with respect to the coordinates; a random direction where there is
+        none."""
         members, rows = self._members(place, z)
         try:
             directions = self.near.directions(rows, np.array([self.region.low, self.region.high]))[place]
@@ -390,7 +393,7 @@ class _Search:
             worth.append(value[best])
             of += [(figure, sign)] * len(best)
         points, values = np.vstack(z), np.concatenate(worth)
-        scales = np.where(np.isfinite(values), 1.0, 0.0)  # of the steps; 0 for a search that has ended
+        scales = np.where(np.isfinite(values), 1.0, 0.0)  # factor of the steps; 0 for a search that has ended
         for k in range(ROUNDS):
             if progress is not None:
                 progress((k + 1) / (ROUNDS + REFINED + 1))
@@ -429,7 +432,7 @@ class _Search:
                 scales[i] = 0.0
 
     def _ranked(self, figure: str, sign: float) -> tuple[Array, Array]:
-        """The points so far, the best first, and what they are worth."""
+        """The points so far, the best first, and their worth."""
         points = np.vstack([z for z, _ in self.seen])
         worth = _worth(np.concatenate([values[figure] for _, values in self.seen]), sign)
         best = np.argsort(-worth, kind="stable")
@@ -458,7 +461,7 @@ class _Search:
         best, rest = points[0], points[:ELITES] - points[0]
         factors = rng.normal(size=(DRAWN * rest.shape[1], len(rest))) / np.sqrt(
             len(rest)
-        )  # their products have the elites' covariance
+        )  # their products have the covariance of the elites
         return self.region.inside(best + factors @ rest)
 
     def _best(self, place: int, figure: str, sign: float) -> tuple[Array, Member]:
@@ -491,7 +494,8 @@ class _Search:
 
 
 def _apart(points: Array, order: Array) -> list[int]:
-    """The first points in this order that are apart from each other; then, if they are too few, the first of the others."""
+    """The first points, in this order, that are apart from each other, followed by the first of the others if they are too
+    few."""
     chosen: list[int] = []
     for i in order.tolist():
         if len(chosen) < FOLLOWED and all(np.abs(points[i] - points[j]).max() >= APART for j in chosen):
@@ -500,5 +504,5 @@ def _apart(points: Array, order: Array) -> list[int]:
 
 
 def _worth(values: Array, sign: float) -> Array:
-    """The values as a search for a maximum sees them: a run that diverges is the largest, and never the least."""
+    """The values for a search of a maximum. A diverging run counts as the largest value and never as the least."""
     return np.where(np.isnan(values), sign * inf, sign * values) if sign > 0 else np.where(np.isnan(values), -inf, -values)

@@ -1,2 +1,2 @@
-"""Vehicles that sampled controllers fly, each in a folder. Their simulators are other packages, and each flight has its own
-process."""
+"""Vehicles that sampled controllers fly, each in a folder. Their simulators are external packages, and each controller flies in a
+separate process."""

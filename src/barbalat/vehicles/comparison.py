@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HELD_BLANK = "\0"
-"""A character that stands for a non-breaking space."""
+"""A placeholder for a non-breaking space."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -28,7 +28,7 @@ class FlightComparison:
     vehicle   the vehicle
     model     the trimmed flight condition with its linear model: an ``Axis`` of the F-16, the ``Axes`` of the quadrotor
     version   the version of its simulator
-    flights   for each controller its flights through all failures, in the failures' order
+    flights   for each controller, its flights through all failures, in the order of the failures
     delays    the largest added delay with which each controller kept control [s], by name; None if it was not requested
     exported  whether the exported C was flown
     """
@@ -64,8 +64,8 @@ class FlightComparison:
         return self.vehicle.delays.most * self.vehicle.delays.step
 
     def figure(self, failure: Failing, *, narrow: bool = False, shown: bool = False) -> Figure:
-        """Draw time histories of all controllers through a failure. Those of lost controllers are drawn within the range of the
-        others."""
+        """Draw time histories of all controllers through a failure. The histories of lost controllers are drawn within the range
+        of the others."""
         from barbalat.vehicles.picture import figure_of
 
         return figure_of(self.vehicle, self.all_through(failure), narrow=narrow, shown=shown)
@@ -121,8 +121,8 @@ class FlightComparison:
         return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)
 
     def film(self, failure: str | None = None) -> bytes:
-        """Return a GIF of the first controller and the best of the others. By default it shows the failure with the largest
-        difference between them."""
+        """Return a GIF of the first controller and the best of the others. By default, it shows the failure with the largest
+        difference between the two."""
         from barbalat.vehicles.film import film
 
         chosen = self.most_telling if failure is None else self.failure_of(failure)
@@ -137,7 +137,7 @@ class FlightComparison:
         return found
 
     def failure_of(self, name: str | None) -> Failing:
-        """Return the failure with this name, or the last one for None. Raises InputError for one that was not flown."""
+        """Return the failure with this name, or the last one for None. Raises InputError for a failure that was not flown."""
         found = [one for one in self.failures if name in (None, one.name)]
         if not found:
             raise InputError(
@@ -150,8 +150,8 @@ class FlightComparison:
         return [flight for several in self.flights for flight in several if flight.failure == failure]
 
     def through(self, failure: Failing) -> Sequence[Flight]:
-        """Return the flights of all controllers through one failure, ordered by error. Lost flights are last, the earliest loss
-        at the end."""
+        """Return the flights of all controllers through one failure, ordered by error. Lost flights come last, with the earliest
+        loss at the end."""
         return sorted(
             self.all_through(failure),
             key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error),
@@ -170,8 +170,8 @@ class FlightComparison:
 
     @property
     def most_telling(self) -> Failing:
-        """The failure with the largest difference between these two: one that the first lost and the other survived, or the one
-        with the largest ratio of errors."""
+        """The failure with the largest difference between these two: a failure that the first controller lost and the other
+        survived, or the one with the largest ratio of errors."""
 
         def told(failure: Failing) -> tuple[bool, float]:
             several = {one.controller: one for one in self.through(failure)}

@@ -40,7 +40,7 @@ KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
 MEMBERS, PROCESSES = 200, 2
 """Default numbers of draws and of processes."""
 MOST_DRAWS = 25
-"""Largest fraction of the draws that one process takes, so all processes have work."""
+"""Largest fraction of the draws that one process takes, so that all processes have work."""
 CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
 """Duration of the flights of a drawing's ``chunk`` in seconds, and size of the metrics of one flight in bytes."""
 DIFFERENCES = {
@@ -48,7 +48,7 @@ DIFFERENCES = {
     "plan": "more --dispersions, or another --seed",
     "equations": "other equations",
 }
-"""Words for the differences of a different store, by the keys of ``Campaign.identity``."""
+"""Words for the differences from another store, by the keys of ``Campaign.identity``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,7 +80,7 @@ class Campaign:
 
     @property
     def chunk(self) -> int:
-        """The number of draws that one process flies."""
+        """The number of draws that a process flies."""
         return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def cost(self, members: float, processes: int) -> Estimate:
@@ -97,7 +97,7 @@ class Campaign:
         )  # fmt: skip
 
     def identity(self) -> dict[str, object]:
-        """Return the data with which a store must have been made in order to be continued."""
+        """Return the data with which a store must agree in order to be continued."""
         case = {
             "flight": self.name,
             "conditions": list(self.conditions),
@@ -133,7 +133,8 @@ class DispersedComparison:
         return len(self.campaign.plan)
 
     def column(self, controller: str, failure: str, figure: str) -> Array:
-        """Return one metric of a controller's flights through a failure for each draw (members,). KeyError if there is none."""
+        """Return a metric of a controller's flights through a failure, for each draw (members,). Raises KeyError if there is
+        none."""
         name = column_name(controller, failure, figure)
         if name not in self.rows.names:
             raise validate.unknown_name("column", name, self.rows.names)
@@ -164,11 +165,11 @@ def fly_dispersed(
 ) -> DispersedComparison:
     """Fly schemes through failures on randomly drawn vehicles. This needs the extra ``flight`` and, for a store, ``study``.
 
-    name, schemes, failures  as for ``fly``
+    name, schemes, failures  as in ``fly``
     members    number of draws; every scheme flies each of them through every failure, and several conditions alternate
     seed       seed of the draws and of their gusts
     store      a folder that keeps every row; the same call, or one for more draws, continues from it
-    processes  number of processes that fly at the same time
+    processes  number of processes that fly in parallel
 
     Raises InputError for anything that cannot be flown, and SimulatorFailed if the simulator fails. Stored rows remain.
     """
@@ -205,7 +206,7 @@ def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | UnstoredCh
 
 
 def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterator[tuple[Chunk, Columns]]:
-    """Yield each chunk when it is finished. Each has its own process, and this number of processes run in parallel."""
+    """Yield each chunk when it is finished. Each chunk has a separate process, and this number of processes run in parallel."""
     seconds = STARTING_SECONDS + campaign.chunk * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
     pool = ThreadPoolExecutor(processes)
     try:
@@ -219,7 +220,7 @@ def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterat
 def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str, Mapping[str, float | None]]]]:
     """Return the function that flies a numbered draw with every controller through every failure.
 
-    It is made once in a process, and it yields controller, failure and at least the metrics ``KEPT`` of each flight.
+    The function is made once in a process. It yields controller, failure and at least the metrics ``KEPT`` of each flight.
     """
     vehicle = campaign.vehicle
     pilots = [
@@ -257,15 +258,17 @@ def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """The comparison of a controller with a different through the same failure on the same draws.
+    """The comparison of two controllers through the same failure on the same draws.
 
     A lost flight is worse than any other, and draws on which both are lost are not counted.
 
-    better   fraction of draws on which the controller has the smaller error, among those on which the two differ; None if there
-             are none
-    spared   fraction of draws on which only the other was lost, among those on which one of them was lost; None if there are none
-    follows  1 if its error is significantly smaller, -1 if it is significantly larger, else 0, over all comparisons together
-    keeps    the same for its losses, with 1 if they are fewer
+    better   fraction of draws on which the controller has the smaller error, among those on which the two differ; None without
+             such draws
+    spared   fraction of draws on which only the other was lost, among those on which one of them was lost; None without such
+             draws
+    follows  1 if its error is significantly smaller, -1 if it is significantly larger, otherwise 0, at a joint level over all
+             comparisons
+    keeps    the same for its losses, with 1 if there are fewer
     """
 
     other: str
@@ -288,13 +291,13 @@ class Flown:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """The evaluation of the flights, for each failure, with the controllers ordered by losses and then by error, and for all
+    """The evaluation of the flights for each failure, with the controllers ordered by losses and then by error, and for all
     failures together.
 
-    lost         number of lost flights of each controller, the fewest first; it has no interval, because flights on the same
-                 draw are not independent
-    comparisons  number of comparisons of two controllers through one failure, by error or by losses, that some draw decides;
-                 they share one level of confidence
+    lost         number of lost flights of each controller, the fewest first; these numbers have no interval, because flights on
+                 the same draw are not independent
+    comparisons  number of comparisons of two controllers through one failure, by error or by losses, that at least one draw
+                 decides; they share one confidence level
     """
 
     by_failure: dict[str, tuple[Flown, ...]]

@@ -1,4 +1,4 @@
-"""Draws a film of a scene with Matplotlib, as a GIF: the vehicles' frames, their trails, and their commanded positions."""
+"""Draws a film of a scene with Matplotlib, as a GIF: the frames of the vehicles, their trails, and the commanded positions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from barbalat.vehicles.picture import box_of, frame, inside
 from barbalat.vehicles.scene import Mover, Scene
 
 FRAME_SIDE, PIXELS_PER_INCH = 4.8, 100
-"""Side of a frame [in] and resolution. A frame has 480 pixels per side, which a phone shows as 390."""
+"""Side of a frame [in] and resolution. A frame has 480 pixels per side; a phone shows it with 390."""
 FRAMES_PER_SECOND = 10
 SECONDS_BEFORE = 3.0
-"""Shown time before a flight's failure [s]."""
+"""Time shown before the failure of a flight [s]."""
 TITLE_WIDTH = 66
 """Largest number of characters in a line of the title."""
 TRAIL_SECONDS = 3.0
@@ -33,7 +33,7 @@ TRAIL_SECONDS = 3.0
 LARGEST_FILM_BYTES = 2_000_000
 """Largest size of a film in bytes. A larger one is drawn again with half the frames."""
 SHADES = 12
-"""Number of shades between each colour and the background's, for the smoothed edges of lines."""
+"""Number of shades between each colour and the background, for the smoothed edges of lines."""
 
 
 def film(scene: Scene) -> bytes:
@@ -58,7 +58,7 @@ def _film(scene: Scene, start: float, rate: int) -> bytes:
 
 
 class Canvas(Protocol):
-    """The parts of Matplotlib that are used here. They have no types of their own."""
+    """The parts of Matplotlib that are used here. They have no type stubs."""
 
     def draw(self) -> None: ...
 
@@ -115,7 +115,7 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
 
 
 def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> list[Line2D]:
-    """Draw a vehicle at an instant, or the mark of a lost one."""
+    """Draw a vehicle at an instant, or the mark of a lost vehicle."""
     at, colour, dash = min(k, len(mover.path) - 1), theme.colour(mover.colour), dash_of(mover.colour)
     since = max(0, k - round(TRAIL_SECONDS / float(scene.t[1] - scene.t[0])))
     found: list[Line2D] = []
@@ -135,7 +135,7 @@ def _clipped(scene: Scene, points: Array) -> Array:
 
 
 def _told(scene: Scene, k: int) -> str:
-    """Return the title: the time, and each vehicle's distance from its commanded position."""
+    """Return the title: the time, and the distance of each vehicle from its commanded position."""
     since = float(scene.t[k]) - scene.fails
     failed = f", {since:.1f} s after the failure" if scene.failing and since >= 0 else ""
     lines = [f"{scene.t[k]:.1f} s{failed}"]

@@ -1,4 +1,4 @@
-"""One flight: its record at each sample, the reason for a loss of control, and its metrics."""
+"""A flight: its record at each sample, the reason for a loss of control, and its metrics."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.validate import Array, Named
 from barbalat.vehicles.verdicts import Followed, verdict_of
 
 NO_NUMBER = "its controller gave a command that is not a number"
-"""The reason for a loss of control if the controller overflowed but the simulator did not."""
+"""The reason for a loss of control if the controller overflowed and the simulator did not."""
 
 
 class Failing(Protocol):
@@ -41,8 +41,8 @@ class Flight(ABC):
     """A flight of some vehicle.
 
     record     (K, columns), a row for each sample up to a loss of control; the first column is the time [s]
-    lost       the reason why control was lost, empty if it was not
-    agreement  the agreement of the exported C that flew with the simulation; None if no C flew
+    lost       the reason why control was lost; empty if it was not lost
+    agreement  how the exported C that flew agrees with the simulation; None if no C flew
     """
 
     controller: str
@@ -60,7 +60,7 @@ class Flight(ABC):
     @property
     @abstractmethod
     def units(self) -> dict[str, str]:
-        """The names of its metrics with their units. They include "rms_e" and "max_abs_e"."""
+        """The metrics with their units. They include "rms_e" and "max_abs_e"."""
 
     @property
     @abstractmethod
@@ -69,12 +69,12 @@ class Flight(ABC):
 
     @abstractmethod
     def measured(self, after: Array) -> tuple[float, ...]:
-        """Return the metrics in the order of ``units``, from those of the samples (K,) for which ``after`` is true."""
+        """Return the metrics in the order of ``units``, computed from the samples (K,) for which ``after`` is true."""
 
     @property
     @abstractmethod
     def path(self) -> Array:
-        """The position forward, left and up (K, 3), in the vehicle's unit of length."""
+        """The position forward, left and up (K, 3), in the length unit of the vehicle."""
 
     @property
     @abstractmethod
@@ -103,7 +103,7 @@ class Flight(ABC):
         return self.timing.fails_at
 
     def column(self, name: str) -> Array:
-        """Return one of ``columns`` over the samples. KeyError for a different name."""
+        """Return one of ``columns`` over the samples. Raises KeyError for an unknown name."""
         places = {one: place for place, one in enumerate(self.columns)}
         return np.asarray(self.record[:, Named.of("column", places)[name]])
 
@@ -124,7 +124,7 @@ class Flight(ABC):
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """The metrics after the failure, by their names in the JSON. They are null if control was lost."""
+        """The metrics after the failure, by their names in the JSON. The metrics are null if control was lost."""
         after, names = self._after, self.units
         if self.lost or not after.any():
             return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(names)})

@@ -1,4 +1,4 @@
-"""``fly`` flies controllers through failures on one vehicle, each controller in its own process."""
+"""``fly`` flies controllers through failures on one vehicle, each controller in a separate process."""
 
 from __future__ import annotations
 
@@ -35,16 +35,18 @@ def fly(
     """Fly controllers on a flight model, each through every failure. JSBSim and MuJoCo come with the extra ``flight``.
 
     name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command; "quadrotor": a figure
-                 of eight in MuJoCo, by a geometric controller and the schemes' additions to it; or another installed vehicle
-    schemes      from ``vehicles.registry.vehicles()[name].schemes``; all by default, "hinf" if the extra ``robust`` is installed
-    controllers  further, your own sampled controllers, bound to the ``adaptive_problem`` of the F-16's axis or of the
-                 quadrotor's roll, pitch and yaw
-    failures     from ``vehicles.registry.vehicles()[name].failures``; all by default
+                 of eight in MuJoCo, flown by a geometric controller with the additions of the schemes; or another installed
+                 vehicle
+    schemes      names from ``vehicles.registry.vehicles()[name].schemes``; all by default, including "hinf" if the extra
+                 ``robust`` is installed
+    controllers  further sampled controllers of your own, which are bound to the ``adaptive_problem`` of the F-16's axis or of the
+                 quadrotor's roll, pitch and yaw axes
+    failures     names from ``vehicles.registry.vehicles()[name].failures``; all by default
     condition    a ``FlightCondition`` at which the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
-    equipment    an ``Equipment``, the hardware between controller and surface of the F-16; the axis's own by default
-    delays       whether the delay is also increased until control is lost, which takes some ten more flights per controller
-    software_in_the_loop  ``exported_c`` flies the exported C of each controller, compiled by this machine's compiler, in
-                          parallel with the simulated controller, and compares u and the state of both bit for bit; by default
+    equipment    an ``Equipment``, the hardware between controller and surface of the F-16; by default that of the axis
+    delays       whether to increase the delay until control is lost, which takes about ten more flights per controller
+    software_in_the_loop  ``exported_c`` flies the exported C of each controller, compiled by this machine's compiler, in parallel
+                          with the simulated controller, and the u and the state of both are compared bit for bit; by default,
                           only the simulated controller flies
 
     Raises InputError for anything that cannot be flown, and SimulatorFailed if the simulator fails before any flight.
@@ -76,15 +78,15 @@ def fly(
 
 
 def chosen_schemes(vehicle: AnyVehicle, names: Sequence[str] | None) -> list[str]:
-    """Return each scheme once, by default all that can be designed here. Raises InputError for one that the vehicle does not
-    offer."""
+    """Return each scheme once, by default all that can be designed on this machine. Raises InputError for a scheme that the
+    vehicle does not offer."""
     wanted = list(dict.fromkeys(available(vehicle.schemes) if names is None else names))
     require_offered(wanted, vehicle.schemes)
     return wanted
 
 
 def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[Failing, ...]:
-    """Return the failures, by default all. Raises InputError for one that the vehicle does not have."""
+    """Return the failures, by default all. Raises InputError for a failure that the vehicle does not have."""
     known = {one.name: one for one in vehicle.failures}
     unknown = [one for one in names or () if one not in known]
     if unknown:
@@ -93,7 +95,7 @@ def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[F
 
 
 def on_loop(vehicle: AnyVehicle, loop: Loop, scheme: str) -> OnLoop:
-    """Return a scheme with the numbers that were found for a loop."""
+    """Return a scheme with the parameters that were found for a loop."""
     return vehicle.schemes[scheme].make(loop, vehicle.numbers[loop.like][scheme])
 
 
@@ -104,8 +106,8 @@ def aboard(
     controllers: Sequence[Controller] = (),
     maker: Maker = SampledList.of,
 ) -> list[Aboard]:
-    """Return the controllers to be flown: first the schemes, then your own. Raises InputError for one that does not fit the
-    vehicle's computer."""
+    """Return the controllers to be flown: first the schemes, then your own. Raises InputError for a controller that does not fit
+    the vehicle's computer."""
     found = [
         *(scheme_aboard(vehicle, model, name, maker) for name in schemes),
         *(_own(vehicle, model, one, maker) for one in controllers),
@@ -124,7 +126,7 @@ def scheme_aboard(vehicle: AnyVehicle, model: Any, name: str, maker: Maker = Sam
 
 
 def _own(vehicle: AnyVehicle, model: Any, controller: Controller, maker: Maker) -> Aboard:
-    """Return a user's own controller on its loops. The other loops use the vehicle's plain feedback."""
+    """Return a user's controller on its loops. The other loops use the vehicle's plain feedback."""
     loops = list(vehicle.loops(model))[: vehicle.own_loops]
     own = tuple(maker(loop.adaptive_problem, controller) for loop in loops)
     for loop, one in zip(loops, own, strict=True):
@@ -144,7 +146,8 @@ def flown(
 
 
 def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Failing]) -> list[Flight]:
-    """Fly all flights in one process. If it fails, fly each in its own process, so only the failing one is lost."""
+    """Fly all flights in one process. If it fails, fly each flight in a separate process, so that only the failing flight is
+    lost."""
     try:
         return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, vehicle, model, one, failures)
     except SimulatorFailed as error:

@@ -1,7 +1,7 @@
-"""Calls a function in a separate process with a time limit, so a simulator's crash there becomes one sentence here.
+"""Calls a function in a separate process with a time limit, so that a crash of a simulator becomes one sentence in this process.
 
 On some errors in its files JSBSim ends the whole process, and it prints freely. Both effects are confined to the separate
-process. The function, its arguments and its result are pickled between a process and its own child.
+process. The function, its arguments and its result are pickled between a process and its child.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ASKED, ANSWERED = "asked.pickle", "answered.pickle"
 LONGEST_REASON = 200
 """Largest number of characters of a simulator's last output that are shown."""
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
-"""Time limits [s]. A simulator and compiled controllers start in two seconds and fly in one and a half; a shared machine takes
+"""Time limits [s]. A simulator and compiled controllers start in two seconds and fly in one and a half; a shared machine may take
 many times as long."""
 
 
@@ -37,7 +37,7 @@ class SimulatorFailed(RuntimeError):
 def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
     """Call ``function(*given, **named)`` in a different process. The function must be at the top level of a module.
 
-    Raises InputError if the function does, and SimulatorFailed if the process crashes or takes longer than ``seconds``.
+    Raises InputError if the function raises it, and SimulatorFailed if the process crashes or takes longer than ``seconds``.
     """
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made)
@@ -80,7 +80,7 @@ def _crash(code: int, said: str) -> str:
 
 def _end_with_parent(folder: Path) -> None:
     """Wait in the child, in parallel with its work, for the end of the parent. If the parent was killed, clean up in its place
-    and end as well."""
+    and end too."""
     os.read(sys.stdin.fileno(), 1)
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 DRAWN_STRIDE = 10
-"""Number of samples from one drawn point to the next. At 100 Hz this is a tenth of a second, three pixels of a page."""
+"""Number of samples from one drawn point to the next. At 100 Hz this is 0.1 s, or three pixels on a page."""
 
 
 def figure_of(vehicle: Vehicle[Any, Any, Any], flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw the vehicle's panels with all controllers through one failure. Lost ones are drawn within the others' ranges.
+    """Draw the vehicle's panels with all controllers through one failure. Lost flights are drawn within the ranges of the others.
 
-    narrow, shown  as for a run's picture
+    narrow, shown  as for the picture of a run
     """
     return draw([_panel(one, flights) for one in vehicle.panels], vehicle.timing.duration, narrow=narrow, shown=shown)
 
@@ -51,7 +51,7 @@ def _panel(of: Shown[Any], flights: Sequence[Flight]) -> Panel:
 
 
 def thinned(values: Array) -> Array:
-    """Return every n-th row of a record, and its last one."""
+    """Return every n-th row of a record, and the last row."""
     rows = np.unique([*range(0, len(values), DRAWN_STRIDE), len(values) - 1])
     return np.asarray(values[rows])
 
@@ -59,17 +59,17 @@ def thinned(values: Array) -> Array:
 PATH_POINTS = 250
 """Number of points of a drawn path. Successive points are a pixel and a half apart on a phone."""
 MARKED_EVERY = 25
-"""Number of points of a path from one mark to the next, if its line has marks."""
+"""Number of path points from one mark to the next, if the line has marks."""
 ELEVATION, AZIMUTH = 24.0, -58.0
 """The viewing direction [deg]."""
 PAD = 0.1
 """Space around a picture, and between its legend and its box [in]."""
 WIRE_SHARE = 0.05
-"""Size of a vehicle's frame, as a fraction of the box's longest side. It is drawn larger than to scale."""
+"""Size of a vehicle's frame, as a fraction of the box's longest side. The frame is drawn larger than to scale."""
 
 
 def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw all paths, with each vehicle at the end of its path and a cross where one was lost."""
+    """Draw all paths, with each vehicle at the end of its path and a cross where a vehicle was lost."""
     width, height = (NARROW, 4.2) if narrow else (8.0, 4.6)
     figure = new_figure(width, height, shown=shown)
     axes = box_of(figure, scene, font=8.0 if narrow else 9.0)
@@ -93,8 +93,8 @@ def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> 
 
 
 def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
-    """Make the box as large as fits below the legend, and the metric only as high as both need. The flight determines the box's
-    shape."""
+    """Make the box as large as fits below the legend, and the figure only as high as both need. The flight determines the shape
+    of the box."""
     width, height = figure.get_size_inches()
     (legend,) = figure.legends
     top = height - legend.get_window_extent().y0 / figure.dpi
@@ -113,8 +113,8 @@ def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
 
 
 def _drawn(figure: Figure, axes: Axes3D, scene: Scene) -> tuple[Array, Array]:
-    """Return the smallest and largest coordinates of the box with its numbers and labels, from the metric's lower left corner
-    [in]."""
+    """Return the smallest and largest coordinates of the box with its numbers and labels, from the lower left corner of the
+    figure [in]."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
     figure.draw_without_rendering()
@@ -161,7 +161,7 @@ def frame(scene: Scene, place: Array, attitude: Array) -> list[Array]:
 
 
 def inside(scene: Scene, points: Array) -> Array:
-    """Return the points without those outside the box, which Matplotlib would draw beside it."""
+    """Return the points inside the box; Matplotlib would draw the others beside it."""
     low, high = scene.box
     return np.where(((points >= low) & (points <= high)).all(axis=1)[:, None], points, np.nan)
 

@@ -11,7 +11,7 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mover:
-    """One vehicle's flight at the scene's instants, up to its loss.
+    """The flight of a vehicle at the instants of the scene, up to its loss.
 
     label     the controller's name
     colour    from the palette, as in the other pictures
@@ -29,7 +29,7 @@ class Mover:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """A scene at some instants.
+    """A scene at a number of instants.
 
     unit    the unit of all lengths
     t       (K,) the instants [s]
@@ -53,8 +53,8 @@ class Scene:
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """The smallest and largest coordinates of the vehicles that kept control, or of all if none did. Each span is at least
-        1."""
+        """The smallest and largest coordinates of the vehicles that kept control, or of all vehicles if none did. Each span is at
+        least 1."""
         kept = [one.path for one in self.movers if not one.lost] or [one.path for one in self.movers]
         points = np.vstack([*kept, *([] if self.target is None else [self.target])])
         low, high = points.min(axis=0), points.max(axis=0)

@@ -1,6 +1,8 @@
-"""The package's schemes on the loops of vehicles: how each is made from a loop and its numbers, and which a vehicle offers.
+"""The package's schemes on the loops of vehicles: how each is made from a loop and its parameters, and which schemes a vehicle
+offers.
 
-This file contains what is common to all vehicles. A vehicle's own parts, above all its linear designs, are in its folder.
+This file contains what is common to all vehicles. The parts specific to a vehicle, above all its linear designs, are in its
+folder.
 """
 
 from __future__ import annotations
@@ -22,15 +24,15 @@ from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError, show
 
 ROBUST = "hinf"
-"""The name, on every vehicle, of the scheme whose synthesis needs packages of the extra ``robust``."""
+"""The name, for every vehicle, of the scheme whose synthesis needs packages of the extra ``robust``."""
 Numbers = Mapping[str, float]
-"""The numbers of a scheme, by the names of its knobs, in units of the loop."""
+"""The parameters of a scheme, by the names of its knobs, in units of the loop."""
 
 
 class Loop(Protocol):
-    """One loop of a vehicle in the form for schemes, x' = A_m x + b (theta'phi(x) + u).
+    """A loop of a vehicle in the form that schemes expect, x' = A_m x + b (theta'phi(x) + u).
 
-    like              the loop on whose linear model the schemes' numbers were found
+    like              the loop on whose linear model the parameters of the schemes were found
     linear_problem    the problem with phi(x) = x
     adaptive_problem  the problem with phi(x) = (1, x)
     time_unit         a time [s]; bandwidths are multiples of its inverse
@@ -79,8 +81,8 @@ class OnLoop(NamedTuple):
 class Scheme:
     """A scheme that a vehicle offers.
 
-    make         a function from a loop and the scheme's numbers to the flown controller
-    knobs        the tuned parameters, each with the range of the search
+    make         a function from a loop and the parameters of the scheme to the flown controller
+    knobs        the tuned parameters, each with its search range
     counterpart  the name of the corresponding scheme on other vehicles, if it differs
     """
 
@@ -147,8 +149,8 @@ def _piecewise(loop: Loop, numbers: Numbers, name: str, as_flown: AsFlown | None
 
 
 def protected(loop: Loop, linear: LinearFeedback, crossover: float) -> OnLoop:
-    """Make a sampled linear controller whose integral is protected against windup. The weight of a missing control is the
-    controller's own gain at the crossover [rad/s]."""
+    """Make a sampled linear controller whose integral is protected against windup. The weight of a missing control is the gain of
+    the controller at the crossover [rad/s]."""
     K = StateSpace.accept("controller", linear.controller)
     gain = float(abs(K.response(np.array([crossover]))[0]))
     return OnLoop(loop.linear_problem, Sampled(replace(linear, anti_windup=gain), loop.sample_time))
@@ -158,8 +160,8 @@ Range = Mapping[str, tuple[float, float]]
 
 
 def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range, adaptation: Range) -> dict[str, Scheme]:
-    """Return the schemes that all vehicles offer: the vehicle's own MRAC, and those that are made from any loop in the same
-    way."""
+    """Return the schemes that all vehicles offer: the MRAC of the vehicle, and the schemes that are made from any loop in the
+    same way."""
     return {
         "adrc": Scheme(adrc, bandwidth),
         "mrac": Scheme(mrac, adaptation),
@@ -171,7 +173,7 @@ def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range
 
 
 def available(offered: Iterable[str]) -> list[str]:
-    """Return those of the schemes whose packages are installed."""
+    """Return the schemes whose packages are installed."""
     return [name for name in offered if name != ROBUST or find_spec("slycot") is not None]
 
 

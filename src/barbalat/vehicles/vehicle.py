@@ -1,4 +1,4 @@
-"""The declaration of a vehicle. With it the engine flies the vehicle, draws random variations of it, and shows the results."""
+"""The declaration of a vehicle. From it, the engine flies the vehicle, draws random variations of it, and shows the results."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class Aboard:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drawing:
-    """How a campaign draws variations of a vehicle, the duration of the flights, and the words for the results.
+    """How a campaign draws variations of a vehicle, the timing of its flights, and the words for its results.
 
-    drawn       the distribution of each number, by its name
+    drawn       the distribution of each number, by name
     units       the units of numbers; a number without a unit is a factor of its nominal value
-    conditions  the flight conditions, which the draws use in turn: in words, and in the form for ``Vehicle.nominal``
+    conditions  the flight conditions, which the draws use in turn, in words and in the form for ``Vehicle.nominal``
     travel      the metric for the distance that something moves per second, and a word for it
-    beside      the scheme with which all others are compared if it flies, and a short name for it
-    set_by      the rule by which the schemes' numbers were found
-    chunk       number of flights of a process before their rows are stored, about half a minute's
+    beside      the scheme with which all others are compared, if it flies, and a short name for it
+    set_by      the rule by which the parameters of the schemes were found
+    chunk       number of flights of a process before their rows are stored; these take about half a minute
     """
 
     drawn: Mapping[str, Uniform]
@@ -100,11 +100,11 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     A vehicle is pickled into the processes that fly.
 
-    name       its name on the command line
+    name       name on the command line
     meaning    what flies, in words
     failures   what can fail, "none" first
     schemes    the schemes that can fly it, by their names on the command line
-    numbers    the schemes' numbers, by ``Loop.like`` and scheme
+    numbers    parameters of the schemes, by ``Loop.like`` and scheme
     timing     the timing of its flights
     drawing    how a campaign draws variations of it
     """
@@ -118,14 +118,14 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     drawing: Drawing
 
     simulator: ClassVar[str]
-    """The package that simulates it."""
+    """The package that simulates the vehicle."""
     dispersion: ClassVar[Callable[..., Any]]
     """A function from a draw's values, by name, and its ``number`` to the dispersion for ``fly``. Without arguments it returns
-    that of the nominal vehicle."""
+    the dispersion of the nominal vehicle."""
     delays: ClassVar[DelaySearch]
     own_loops: ClassVar[int | None] = None
-    """A user's own controller closes this number of loops, counted from the first, and the scheme ``own_rest`` closes the others.
-    None means all loops."""
+    """How many loops, counted from the first, a user's controller closes; the scheme ``own_rest`` closes the others. None means
+    all loops."""
     own_rest: ClassVar[str] = ""
     headings: ClassVar[tuple[str, ...]]
     """The headings of a table of metrics, after the controller's name."""
@@ -136,7 +136,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     wire: ClassVar[tuple[Array, ...]]
     """The vehicle's frame in films: lines (P, 3) in the body's axes forward, left and up, of size 1."""
     shown: ClassVar[str]
-    """The contents of its picture, in words."""
+    """The contents of the picture, in words."""
     notes: ClassVar[tuple[str, ...]]
     """Notes for readers of the tables of metrics."""
 
@@ -146,11 +146,12 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def require(self, condition: Any, equipment: Any) -> None:
-        """Raise InputError if the vehicle cannot fly at this condition or with this equipment. None means its own."""
+        """Raise InputError if the vehicle cannot fly at this condition or with this equipment. None means the vehicle's own
+        condition or equipment."""
 
     @abstractmethod
     def nominal(self, condition: Any = None, equipment: Any = None) -> Model:
-        """Return the trimmed vehicle with its linear model, computed by the simulator in its own process. Raises InputError if
+        """Return the trimmed vehicle with its linear model, computed by the simulator in a separate process. Raises InputError if
         the simulator is not installed."""
 
     @abstractmethod
@@ -159,7 +160,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def pilot(self, model: Model, aboard: Aboard) -> Pilot:
-        """Return a scheme's whole controller. It is made once in each process."""
+        """Return the whole controller of a scheme. It is made once in each process."""
 
     @abstractmethod
     def fly(self, model: Model, pilot: Pilot, failures: Sequence[Any], dispersion: Any, timing: Timing) -> list[Flew]:
@@ -167,11 +168,11 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def delayed(self, seconds: float) -> Failing:
-        """Return the failure with which commands arrive this much later."""
+        """Return the failure that delays commands by this much."""
 
     @abstractmethod
     def broken(self, controller: str, failure: Any, why: str) -> Flew:
-        """Return the record of a flight in which the simulator failed, which is one row of zeros."""
+        """Return the record of a flight in which the simulator failed, a single row of zeros."""
 
     @abstractmethod
     def contents(self, model: Model, aboard: Sequence[Aboard]) -> Iterator[bytes]:
@@ -228,7 +229,7 @@ def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
 
 
 def vehicle_of(name: str) -> Vehicle[Any, Any, Any]:
-    """Return the vehicle with this name. Raises InputError for an unknown one."""
+    """Return the vehicle with this name. Raises InputError for an unknown name."""
     if name not in vehicles():
         raise InputError(f"NAME must be one of {', '.join(vehicles())}, got {show(name)}")
     return vehicles()[name]

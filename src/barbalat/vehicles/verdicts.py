@@ -1,7 +1,7 @@
 """The judge for flight models, which evaluates its operations over a flight's record sample by sample.
 
 Each vehicle has its own criteria for a loss, such as an envelope or the ground. Flights are not continued with the command held
-and without gusts and noise, so a limit cycle can only be suspected here, not confirmed.
+and without gusts and noise, so limit cycles can only be suspected, not confirmed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from barbalat.validate import Array, counted
 TAIL_SHARE = 0.75
 """Fraction of a flight's duration that precedes its tail."""
 WHOLE_SWING = 0.8
-"""Fraction of a control's range. A control whose average motion between reversals is larger swings from limit to limit."""
+"""Fraction of the range of a control. If its average motion between reversals is larger, it swings from limit to limit."""
 SWINGS = "swings from limit to limit"
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """The judge's data for a flight of K samples: n components that follow, m controls with limits, q commands.
+    """The judge's data for a flight of K samples: n tracking components, m controls with limits, q commands.
 
     names, units  names and units of the components; the unit of the controls
     y, y_m        (K, n) the actual motion and the commanded one
@@ -94,7 +94,7 @@ def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
 
 
 def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
-    """Return a text on motion of the controls in the tail that no command explains; empty if there is none."""
+    """Return a text on motion of the controls in the tail that the commands do not explain; empty if there is none."""
     if tail >= len(t):
         return ""
     reversals, swings = kept.reversals, kept.swings

@@ -1,1 +1,1 @@
-"""Guaranteed bounds: of the model, of the error by Theorem 1, of laws, regressors and output-feedback loops."""
+"""Guaranteed bounds on the model, on the error by Theorem 1, and on laws, regressors and output-feedback loops."""

@@ -1,9 +1,8 @@
-"""A bound of e for every command of the case's size and every theta in the known set, over cells of that set.
+"""A bound on e for every command of the case's size and every theta in the known set, computed over cells of that set.
 
 The loop and its parts e_c and s_i are those of ``known_command``. Their response to r is bounded by L1 norms, and the
 contribution of x(0) by half the variation of their free response. With H = (I - G (c - origin)')^-1 G of a cell, q = ||H||_1
-|rho|_1 < 1 and S
-the bound of sum_i rho_i |s_i|,
+|rho|_1 < 1 and S the bound on sum_i rho_i |s_i|,
 
     |e| <= |e_c| + S + q S/(1 - q) + (1 + ||H||_1 |c - origin|_1) |w|/(1 - q).
 
@@ -40,15 +39,16 @@ from barbalat.validate import Array, InputError
 NormsOf = Callable[[arb_mat, arb_mat, arb_mat], tuple[tuple[float, ...], int]]
 KEY = "error_bound_worst"
 MOST_CELLS, MOST_WORK = 24, 1_500_000
-"""Largest number of cells, and of cells times segments times the square of the loop's states: three seconds on one core."""
+"""Largest number of cells, and of cells times segments times the squared number of states of the loop: three seconds on one
+core."""
 MOST_SEGMENTS = 2000
-"""Largest number of segments for one norm; the rest is bounded by its decay."""
+"""Largest number of segments for one norm; the remainder is bounded by its decay."""
 CLOSE = 1.1
 """A bound is not refined if its relative distance to a norm that is attained at some theta is below this."""
 MOST_STATES = 30
 """Largest number of states of the loop with its variations."""
 CLOSENESS = 2.0**-36
-"""Width of the enclosures proven by witnesses, relative to the norms: far less than ROUNDED."""
+"""Width of the enclosures proven by witnesses, relative to the norms: far below ROUNDED."""
 ROUNDED = 1 + 1e-9
 """Allowance for rounding: the loop's matrices contain sums and products of a few float64 numbers, which change the norms by far
 less."""
@@ -63,7 +63,7 @@ class NormedCell(Cell):
 
 
 def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
-    """The bound over the known set, and that set with its cells; raises InputError, with the reason, if there is none."""
+    """The bound over the known set, and the set with its cells; raises InputError, with the reason, if there is no bound."""
     known_set, order = problem.uncertainty, itertools.count()
     if not isinstance(known_set, ParameterBox):
         raise InputError("the known set is a ball, but this bound is computed over the cells of a box")
@@ -91,9 +91,9 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
 
 
 def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple[arb_mat, arb_mat, arb_mat]]:
-    """(A, B, C) from r to e_c and the s_i; of the derivative of their free response, if x(0) is not zero; and of H."""
+    """(A, B, C) from r to e_c and the s_i; (A, B, C) of the derivative of their free response, if x(0) is not zero; and of H."""
     n, m = problem.known.n, len(loop.B)
-    whole = motion(problem, loop, Generator(np.zeros((1, 1)), np.ones(1), []), center)  # its first state is r
+    whole = motion(problem, loop, Generator(np.zeros((1, 1)), np.ones(1), []), center)  # the first state is r
     rows, C = whole.A.tolist()[1:], arb_mat([row[1:] for row in whole.C.tolist()])
     A, of_r = arb_mat([row[1:] for row in rows]), arb_mat([row[:1] for row in rows])
     looped = arb_mat([row[n : n + m] for row in A.tolist()[n : n + m]])
@@ -106,7 +106,7 @@ def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple
 
 def witness(problem: Problem, loop: KnownLoop, cell: NormedCell) -> dict[str, Any]:
     """The witnesses of a cell's norms; raises InputError if one of them is not found."""
-    found: dict[str, Any] = {"center": cell.center.tolist()}  # rounded: the witnesses hold for the loop with these numbers
+    found: dict[str, Any] = {"center": cell.center.tolist()}  # rounded: the witnesses hold for these numbers
     for name, (A, B, C) in systems(problem, loop, cell.center).items():
         size = max(_norms(A, B, C)[0])
         found[name] = norm_witness(A, B, C, size, closeness=CLOSENESS)
@@ -127,7 +127,7 @@ def _estimated(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[tuple[float, ...], i
 
 
 def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Array, norms_of: NormsOf) -> NormedCell:
-    """The cell with its bound. ``norms_of`` encloses or estimates the norms of a system's rows and counts its segments."""
+    """The cell with its bound. ``norms_of`` encloses or estimates the norms of the rows of a system and counts the segments."""
     center, n = low + (high - low) / 2, problem.known.n
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     try:
@@ -150,7 +150,8 @@ def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Arra
 
 
 def add(draft: Draft, problem: Problem, loop: KnownLoop, rests_on: tuple[Assumption, ...]) -> None:
-    """Add the bound of a loop for all commands, or the reason why there is none. The bound for the case's command uses it."""
+    """Add the bound of a loop for all commands, or the reason why there is none. The bound for the command of the case uses
+    it."""
     if problem.uncertainty is None or not is_needed(KEY, known_command.KEY):
         return
     with draft.part(KEY):

@@ -1,4 +1,4 @@
-"""Theorem 1 with bounded disturbances: the resulting bound of V if the estimates are projected.
+"""Theorem 1 with bounded disturbances: the resulting bound on V if the estimates are projected.
 
 With w = b d + sum_j E_j d_j, |P w| <= p and q <= lambda_min(-(P A_m + A_m'P)), V' <= -q |e|^2 + 2 p |e|: V falls wherever
 |e| > 2 p/q. Over the set theta_tilde'Gamma^-1 theta_tilde <= D^2, so V <= lambda_max(P) (2 p/q)^2 + D^2 at all times.
@@ -26,7 +26,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True)
 class Level:
-    """A bound of |e|_2, or of |x_tilde|_2 of a predictor: sqrt(of_estimates^2 + pushed^2).
+    """A bound on |e|_2, or on |x_tilde|_2 of a predictor: sqrt(of_estimates^2 + pushed^2).
 
     nu            |theta_tilde|_2/sqrt(lambda_min(P)) at the start; with disturbances the largest value in the set
     of_estimates  nu divided by the square root of the gain
@@ -48,7 +48,7 @@ def is_disturbed(problem: Problem) -> bool:
 
 
 def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed: Known | None = None) -> Level:
-    """The bound from V, with P of ``closed`` if it is given.
+    """The bound from V, with the P of ``closed`` if given.
 
     If a disturbance is unbounded or no estimate is projected, this is the bound without disturbances.
     """
@@ -65,7 +65,7 @@ def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed
 
 
 def push(problem: Problem, known: Known) -> float | None:
-    """p, a bound of |P w|_2, with P of ``known``.
+    """p, a bound on |P w|_2, with the P of ``known``.
 
     None if there is no disturbance, if one is unbounded, or if there is a baseline, which has a different V.
     """
@@ -84,19 +84,19 @@ def push(problem: Problem, known: Known) -> float | None:
 
 
 def decay(known: Known) -> float:
-    """q, a lower bound of lambda_min(-(P A_m + A_m'P)), verified in ball arithmetic."""
+    """q, a lower bound on lambda_min(-(P A_m + A_m'P)), verified in ball arithmetic."""
     product = exact_matrix(known.P) * exact_matrix(known.A_m)
     Q = -(product + product.transpose())
     return _verified(float(np.linalg.eigvalsh(-(known.P @ known.A_m + known.A_m.T @ known.P))[0]), -1, lambda q: (Q, q))
 
 
 def largest_eigenvalue(P: Array) -> float:
-    """An upper bound of lambda_max(P), verified in ball arithmetic."""
+    """An upper bound on lambda_max(P), verified in ball arithmetic."""
     return _verified(float(np.linalg.eigvalsh(P)[-1]), 1, lambda largest: (-exact_matrix(P), -largest))
 
 
 def _verified(value: float, side: int, definite: Callable[[float], tuple[arb_mat, float]]) -> float:
-    """The candidate nearest to an approximate eigenvalue for which the shifted matrix is provably positive definite."""
+    """The candidate, nearest to an approximate eigenvalue, for which the shifted matrix is provably positive definite."""
     for slack in (1e-13, 1e-10, 1e-7, 1e-4, 1e-2):
         candidate = value * (1 + side * slack)
         if candidate > 0 and is_positive_definite(*definite(candidate)):

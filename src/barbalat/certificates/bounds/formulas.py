@@ -1,4 +1,4 @@
-"""Guaranteed bounds of formulas in ball arithmetic: of |phi(x)| on a box of states, of f(t, y) and of its slope in y."""
+"""Guaranteed bounds on formulas in ball arithmetic: on |phi(x)| over a box of states, on f(t, y), and on its slope in y."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from barbalat.validate import Array
 TIGHTNESS_RATIO = 1.05
 """The bound is at most this multiple of the largest value found, unless MOST_CUTS are insufficient."""
 MOST_CUTS = 400
-"""Largest number of cuts of the box; the bound holds after any number of cuts."""
+"""Largest number of cuts of the box; the bound is valid after any number of cuts."""
 CORNER_STATES = 8
-"""Number of states up to which the largest value is also sought at the corners of a box; with more states only the centre is
+"""Number of states up to which the largest value is also sought at the corners of a box; with more states, only the centre is
 tried."""
 
 
 def largest_square(regressor: Regressor, low: Array, high: Array) -> float:
-    """An upper bound of |phi(x)|_2^2 over low <= x <= high, (n,) each; infinite if ball arithmetic gives none."""
+    """An upper bound on |phi(x)|_2^2 over low <= x <= high, each (n,); infinite if ball arithmetic gives none."""
     if isinstance(regressor, Linear):
         return float(np.sum(np.maximum(np.abs(low), np.abs(high)) ** 2)) * (1 + 1e-12)
     seen = _seen(regressor, low, high)
@@ -65,8 +65,8 @@ def _seen(regressor: Regressor, low: Array, high: Array) -> float:
 
 
 SLOPE_PIECES = 256
-"""Pieces of the interval of y: the slope is enclosed on each, so a bound is too wide by about the slope's change over a
-piece."""
+"""Pieces of the interval of y: the slope is enclosed on each piece, so a bound is too wide by about the change of the slope over
+a piece."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _as_slope(value: Any) -> Slope:
 
 
 def largest_slope(f: Nonlinearity, radius: float, t_end: float) -> float:
-    """An upper bound of |df/dy| for |y| <= radius and 0 <= t <= t_end; infinite if none is found."""
+    """An upper bound on |df/dy| for |y| <= radius and 0 <= t <= t_end; infinite if none is found."""
     width = arb(radius) / SLOPE_PIECES
     return max(
         _float_above(_at(f, arb(0, 1) * width + (2 * k + 1 - SLOPE_PIECES) * width, t_end).slope) for k in range(SLOPE_PIECES)
@@ -147,14 +147,14 @@ def largest_slope(f: Nonlinearity, radius: float, t_end: float) -> float:
 
 
 def steepest_seen(f: Nonlinearity, radius: float) -> float:
-    """A lower bound of max |df/dy| over |y| <= radius, from 65 points at t = 0; every Lipschitz constant is at least as large."""
+    """A lower bound on max |df/dy| over |y| <= radius, from 65 points at t = 0; every Lipschitz constant is at least as large."""
     points = [radius * k / 32 for k in range(-32, 33)]
     slopes = [_at(f, arb(y), 0.0).slope for y in points]
     return max((float_below(abs(slope).abs_lower()) for slope in slopes if slope.is_finite()), default=math.inf)
 
 
 def largest_at_zero(f: Nonlinearity, t_end: float) -> float:
-    """An upper bound of |f(t, 0)| for 0 <= t <= t_end; infinite if none is found."""
+    """An upper bound on |f(t, 0)| for 0 <= t <= t_end; infinite if none is found."""
     return _float_above(_at(f, arb(0), t_end).value)
 
 

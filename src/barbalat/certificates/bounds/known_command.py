@@ -1,14 +1,13 @@
-"""A bound of e for the case's own command and every theta in the known set: docs/proofs.md, "Along the command".
+"""A bound on e for the command of the case and every theta in the known set (docs/proofs.md, "Along the command").
 
-A loop that equals the model for theta = origin has e = G[(theta - origin)'x - k r] + w, with G from a matched disturbance to x, k
-the factor with which the command passes G, and w due to adaptation. Over a cell |theta_i - c_i| <= rho_i, with H = (I - G (c -
-origin)')^-1 G,
+A loop that equals the model for theta = origin has e = G[(theta - origin)'x - k r] + w, where G is the transfer matrix from a
+matched disturbance to x, k the factor with which the command passes through G, and w is due to adaptation. Over a cell |theta_i -
+c_i| <= rho_i, with H = (I - G (c - origin)')^-1 G,
 
     e_c = H[(c - origin)'x_m - k r],  x_c = x_m + e_c,  s_i = H[x_c,i],  N = ||G||_1,  q = N |rho|_1/(1 - N |c - origin|_1),
 
 e differs from e_c + sum_i (theta_i - c_i) s_i by at most q/(1 - q) sup |sum_i rho_i |s_i||, apart from the contribution of w. e_c
-and s_i follow from the command: they are enclosed along it up to t_end. Cells are halved until the remaining uncertainty is
-small.
+and s_i follow from the command and are enclosed along it up to t_end. Cells are halved until the remaining uncertainty is small.
 """
 
 from __future__ import annotations
@@ -37,7 +36,8 @@ from barbalat.validate import Array, InputError
 
 KEY, OF_EVERY_COMMAND = "error_bound_command", "error_bound_worst"
 MOST_CELLS, MOST_WORK = 16, 250_000
-"""Largest number of cells, and of cells times steps times the square of the loop's states: a second or two on one core."""
+"""Largest number of cells, and of cells times steps times the squared number of states of the loop: a second or two on one
+core."""
 NEGLIGIBLE_REST = 0.05
 """A cell whose size contributes less than this fraction of its bound is not halved again."""
 MOST_STATES = 40
@@ -48,7 +48,7 @@ MOST_STATES = 40
 class KnownLoop:
     """G = (A, B, C = the first n states), from v = (theta - origin)'x - k r to e without adaptation; exact balls in a proof.
 
-    passes  k, the factor with which the command passes G in addition to the plant
+    passes  k, the factor with which the command passes through G in addition to the plant
     norm    N, at least ||G||_1
     added   sup |w|, due to adaptation, if theta is the origin: for other theta it is divided by 1 - N |theta - origin|_1
     """
@@ -63,7 +63,7 @@ class KnownLoop:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """The cell low <= theta <= high with its bound, the contribution of each side to it, and its halves."""
+    """The cell low <= theta <= high with its bound, the contribution of each side to the bound, and its halves."""
 
     low: Array
     high: Array
@@ -97,7 +97,7 @@ class FollowedCell(Cell):
 
 
 def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> tuple[float, FollowedCell]:
-    """The bound over the known set, and that set with its cells; raises InputError, with the reason, if there is none."""
+    """The bound over the known set, and the set with its cells; raises InputError, with the reason, if there is no bound."""
     if not isinstance(known_set, ParameterBox):
         raise InputError("the known set is a ball, but the response to the command is bounded over the cells of a box")
     states = _states(problem, loop)
@@ -125,7 +125,7 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
 
 
 def witness(cell: FollowedCell) -> dict[str, Any]:
-    """The numbers that are needed to compute the response of a cell again."""
+    """The numbers needed to recompute the response of a cell."""
     found = cell.followed
     return {"bits": 2 * found.bits, "weights": found.weights, "steps": found.steps}
 
@@ -146,7 +146,7 @@ def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     response = followed(motion(problem, loop, signal, center))
     n = problem.known.n
-    sizes = np.array(response.bounds).reshape(len(response.bounds), n + 1, n, -1)  # bounds of e_c, s_1 ... s_n on each step
+    sizes = np.array(response.bounds).reshape(len(response.bounds), n + 1, n, -1)  # bounds on e_c, s_1 ... s_n in each step
     varied = rho[None, :, None, None] * sizes[:, 1:]
     first = float((sizes[:, 0] + varied.sum(axis=1)).max()) * OUTWARD_FACTOR
     of_size = float(varied.sum(axis=1).max()) * OUTWARD_FACTOR
@@ -161,7 +161,7 @@ def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high
 
 
 def motion(problem: Problem, loop: KnownLoop, signal: Generator, center: Array) -> Motion:
-    """(w, x_m, e_c, s_1 ... s_n) with w of the command's generator; outputs are e_c and the s_i."""
+    """(w, x_m, e_c, s_1 ... s_n) with w of the command generator; the outputs are e_c and the s_i."""
     n, k, m = problem.known.n, len(signal.S), len(loop.B)
     A_m, b_r, _ = problem.model.matrices
     with ctx.workprec(MOST_BITS):
@@ -208,8 +208,8 @@ class _Blocks:
 
 
 def add(draft: Draft, problem: Problem, loop: KnownLoop, t_end: float, rests_on: tuple[Assumption, ...]) -> None:
-    """Add the bound of a loop for the known command, or the reason why there is none. The bound for every command holds for it
-    too."""
+    """Add the bound of a loop for the known command, or the reason why there is none. The bound for every command also holds for
+    this command."""
     known_set = problem.uncertainty
     if known_set is None:
         return
@@ -232,7 +232,8 @@ def told(certificate: Certificate) -> str:
 
 
 def of_adapting(problem: Problem, closed: Known, gamma: float | Array, theta_hat0: Array) -> float:
-    """sup |x_tilde_i| over the known set for any command: V decreases, so x_tilde_i^2 <= (P^-1)_ii V(0), with P of ``closed``."""
+    """sup |x_tilde_i| over the known set for any command. V decreases, so x_tilde_i^2 <= (P^-1)_ii V(0), with the P of
+    ``closed``."""
     known_set = problem.uncertainty
     assert known_set is not None
     single = np.ndim(gamma) < 2
@@ -243,7 +244,7 @@ def of_adapting(problem: Problem, closed: Known, gamma: float | Array, theta_hat
 
 
 def largest_component(P: Array, least: float) -> float:
-    """max_i sqrt((P^-1)_ii lambda_min), at most 1: the ratio of the bound of |e_i| to the bound of |e|_2 from V, rounded up."""
+    """max_i sqrt((P^-1)_ii lambda_min), at most 1: the ratio of the bound on |e_i| to the bound on |e|_2 from V, rounded up."""
     inverse = exact_matrix(P).inv()
     widest = max((inverse[i, i] for i in range(len(P))), key=float)
     found = float_above((widest * arb(least)).sqrt()) * OUTWARD_FACTOR

@@ -46,11 +46,11 @@ class LyapunovScheme(Protocol):
 
 
 class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
-    """Settings of a scheme with that V whose law may be modified."""
+    """Settings of a scheme with this V whose law may be modified."""
 
 
 def least_gain(gamma: float | Array) -> float:
-    """A guaranteed lower bound of the gain's smallest eigenvalue; for a scalar gain, the gain itself."""
+    """A guaranteed lower bound on the smallest eigenvalue of the gain; for a scalar gain, the gain itself."""
     return smallest_eigenvalue(gamma) if Gain(gamma).is_matrix else float(np.min(gamma))
 
 
@@ -62,7 +62,7 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
 
 
 def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed: Known | None = None) -> float:
-    """nu_0/sqrt(Gamma) of (9), or for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up; P is that of
+    """nu_0/sqrt(Gamma) of (9), or for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up, with the P of
     ``closed``."""
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
@@ -72,12 +72,12 @@ def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed:
 
 
 def is_modified(controller: ModifiedScheme) -> bool:
-    """Whether the law is modified: a leakage or a memory adds a decay of the estimates, and a dead zone scales the error."""
+    """Whether the law is modified: a leakage or a memory makes the estimates decay, and a dead zone scales the error."""
     return not (controller.leakage is None and controller.dead_zone is None and controller.learning is None)
 
 
 def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> Assumption:
-    """The assumption that the projection keeps V' <= 0. With a gain that couples the parameters it may fail if the projection
+    """The assumption that the projection keeps V' <= 0. It may fail for a gain that couples the parameters, if the projection
     cuts corners."""
     cut = Gain(gamma).couples and known_set is not None and known_set.cuts_corners
     why = "a gain matrix in corners of the known set" if cut else ""

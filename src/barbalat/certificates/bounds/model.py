@@ -1,4 +1,4 @@
-"""Guaranteed bounds of the command and of the reference model, by L1 norms and a Lyapunov function."""
+"""Guaranteed bounds on the command and on the reference model, by L1 norms and a Lyapunov function."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True)
 class ModelBounds:
-    """Guaranteed bounds of the command and the reference model: sup |r|, sup max_i |x_m,i|, sup |x_m|_2."""
+    """Guaranteed bounds on the command and the reference model: sup |r|, sup max_i |x_m,i|, sup |x_m|_2."""
 
     r: float
     x_m: float
@@ -28,7 +28,8 @@ class ModelBounds:
 
 
 def model_bounds(problem: Problem) -> ModelBounds:
-    """Bounds from the signal's own bound and L1 norms, not from samples. Raises InputError for a signal without a bound."""
+    """Bounds computed from the bound on the signal and from L1 norms, not from samples. Raises InputError for a signal without a
+    bound."""
     r = problem.reference
     if not isinstance(r, BoundedSignal):
         raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
@@ -37,20 +38,21 @@ def model_bounds(problem: Problem) -> ModelBounds:
 
 
 def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[Array, Array]:
-    """Instants (K,) and x_m there, (K, n), under the case's own command: the exact response to the command, interpolated
-    linearly between them."""
+    """Instants (K,) and x_m (K, n) at these instants under the command of the case: the exact response to the command
+    interpolated linearly between the instants."""
     known, (A_m, B, _) = problem.known, problem.model.matrices
     return driven_response(A_m, B, np.eye(known.n), known.x0, problem.commands, simulation.t_end, simulation.steps)
 
 
 @lru_cache(maxsize=16)  # shared by the controllers of one case
 def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
-    """The largest |x_m|_2 under the case's own command in the run. This is the largest value at sampled instants, not a bound."""
+    """The largest |x_m|_2 in the run under the command of the case. This is the largest value at sampled instants, not a
+    bound."""
     return float(np.linalg.norm(motion_along_the_command(problem, simulation)[1], axis=1).max())
 
 
 def command_bounds(problem: Problem) -> Array:
-    """(m,) bounds of sup |(k_0 r)_j|; raises InputError for a command without a bound."""
+    """(m,) bounds on sup |(k_0 r)_j|; raises InputError for a command without a bound."""
     pushed = np.zeros(problem.known.inputs)
     for command, column in zip(problem.commands, np.reshape(problem.known.k_0, (len(pushed), -1)).T, strict=True):
         if not isinstance(command, BoundedSignal):
@@ -60,10 +62,10 @@ def command_bounds(problem: Problem) -> Array:
 
 
 def state_bounds(problem: Problem) -> list[float]:
-    """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: the sum of the bounds for each."""
+    """Guaranteed bounds on sup |x_m,i|, i = 1 ... n, for any inputs and commands: the sum of the individual bounds."""
     known, n, pushed = problem.known, problem.known.n, command_bounds(problem)
     columns = known.b.reshape(n, -1).T
-    if known.enters is not None:  # the commands also enter directly, each through its own column
+    if known.enters is not None:  # the commands also enter directly, each through a column
         pushed = np.array([command.bound for command in problem.commands if isinstance(command, BoundedSignal)])
         columns = problem.model.matrices[1].T
 

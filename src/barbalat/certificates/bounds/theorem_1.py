@@ -6,15 +6,15 @@ Every bound is rounded outward. The derivations are in docs/proofs.md and docs/t
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[-theta'x_ref + k_0 r], x_ref(0) = x(0), C at rest.
 
-With theta_tilde = theta_hat - theta, x_tilde = x - x_hat and G = W_b (1 - C): (1) and (5) give x - x_ref = G theta'(x - x_ref)
-- C W_b[theta_tilde'x], and (1) and (8) give x_tilde = -W_b[theta_tilde'x], from zero. So
+With theta_tilde = theta_hat - theta, x_tilde = x - x_hat and G = W_b (1 - C), (1) and (5) give x - x_ref = G theta'(x - x_ref)
+- C W_b[theta_tilde'x], and (1) and (8) give x_tilde = -W_b[theta_tilde'x], from zero initial conditions. So
 
     x - x_ref = (I - G theta')^-1 C [x_tilde],   |x - x_ref| <= ||C||_1/(1 - ||G||_1 theta_max) nu_0/sqrt(Gamma),
 
-if ||G||_1 theta_max < 1: the condition of Theorem 1 (ii).
+if ||G||_1 theta_max < 1, which is the condition of Theorem 1 (ii).
 
-Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, which V(0) contains, in place
-of its largest value over the known set.
+Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, as in V(0), in place of the
+largest value over the known set.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def small_gain(norm: Enclosure, theta_max: float) -> FilterCondition:
 
 
 def derivative_norm(known: Known) -> Enclosure:
-    """||s W_b(s)||_1; s W_b = A_m (sI - A_m)^-1 b + b is proper and its D = b counts."""
+    """||s W_b(s)||_1, where s W_b = A_m (sI - A_m)^-1 b + b is proper and D = b contributes to the norm."""
     return l1_norm(known.A_m, known.b[:, None], known.A_m, known.b[:, None])
 
 
@@ -75,13 +75,14 @@ def kappa_max(norm: Enclosure, theta_max: float) -> float:
 def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> float:
     """The largest kappa found for which the condition provably holds for C = 1/(kappa s + 1), within ``relative``.
 
-    Secants between kappa_max, where it holds, and a kappa for which it provably fails; infinite if it never fails.
+    Found by secants between kappa_max, where the condition holds, and a kappa for which it provably fails; infinite if it never
+    fails.
     """
 
     def size(kappa: float) -> float:
         return filter_condition(known, input_filter(kappa).realise(), theta_max).value_upper
 
-    # 1 - C -> 1 for kappa -> infinity: the norm tends to that of W_b itself
+    # 1 - C -> 1 for kappa -> infinity: the norm tends to the norm of W_b
     if theta_max == 0 or l1_norm(known.A_m, known.b[:, None], np.eye(known.n), np.zeros((known.n, 1))).upper * theta_max < 1:
         return math.inf
     start = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # kappa ||s W_b|| theta_max < 1 there, as ||C||_1 = 1
@@ -107,7 +108,7 @@ def mrac_bound(nu: float, gamma: float) -> float:
 def l1_bound(nu: float, gamma: float, condition: FilterCondition, theta_max: float, k_0: float, model: ModelBounds) -> float:
     """(10), for any C(s): [nu_0/sqrt(Gamma) + N (theta_max |x_m| + |k_0| |r|)] / (1 - N theta_max), N = ||W_b (1 - C)||_1.
 
-    Infinite if the condition does not hold.
+    The bound is infinite if the condition does not hold.
     """
     if not condition.holds:
         return math.inf
@@ -134,14 +135,14 @@ def time_constant(C: TransferFunction | None) -> float | None:
 
 
 def filter_norm(C: StateSpace) -> float:
-    """An upper bound of ||C||_1."""
+    """An upper bound on ||C||_1."""
     return l1_norm(C).upper
 
 
 def reference_error_bound(level: float, condition: FilterCondition, C: StateSpace) -> float:
-    """gamma_1/sqrt(Gamma), a bound of every component of x - x_ref at all times; ``level`` is nu_0/sqrt(Gamma) of x_tilde.
+    """gamma_1/sqrt(Gamma), a bound on every component of x - x_ref at all times; ``level`` is nu_0/sqrt(Gamma) for x_tilde.
 
-    Infinite if the condition does not hold.
+    The bound is infinite if the condition does not hold.
     """
     if not condition.holds:
         return math.inf
@@ -149,9 +150,10 @@ def reference_error_bound(level: float, condition: FilterCondition, C: StateSpac
 
 
 def exact_gain(known: Known, C: StateSpace, theta: Array) -> float:
-    """||(I - G theta')^-1 C||_1, rounded up: for this theta only, and without the small-gain theorem.
+    """||(I - G theta')^-1 C||_1, rounded up, for this theta only and without the small-gain theorem.
 
-    ValueError if it is unstable. A_m + b theta' is computed in floating point: the bound holds for the rounded matrices.
+    Raises ValueError if the loop is unstable. A_m + b theta' is computed in floating point, so the bound holds for the rounded
+    matrices.
     """
     n, order = known.n, C.order
     A, B, outputs, _ = filtered_model(known, C)

@@ -1,5 +1,5 @@
-"""Any controller's loop linearised at its equilibrium for a constant command, by exact Jacobians and without assumptions on
-its law."""
+"""Linearises the loop of any controller at its equilibrium for a constant command, by exact Jacobians and without assumptions on
+the law."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
 """A Newton step below this fraction of the state is rounding error."""
 SHIFT = 0.1
-"""Distance, as a fraction of the state's size, at which another equilibrium on a line of equilibria is checked."""
+"""Distance, as a fraction of the state's size, at which a second equilibrium on a line of equilibria is checked."""
 RANK_TOLERANCE = 1e-12
 """Singular values below this fraction of the largest one, for a matrix with scaled rows and columns, are rounding errors."""
 
@@ -36,7 +36,7 @@ RANK_TOLERANCE = 1e-12
 class Rest:
     """A loop at its equilibrium under the constant ``signals``; ``state`` is the flat state of ``loop``.
 
-    loop   the case's loop without delay, limits and quantisation at the plant's input
+    loop   the loop of the case without delay, limits and quantisation at the plant's input
     level  the commands at their largest values; zero if these are unknown
     ideal  the estimates that have their true values at the equilibrium
     """
@@ -54,13 +54,13 @@ class Rest:
 
     @property
     def found(self) -> PlaceOfRest:
-        """The commands and the estimates there."""
+        """The commands and the estimates at the equilibrium."""
         return place_of(self.loop, self.state, self.level, self.ideal)
 
     @cached_property
     def is_one_of_many(self) -> bool:
-        """Whether a neighbouring state is also an equilibrium but has a different Jacobian; estimates at their true values are
-        not moved."""
+        """Whether a neighbouring state is also an equilibrium but has a different Jacobian; estimates that have their true values
+        are not changed."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
         others = np.setdiff1d(np.arange(self.loop.size), rows_of(self.loop, self.ideal))
@@ -82,7 +82,7 @@ class Rest:
 
         The result excludes the model, which v does not affect, the dynamics at the plant's input, the sensor's lag, and
         combinations of the state that remain constant, such as the estimates in directions orthogonal to the regressor. With an
-        observer, which also receives u, the lag is not in series with the loop, and stays in it.
+        observer, which also receives u, the lag is not in series with the loop and remains part of it.
         """
         whole = self.loop.unpack(self.state)
         stays = self.loop.observer is not None
@@ -93,7 +93,8 @@ class Rest:
         return _reduced(inner, jacobians(rest, reaches), frozen)
 
     def broken_at(self, i: int, *, frozen: bool) -> StateSpace:
-        """The loop broken at the plant's input i, with the sign of L, the other inputs closed and all dynamics included."""
+        """The loop broken at input i of the plant, with the sign of L; the other inputs are closed and all dynamics are
+        included."""
         loop, alone = self.loop, np.arange(self.loop.inputs) == i
 
         def given_input(state: Value, v: Value) -> tuple[Value, Value]:
@@ -105,9 +106,9 @@ class Rest:
 
 
 def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
-    """L from A, B and C of the flat state, without the parts that don't belong to the loop.
+    """Return L from A, B and C of the flat state, without the parts that don't belong to the loop.
 
-    These are the model, frozen estimates and everything else that a freeze holds, constant states, and states without
+    These parts are the model, frozen estimates and everything else that a freeze holds, constant states, and states without
     effect, such as a second layer behind frozen estimates, which would be an integrator.
     """
     A, B, C = (np.array(part) for part in jacobians)
@@ -136,8 +137,8 @@ def _acting(A: Array, C: Array) -> Array:
 
 
 def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
-    """Orthonormal columns that span the range of [A B]: w'[A B] = 0 means that w'state is conserved. With ``left_over``, the
-    vectors w instead."""
+    """Orthonormal columns that span the range of [A B]; w'[A B] = 0 means that w'state is conserved. With ``left_over``, return
+    the vectors w instead."""
     rows = np.linalg.norm(rates, axis=1)
     scaled = rates / np.where(rows > 0, rows, 1.0)[:, None]
     columns = np.linalg.norm(scaled, axis=0)
@@ -154,8 +155,8 @@ def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
 def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | NotApplicable:
     """The equilibrium of the loop; with ``frozen``, estimates and the law's memory keep their values.
 
-    Newton's method, with the shortest steps if there are many equilibria, starts from x = x_m and true estimates if these satisfy
-    the equations.
+    Newton's method starts from x = x_m and true estimates, if these satisfy the equations. If there are many equilibria, it takes
+    the shortest steps.
     """
     if loop.sampled:
         return NotApplicable("it acts at samples, and it has no known continuous form")
@@ -169,7 +170,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     held = rows_of(loop, resting_parts(loop) if frozen else [part for part in estimates_of(loop) if part not in adapting])
     start, everything, state = _start(loop, signals, true), np.arange(loop.size), None
     ideal: tuple[StatePart, ...] = ()
-    if true and not frozen:  # among many equilibria, the one with true estimates, if it is one
+    if true and not frozen:  # among many equilibria, the one with true estimates, if it exists
         free = np.setdiff1d(everything, np.union1d(held, rows_of(loop, true)))
         state = _solved(loop, signals, start, free, everything)
         ideal = tuple(true) if state is not None else ()
@@ -185,7 +186,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
 
 
 def place_of(loop: ClosedLoop, state: Array, level: Array, ideal: tuple[StatePart, ...]) -> PlaceOfRest:
-    """The commands and the estimates of a state; those of ``ideal`` are at their true values."""
+    """The commands and the estimates of a state; the estimates in ``ideal`` are at their true values."""
     estimates = (
         RestingEstimates(part.name, part.symbol, tuple(state[part.rows].tolist()), true=part in ideal)
         for part in estimates_of(loop)
@@ -201,7 +202,7 @@ def without_limits(loop: ClosedLoop) -> ClosedLoop:
 
 
 def why_no_rest(loop: ClosedLoop) -> NotApplicable | None:
-    """Why no equilibrium is searched for; None if one is."""
+    """Why no equilibrium is sought; None if one is sought."""
     if loop.clocked:
         return NotApplicable("the plant depends on time, so there is no equilibrium")
     try:
@@ -226,12 +227,12 @@ def largest_commands(problem: TrackingProblem, loop: ClosedLoop) -> tuple[Array,
 
 
 def words_of(level: Array) -> str:
-    """The commands in a sentence."""
+    """The commands as part of a sentence."""
     return f"under the constant command {', '.join(f'{value:g}' for value in level)}"
 
 
 def estimates_of(loop: ClosedLoop) -> list[StatePart]:
-    """All estimates; those that are called theta_hat in results come first."""
+    """All estimates; the ones called theta_hat in results come first."""
     found = [*(() if loop.estimates is None else (loop.estimates,)), *loop.other_estimates]
     return [part for part in found if part.size]
 
@@ -266,7 +267,7 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
         start[places.x] = start[places.x_m]
     if len(places.observer) == len(places.x):  # settled, like a sensor
         start[places.observer] = start[places.x]
-    if loop.lag is not None:  # settled, so it forces no other state to change
+    if loop.lag is not None:  # settled, so that it forces no other state to change
         start[places.sensor] = loop.reading(start[places.x])
     for part, value in true.items():
         start[part.rows] = value
@@ -274,7 +275,7 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
 
 
 def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting: Array | None = None) -> Array | None:
-    """The state in which the ``free`` parts, or all ``resting`` ones, have zero rates, (size,); only free parts change."""
+    """The state (size,) in which the ``free`` parts, or all ``resting`` parts, have zero rates; only free parts change."""
     jacobian = jacobian_function(loop)
     return newton(
         lambda state: np.asarray(loop.derivative(state, signals), dtype=float),

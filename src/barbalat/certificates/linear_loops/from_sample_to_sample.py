@@ -1,4 +1,4 @@
-"""A sampled controller's loop linearised by the exact Jacobians of its own equations, from sample to sample."""
+"""Linearises the loop of a sampled controller from sample to sample, by the exact Jacobians of its equations."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The loop at zero, without limits and quantisation at the plant's input and without f(t, y); its delay is separate.
+    """The loop at zero, without limits and quantisation at the plant's input and without f(t, y); the delay is separate.
 
-    rows  positions in X of the controller's own parts by name, of u, x, the measurement and the held measurement
+    rows  positions in X of the parts of the controller, by name, and of u, x, the measurement and the held measurement
     """
 
     loop: SampledLoop
@@ -29,8 +29,8 @@ class Linearised:
     def for_change(self, b: Array, change: Array) -> SampledLoop:
         """The loop for the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b.
 
-        The rows of a dynamic baseline's states, which follow the plant's in b and theta, belong to the controller and do not
-        change.
+        The rows of the states of a dynamic baseline, which follow the plant's states in b and theta, belong to the controller and
+        do not change.
         """
         A, x = self.loop.A.copy(), self.rows["x"]
         A[np.ix_(x, x)] += np.outer(b[: len(x)], change[: len(x)])
@@ -53,7 +53,7 @@ def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
 def of_jacobians(
     loop: ClosedLoop, slopes: Array, J: Array, *, left_out: Array | None = None, estimates: Array | None = None
 ) -> Linearised:
-    """The loop from the Jacobians between samples and of a sample, without states that v does not affect, the models, the
+    """Compute the loop from the Jacobians between samples and at a sample, without states that v does not affect, the models, the
     command and the rows ``left_out``. The rows of the estimates have the name "estimates"."""
     assert loop.sample_time is not None
     marked = loop.unpack(np.arange(loop.size))

@@ -1,14 +1,14 @@
 """The robust MRAC with frozen estimates: a linear loop, and the modelling error that this loop tolerates.
 
-With theta_hat constant, xi, Xi and Q(s) are linear in x and u, and so is the control. By hand, for phi(x) = x, from the
-plant's input v to -u, with F = 1/(tau s + 1)^n* and G = (sI - A_m - b theta')^-1 b:
+With theta_hat constant, xi, Xi and Q(s) are linear in x and u, and so is the control. For phi(x) = x the loop from the plant's
+input v to -u is, with F = 1/(tau s + 1)^n* and G = (sI - A_m - b theta')^-1 b:
 
     L = [F + (theta_hat + F (theta - theta_hat))'G]/(1 - F),    affine in theta_hat;
     T = L/(1 + L) = (F + theta'G)/(1 + theta'G)                 where theta_hat = theta.
 
-The loop is computed from the scheme's own equations, by their exact Jacobians; tests compare it with the formula. A modelling
-error Delta_m at the plant's input closes T: stable for every Delta_m with |Delta_m(j w)| |T(j w)| < 1, by the small-gain theorem.
-None of this is a guarantee for the adapting loop.
+The loop is computed by the exact Jacobians of the scheme's equations; tests compare it with the formula. A modelling error
+Delta_m at the plant's input closes a loop around T, which is stable for every Delta_m with |Delta_m(j w)| |T(j w)| < 1, by the
+small-gain theorem. None of this is a guarantee for the adapting loop.
 
 Source: Theorem 2; Ioannou and Sun, section 8.2; Skogestad and Postlethwaite, section 7.5.
 """
@@ -35,8 +35,8 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
 POINTS_INSIDE, FREQUENCY_STRIDE = 100, 4
-"""Number of seeded points inside the known set, in addition to the extreme ones, at every fourth frequency of the grid; the
-result is an estimate in any case."""
+"""Number of seeded points inside the known set, in addition to the extreme points, and the stride of the frequency grid at these
+points. The result is an estimate in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,8 @@ class FrozenLoops:
             )
 
     def at(self, theta_hat: Array) -> StateSpace:
-        """L with the estimates frozen at ``theta_hat`` (n,); its states are x, the sensor's, a baseline's own, zeta and Q's.
+        """L with the estimates frozen at ``theta_hat`` (n,); its states are x, the states of the sensor and of a baseline, zeta,
+        and the state of Q.
 
         The control depends on xi and Xi only through zeta = xi + Xi theta_hat, with zeta' = A_m zeta + b (theta_hat'x + u).
         """
@@ -90,7 +91,7 @@ class FrozenLoops:
     def gain_over_set(self) -> tuple[Array, Array] | None:
         """Frequencies (K,) and the largest |T| found over the known set, infinite if a loop is unstable; ``None`` without a set.
 
-        L and the closed loop's matrix are affine in theta_hat, so n + 1 loops determine those of all points.
+        L and the matrix of the closed loop are affine in theta_hat, so n + 1 loops determine the loops at all points.
         """
         known_set, n = self.problem.uncertainty, self.problem.plant.n
         if known_set is None:
@@ -113,8 +114,8 @@ class FrozenLoops:
     def _jacobians(self) -> Any:
         """theta_hat -> A, B, C of the states that change while the estimates are frozen: xi, Xi, x, the sensor and Q's state.
 
-        Their rates are linear in themselves and v, so the Jacobians at zero are exact. The law's rate enters only the swapping
-        term, which stays zero; x_m and n_d do not affect the control.
+        Their rates are linear in these states and v, so the Jacobians at zero are exact. The rate of the law enters only the
+        swapping term, which stays zero; x_m and n_d do not affect the control.
         """
         loop = replace(ClosedLoop.of(self.problem, self.controller), paths=(None,), delayed=False)
         at_zero = signals_at_rest(loop, 0.0)
@@ -137,7 +138,7 @@ class ToleratedSizes:
     """Sizes of a modelling error that a frozen loop tolerates.
 
     small_gain  below this size the loop with theta_hat = theta is stable by the small-gain theorem
-    limit       the exact size at which that loop loses stability; infinite if it never does
+    limit       the exact size at which that loop loses stability; infinite if it never loses stability
     over_set    the small-gain size for the worst theta_hat of the known set that was found: an estimate. 0 if the loop is
                 unstable with one of them without any modelling error; ``None`` without a known set
     Both small-gain sizes are minima over a grid of frequencies, the first one refined.
@@ -149,7 +150,7 @@ class ToleratedSizes:
 
 
 def tolerated(loops: FrozenLoops, error: ModellingError) -> ToleratedSizes:
-    """The sizes of one family of modelling errors that the loop with frozen estimates tolerates."""
+    """The sizes, for one family of modelling errors, that the loop with frozen estimates tolerates."""
     over_set = None
     if loops.gain_over_set is not None:
         w, gain = loops.gain_over_set
@@ -158,7 +159,8 @@ def tolerated(loops: FrozenLoops, error: ModellingError) -> ToleratedSizes:
 
 
 def small_gain(loop: StateSpace, error: ModellingError) -> float:
-    """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, with its lowest minima refined.
+    """The size below which |Delta_m| |T| < 1 at all frequencies: computed on a grid around the poles of T, with the lowest minima
+    refined.
 
     Raises InputError if the loop is unstable without any modelling error.
     """

@@ -1,4 +1,4 @@
-"""The linear loops to which the schemes reduce: broken at the plant input, L from the plant's input v to -u.
+"""The linear loops to which the schemes reduce, broken at the plant input: L is from the plant's input v to -u.
 
 With known parameters and with infinitely fast adaptation the loops are linear and exact; at a constant command the adaptive loop
 is linearised together with its law.
@@ -25,16 +25,16 @@ from barbalat.validate import Array
 
 
 def known_parameters(plant: Plant, theta_hat: Array, C: StateSpace | None = None) -> StateSpace:
-    """u = C(s)[-theta_hat'x] on the plant with its own theta: the loop of MRAC (C = 1) or L1-AC with constant estimates."""
+    """u = C(s)[-theta_hat'x] on the plant with its true theta: the loop of MRAC (C = 1) or L1-AC with constant estimates."""
     A = plant.A_m + np.outer(plant.b, plant.theta)
     feedback = StateSpace(A, plant.b, np.array(theta_hat, dtype=float), 0.0)
     return feedback if C is None else series(feedback, C)
 
 
 def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
-    """L1-AC for Gamma -> infinity, inside the projection bounds: an LTI controller.
+    """L1-AC for Gamma -> infinity inside the projection bounds, which is an LTI controller.
 
-    The predictor error vanishes, so theta_hat'x becomes theta'x + v - u: the deviation from the desired dynamics. Then u = -C
+    The predictor error vanishes, so theta_hat'x becomes theta'x + v - u, the deviation from the desired dynamics. Then u = -C
     [theta'x + v - u], that is L = C/(1 - C) (1 + theta'G), G = (sI - A_m - b theta')^-1 b.
     """
     A = plant.A_m + np.outer(plant.b, plant.theta)
@@ -47,7 +47,7 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
 def fast_adaptation_on(A: Array, b: Array, C: StateSpace, A_m: Array, b_m: Array, P: Array) -> StateSpace:
     """The limit of fast adaptation around x' = A x + b v, where A need not have the form A_m + b theta'.
 
-    The law's error b_m'P (x_hat - x) vanishes, so w = theta_hat'x + u in x_hat' = A_m x_hat + b_m w follows from x:
+    The error b_m'P (x_hat - x) that drives the law vanishes, so w = theta_hat'x + u in x_hat' = A_m x_hat + b_m w follows from x:
     b_m'P b_m w = b_m'P (A x + b v - A_m x_hat), and u = -C/(1 - C) w. With A = A_m + b_m theta' and b = b_m, w = theta'x + v.
     """
     n, c = len(A), b_m @ P
@@ -79,7 +79,8 @@ def open_jacobians(loop: ClosedLoop, given_input: Callable[[Value, Value], tuple
 def around_equilibrium(problem: Problem, controller: Mrac | L1Adaptive, r: float) -> StateSpace:
     """The adaptive loop linearised at e = 0, theta_hat = theta under the constant command r, including the law.
 
-    From the plant's input to the controller's output; the caller adds unmodelled dynamics in between and the sensor's lag.
+    The loop is from the plant's input to the controller's output; the caller adds unmodelled dynamics in between and the sensor
+    lag.
 
     The Jacobians are exact; the law must have the form theta_hat' = Gamma x (scalar), as in MRAC and L1-AC.
     """
@@ -92,8 +93,8 @@ def around_equilibrium(problem: Problem, controller: Mrac | L1Adaptive, r: float
 
 
 def _moving_directions(loop: ClosedLoop, gamma: Gain, x: Array) -> Array:
-    """Orthonormal columns that span the states that v affects: not the model, and the estimates only along Gamma x.
-    At the equilibrium the law's rate is Gamma x times a scalar, so the other directions neither change nor affect theta_hat'x."""
+    """Orthonormal columns that span the states affected by v: not the model, and the estimates only along Gamma x. At the
+    equilibrium the law's rate is Gamma x times a scalar, so the other directions neither change nor affect theta_hat'x."""
     rows, model = loop.theta_hat_rows, loop.unpack(np.arange(loop.size)).x_m
     identity = np.eye(loop.size)
     kept = [i for i in range(loop.size) if i not in model and not rows.start <= i < rows.stop]
@@ -109,7 +110,7 @@ def _moving_directions(loop: ClosedLoop, gamma: Gain, x: Array) -> Array:
 def equilibrium(problem: Problem, loop: ClosedLoop, r: float) -> tuple[Array, float]:
     """The flat state with e = 0 and theta_hat = theta under the constant command r, and the control there.
 
-    The rest of the controller's state is solved for: an equilibrium of its linear parts at the given x and u.
+    The rest of the controller's state is computed as the equilibrium of its linear parts for the given x and u.
     """
     import casadi as ca
 
@@ -125,7 +126,7 @@ def equilibrium(problem: Problem, loop: ClosedLoop, r: float) -> tuple[Array, fl
     rest[loop.theta_hat_rows] = plant.theta
     settled = np.concatenate([places.x, places.x_m, places.baseline, np.arange(loop.size)[loop.theta_hat_rows]])
     free = np.setdiff1d(np.arange(loop.size), settled)
-    for _ in range(3):  # linear in what is free: the first step is exact, the others remove rounding
+    for _ in range(3):  # linear in the free part, so the first step is exact and the others remove rounding errors
         value, jacobian = (np.array(part) for part in function(rest))
         if len(free):
             rest[free] -= np.linalg.lstsq(jacobian[:, free], value[:, 0], rcond=None)[0]

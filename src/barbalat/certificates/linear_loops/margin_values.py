@@ -1,4 +1,4 @@
-"""A linear loop's margins and peak gains under the certificate's keys."""
+"""The margins and peak gains of a linear loop, under the keys of the certificate."""
 
 from __future__ import annotations
 
@@ -95,7 +95,8 @@ def add_margins_of_each(
 
 
 def in_the_loop(problem: TrackingProblem) -> str:
-    """The end of a loop's name: whether it includes the case's delay and sensor lag, and that it excludes the limits."""
+    """The end of a loop's name, which says whether it includes the delay and the sensor lag of the case, and that it excludes the
+    limits."""
     paths, sensor = problem.plant.paths, problem.sensor
     beside = f", with its delay of {problem.delay:g} s" if problem.delay > 0 else ""
     lagged = f", with its sensor's lag of {sensor.lag:g} s" if sensor is not None and sensor.lag > 0 else ""
@@ -103,7 +104,8 @@ def in_the_loop(problem: TrackingProblem) -> str:
 
 
 def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: list[str]) -> dict[str, Any]:
-    """Margins by the certificate's keys; the delay margin is the delay that the loop tolerates in addition to the present one."""
+    """Margins by the certificate's keys; the delay margin is the delay that the loop tolerates in addition to the existing
+    delay."""
     loop = with_dynamics(problem, loop)
     try:
         found = margins(loop, problem.delay)
@@ -169,7 +171,7 @@ NEUTRAL = 1e-9
 
 
 def is_unstable(loop: StateSpace, delay: float, neutral: float = 0.0) -> bool:
-    """Whether a loop is unstable with its delay; a mode with a real part up to the fraction ``neutral`` does not count."""
+    """Whether a loop is unstable with its delay; a mode whose real part is below the fraction ``neutral`` does not count."""
     values = np.linalg.eigvals(sensitivity(loop).A)
     if values.real.max() >= 0:
         return bool(values.real.max() >= neutral * np.abs(values).max())

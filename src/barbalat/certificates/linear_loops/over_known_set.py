@@ -1,9 +1,9 @@
-"""The margins of linear loops over the known set, and mu with respect to it, under the certificate's keys.
+"""The margins of linear loops over the known set, and mu with respect to the set, under the keys of the certificate.
 
-A sampled loop is analysed at the extreme points and the case's theta, and checked for stability at seeded points too; an input
-gain of the known set is varied with theta. One delay margin of a sampled loop takes as long as a hundred other margins: it is
-computed where the ratio of phase margin and frequency is smallest. A set that follows from ranges of physical parameters is not
-searched: see ``over_ranges``.
+A sampled loop is analysed at the extreme points and at the theta of the case, and also checked for stability at seeded points; an
+input gain of the known set is varied with theta. A delay margin of a sampled loop takes as long as a hundred other margins, so it
+is computed only where the ratio of phase margin and frequency is smallest. A set that follows from ranges of physical parameters
+is not searched (see ``over_ranges``).
 """
 
 from __future__ import annotations
@@ -57,9 +57,10 @@ def sampled_worst_case(
     gain: float = 1.0,
     gains: tuple[float, float] | None = None,
 ) -> WorstCase:
-    """The smallest margins of one input's loop in addition to ``delay``; ``loop_at`` gives the loop for a theta.
+    """The smallest margins of the loop at one input, in addition to ``delay``; ``loop_at`` gives the loop for a theta.
 
-    With ``gains`` the input's gain, which is ``gain`` in these loops, varies over that interval, and is the last entry of points.
+    With ``gains``, the input gain, which is ``gain`` in these loops, varies over that interval and is the last entry of each
+    point.
     """
     rng, p = np.random.default_rng(0), known_set.size
     extremes = known_set.extreme_points(rng, EXACT_VERTICES)
@@ -93,14 +94,14 @@ def sampled_worst_case(
 
 
 def _least(name: str, found: list[Margins], points: Array) -> tuple[float, Array]:
-    """The smallest value of a margin and where it occurs; for a factor below 1 the largest."""
+    """The smallest value of a margin and where it occurs; for a factor below 1, the largest value."""
     values = np.array([getattr(one, name) for one in found])
     k = int(values.argmax() if name == "gain_down" else values.argmin())
     return float(values[k]), points[k]
 
 
 def _delay(loop: SampledLoop, delay: float) -> float | None:
-    """The delay margin; None if none is found up to the longest delay that is tried."""
+    """The delay margin; None if there is none up to the longest delay tried."""
     try:
         return delay_margin(loop, delay)
     except InputError:
@@ -126,7 +127,7 @@ def add_at_rest(draft: Draft, problem: Problem) -> None:
 
 
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
-    """Add the margins over the known set for L1-AC's two interpretations: the limit of fast adaptation, and constant
+    """Add the margins over the known set for the two interpretations of L1-AC: the limit of fast adaptation, and constant
     estimates."""
     known_set = problem.uncertainty
     if known_set is not None and _is_searched(problem):
@@ -162,7 +163,7 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
 
 
 def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
-    """Add the same margins for a loop that is given for each theta; ``which`` names the loop."""
+    """Add these margins for a loop that is given for each theta; ``which`` names the loop."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not _is_searched(problem):
         return
@@ -183,7 +184,8 @@ def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None) ->
 
 @lru_cache(maxsize=16)
 def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None) -> list[tuple[str, WorstCase]]:
-    """The worst cases of L1-AC's two interpretations, shared by all L1-ACs of one case that differ only in the gain."""
+    """The worst cases of the two interpretations of L1-AC, shared by all L1-AC controllers of a case that differ only in the
+    gain."""
     families = {
         LOOP_OF_FAST_ADAPTATION: LoopsOverTheta(plant, lambda plant: fast_adaptation(plant, C), lag),
         LOOP_AT_REST: LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),
@@ -197,8 +199,8 @@ def _add(draft: Draft, problem: Problem, found: list[tuple[str, WorstCase]]) -> 
 
 
 def _of_one_loop(draft: Draft, which: str, worst: WorstCase, n: int) -> dict[str, Any]:
-    """JSON for one loop: each finite margin with its theta and, if it varies, the input's gain, in addition to the plant's
-    delay."""
+    """The JSON object for a loop: each finite margin, in addition to the plant's delay, with its theta and, if that varies, the
+    input gain."""
     entry: dict[str, Any] = {"loop": which, "searched": worst.searched, "unlimited": []}
     if worst.unstable_at is not None:
         theta, omega = worst.unstable_at[:n].tolist(), worst.unstable_at[n:].tolist()
@@ -220,9 +222,10 @@ MU_KEYS = ("mu_parameters", "parameter_scale", "theta_destabilising", "mu_dynami
 def robustness(
     loop: StateSpace, known_set: KnownSet | None, weight: TransferFunction | None, findings: list[str]
 ) -> dict[str, Any]:
-    """mu with respect to the known set, to the unmodelled dynamics of size ``weight``, and to both, by the certificate's keys.
+    """mu with respect to the known set, to the unmodelled dynamics of size ``weight``, and to both, by the keys of the
+    certificate.
 
-    ``loop`` is the loop at the set's centre or, without a set, at the true theta.
+    ``loop`` is the loop at the centre of the set or, without a set, at the true theta.
     """
     values: dict[str, Any] = {}
     if not is_needed(*MU_KEYS):

@@ -1,9 +1,9 @@
-"""The margins of linear loops over the ranges of physical parameters: the same controller around the real plant at each point.
+"""The margins of linear loops over the ranges of physical parameters: one controller around the real plant at each point.
 
 The plant at p is A(p), b(p), with its gain, delay, actuator and sensor; A and b are not projected onto theta and omega, so the
-loop includes the unmatched part. The controller is differentiated once, by the exact Jacobians of its own equations with
-frozen estimates, and the plant's matrices are inserted. Estimates that are true at the design point have
-the true values for the plant at p, theta_hat = theta(p); others keep their values.
+loop includes the unmatched part. The controller is differentiated once, by the exact Jacobians of its equations with frozen
+estimates, and the plant matrices are inserted. Estimates that are true at the design point have the true values for the plant at
+p, theta_hat = theta(p); other estimates keep their values.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ from barbalat.validate import Array, InputError
 
 MARGINS_KEY = "margins_over_known_set"
 DRAWN, DELAYS = 40, 3
-"""Seeded points inside the ranges, and points at which the delay margin of a sampled loop is computed, which takes as long as a
-hundred other margins: where the ratio of phase margin and frequency is smallest."""
+"""Seeded points inside the ranges, and number of points at which the delay margin of a sampled loop is computed. These are the
+points with the smallest ratio of phase margin and frequency, because the computation takes as long as a hundred other margins."""
 SEARCHED = (
     "{count} plants of the parameters' ranges, at {corners} corners, the nominal values and {drawn} seeded points: "
     "the smallest found, not a guarantee"
@@ -65,7 +65,7 @@ SHIFT, FREQUENCIES = 1e-3, 20
 class PlantAt:
     """x' = A x + b v at values of the parameters, with v from u by ``dynamics`` and a delay, and x measured with a lag.
 
-    theta, omega  its projection, (p,) and (m,), by which estimates with true values are set
+    theta, omega  projection of the plant, (p,) and (m,), to which estimates with true values are set
     """
 
     parameters: dict[str, float]
@@ -78,7 +78,8 @@ class PlantAt:
     omega: Array
 
     def around(self, loop: StateSpace) -> StateSpace:
-        """A loop through A and b with the path before the input and, in series with everything that is fed back, the lag."""
+        """A loop through A and b, with the path before the input and the lag, which is in series with everything that is fed
+        back."""
         loop = loop if self.dynamics is None else series(self.dynamics, loop)
         return loop if self.lag == 0 else series(loop, TransferFunction(np.ones(1), np.array([self.lag, 1.0])).realise())
 
@@ -91,7 +92,7 @@ def plants_of(problem: Problem) -> list[PlantAt]:
 
 
 def plant_at(problem: Problem, members: Members, k: int) -> PlantAt:
-    """One of the members; raises InputError if the parameters give no input path or no sensor."""
+    """The plant of one member; raises InputError if the parameters give no input path or no sensor."""
     assert problem.derived is not None
     physical, values = problem.derived.physical, members.parameters[k]
     assert physical is not None
@@ -107,7 +108,8 @@ def plant_at(problem: Problem, members: Members, k: int) -> PlantAt:
 
 
 def _moved(path: PlantInput, own: PlantInput, there: PlantInput) -> PlantInput:
-    """The problem's input path with the parameters' changes; studies may already have changed its gain and delay."""
+    """The input path of the problem with the changes due to the parameters; studies may already have changed its gain and
+    delay."""
     parts = {
         name: getattr(there, name)
         for name in ("actuator", "multiplicative")
@@ -124,7 +126,7 @@ def _numbers(system: Any) -> tuple[list[float], list[float]]:
 class Frozen(ABC):
     """A controller with frozen estimates, separate from its plant: the loop without input path and lag, and its flat state.
 
-    ideal  the names of the estimates that have their true values there; None for a linear controller, which has no frozen states
+    ideal  names of the estimates that have their true values there; None for a linear controller, which has no frozen states
     """
 
     problem: Problem
@@ -135,7 +137,7 @@ class Frozen(ABC):
 
     @property
     def which(self) -> str:
-        """The loop in words."""
+        """A description of the loop."""
         started = "from sample to sample " if self.loop.sampled else ""
         if self.ideal is None or not self.loop.parameters:
             return f"{started}with a fixed controller"
@@ -219,7 +221,7 @@ class FrozenSampled(Frozen):
         return sampled_jacobian_function(self.loop, frozen=self.ideal is not None)
 
     def around(self, state: Array, plant: PlantAt) -> SampledLoop:
-        """From sample to sample."""
+        """The loop from sample to sample."""
         slopes, J = (np.array(of(state, self.signals)) for of in (self._between, self._at_samples))
         found = of_jacobians(self.loop, slopes, J, left_out=self.resting)
         loop, x, n = found.loop, found.rows["x"], len(plant.A)
@@ -240,7 +242,7 @@ class FrozenSampled(Frozen):
 def frozen_controller(
     problem: Problem, controller: Controller, *, linear: bool
 ) -> FrozenContinuous | FrozenSampled | NotApplicable:
-    """The controller separate from its plant, at the equilibrium of the design's margin; a ``linear`` one has no frozen
+    """The controller separate from its plant, at the equilibrium of the design's margin; a ``linear`` controller has no frozen
     states."""
     whole = ClosedLoop.of(problem, controller)
     kind = FrozenSampled if whole.sampled else FrozenContinuous
@@ -259,7 +261,7 @@ def frozen_controller(
         return rest
     state = np.asarray(flatten(rest.loop.unpack(rest.state)._replace(input=((),), sensor=np.zeros(0))))
     loop, ideal = _alone(rest.loop), frozenset(part.name for part in rest.ideal)
-    if isinstance(controller, (RobustMrac, NormalizedMrac)):  # at zero its swapping term vanishes: see ``frozen``
+    if isinstance(controller, (RobustMrac, NormalizedMrac)):  # at zero the swapping term vanishes, see ``frozen``
         at_zero = np.zeros(loop.size)
         rows = rows_of(loop, estimates_of(loop))
         at_zero[rows] = state[rows]
@@ -273,7 +275,7 @@ def _alone(loop: ClosedLoop) -> ClosedLoop:
 
 @dataclass(frozen=True, eq=False)
 class OverRanges:
-    """The smallest margins found, by their names in ``Margins``, each with its plant; or the plant whose loop is unstable."""
+    """The smallest margins found, by their names in ``Margins``, each with the plant; or the plant whose loop is unstable."""
 
     least: dict[str, tuple[float, PlantAt]]
     unstable_at: PlantAt | None
@@ -303,7 +305,7 @@ def over_ranges(loops: Iterable[tuple[StateSpace | SampledLoop, PlantAt]]) -> Ov
         values = np.array([getattr(one, name) for one, _ in found])
         k = int(values.argmax() if name == "gain_down" else values.argmin())
         least[name] = (float(values[k]), plants[k])
-    if delays:  # a sampled loop's margins are evaluated on the unit circle, where a delay is not a pure phase
+    if delays:  # margins of a sampled loop are evaluated on the unit circle, where a delay is not a pure phase
         order = np.argsort([one.delay for one, _ in found if one is not None], kind="stable")[:DELAYS]
         exact = [(value, plants[k]) for k in order if (value := _sampled(*delays[k])) is not None]
         least.pop("delay")
@@ -323,7 +325,7 @@ def _continuous(loop: StateSpace, delay: float) -> Margins | None:
 
 
 def _sampled(loop: SampledLoop, plant: PlantAt) -> float | None:
-    """The delay margin; None if none is found up to the longest delay that is tried."""
+    """The delay margin; None if there is none up to the longest delay tried."""
     try:
         return delay_margin(loop, plant.delay)
     except InputError:
@@ -338,7 +340,7 @@ def is_over_ranges(problem: TrackingProblem) -> bool:
 
 
 def entry_of(draft: Draft, which: str, problem: Problem, loop_at: Callable[[PlantAt], StateSpace | SampledLoop]) -> None:
-    """Add the margins over the ranges of one loop, with those that the draft already has."""
+    """Add the margins of a loop over the ranges to those that the draft already has."""
     with draft.part(MARGINS_KEY):
         try:
             found = over_ranges((loop_at(plant), plant) for plant in plants_of(problem))
@@ -372,7 +374,7 @@ def with_margins_over_ranges(
 ) -> Certificate:
     """The certificate of a controller on a plant with physical parameters, with the margins over their ranges.
 
-    linear  whether the controller is linear as it is, without a freeze
+    linear  whether the controller is linear even without a freeze
     """
     if not is_over_ranges(problem) or not is_needed(MARGINS_KEY) or certificate.failure:
         return certificate

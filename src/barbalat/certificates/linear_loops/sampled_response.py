@@ -1,20 +1,20 @@
-"""Bounds of a sampled linear loop's response to commands and disturbances of known sizes, at all times, by sums of impulse
-responses.
+"""Bounds, valid at all times, on the response of a sampled linear loop to commands and disturbances of known sizes, from sums of
+impulse responses.
 
 Plant, actuator, sensor lag, delay, controller and the model under the sampled command are one linear system from sample to
-sample. With z its state just after a sample, including the held command and the values of u in the delay,
+sample. With z the state of the loop just after a sample, including the held command and the values of u in the delay,
 
     z[k+1] = M z[k] + N r[k+1] + J integral_0^T e^(A (T - s)) B d(t_k + s) ds.
 
-The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size. Only the bound of d is used. In
-a part of the sample, of length T/P, e^(A s) B differs from its value at the start of the part by at most e^(|A| T) (e^(|A| T/P) -
-I) |B|.
+The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size. For d, only its bound is used.
+Over a part of the sample of length T/P, e^(A s) B differs from its value at the start of the part by at most e^(|A| T) (e^(|A|
+T/P) - I) |B|.
 
 Between samples the motion under the held inputs is known at the ends of the parts and where the delayed input switches. Within a
 part of length h it differs from the straight line between its ends by at most h^2/8 times |x''| <= e^(|A| h) |A (A x + E v)|. The
 contribution of d within a sample is at most its effect on a row at the end of the sample or of the part.
 
-The model follows r between the samples too: ``missed`` bounds this difference.
+The model also follows r between the samples; ``missed`` bounds this difference.
 
 Noise that is independent from sample to sample enters as W w[k+1]. A row C z then has at most the variance sum |C M^i W|^2; with
 standard deviations, for which the triangle inequality holds as well, the same argument covers the time between samples.
@@ -48,9 +48,9 @@ PARTS = 16
 
 
 class Response(NamedTuple):
-    """Bounds at all times, of every component.
+    """Bounds on every component at all times.
 
-    held     |x - x_m|, with x_m of the model under the sampled command
+    held     |x - x_m|, where x_m is the state of the model under the sampled command
     x        |x|
     u        |u|, before any limit
     """
@@ -63,8 +63,8 @@ class Response(NamedTuple):
 class Deviation(NamedTuple):
     """Standard deviations due to measurement noise, at all times.
 
-    x  (n,) of x, and so of x - x_m, since the model has no noise
-    u  (m,) of u, before any limit
+    x  (n,) standard deviation of x, and so of x - x_m, because the model has no noise
+    u  (m,) standard deviation of u, before any limit
     """
 
     x: Array
@@ -107,7 +107,7 @@ def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Re
 
 
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
-    """Bounds of the effect of the case's measurement noise if it is independent from sample to sample.
+    """Bounds on the effect of the measurement noise of the case, if the noise is independent from sample to sample.
 
     Its covariance grows from zero to that of sum_k M^k W w, so the root of the sum of squares bounds it at all times. Raises
     InputError if the loop decays too slowly.
@@ -128,9 +128,10 @@ def _padded(part: Array, M: Array) -> Array:
 
 
 def _at_all_times(whole: _Whole, delay: float, M: Array, size_of: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
-    """Bounds of x - x_m, x (n,) and u (m,), also between samples, from the sizes (p,) of rows C (p, z) of the state at samples.
+    """Bounds on x - x_m, x (n,) and u (m,), including the time between samples, from the sizes (p,) of rows C (p, z) of the state
+    at samples.
 
-    A size is a norm of the row's response: the norm of a sum is at most the sum.
+    A size is a norm of the response of a row, so the norm of a sum is at most the sum of the norms.
     """
     x, x_m = whole.rows["x"], whole.rows["x_m"]
     at_ends, bends, lengths = _between(whole.loop, delay, M)
@@ -152,7 +153,7 @@ def _at_all_times(whole: _Whole, delay: float, M: Array, size_of: Callable[[Arra
 
 
 def _whole(problem: Problem, controller: Controller) -> _Whole:
-    """The loop from the equations' own exact Jacobians, which are constant for a linear loop."""
+    """The loop from the exact Jacobians of the equations, which are constant for a linear loop."""
     closed = ClosedLoop.of(problem, controller)
     closed = without_limits(closed)
     if closed.clocked:
@@ -197,7 +198,7 @@ def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
         return np.zeros((len(A), 0)), np.zeros((0, 0))
     s, count = B.shape
     starts = [SampledLoop(A, np.zeros((s, 1)), np.eye(s), np.zeros((1, s)), T).over(j * T / PARTS)[0] for j in range(PARTS)]
-    off = T * grown(A, T) @ (grown(A, T / PARTS) - np.eye(s)) @ np.abs(B)  # of all parts together
+    off = T * grown(A, T) @ (grown(A, T / PARTS) - np.eye(s)) @ np.abs(B)  # states of all parts together
     reached = np.hstack([*(start @ B for start in starts), np.eye(s)])
     weights = np.vstack([T / PARTS * np.tile(np.eye(count), (PARTS, 1)), off])
     return reached, weights
@@ -210,7 +211,7 @@ def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], li
     found = loop.effects(delay)
     whole, part = int(found.whole[0]), float(found.part[0])
     m = loop.inputs
-    u = [np.hstack([loop.C, np.zeros((m, size - s))])]  # of this sample, followed by the previous ones
+    u = [np.hstack([loop.C, np.zeros((m, size - s))])]  # controls of this sample, followed by the previous ones
     u += [np.eye(size)[s + (age - 1) * m : s + age * m] for age in range(1, (size - s) // m + 1)]
     switch = part * loop.T
     times = np.unique(np.concatenate([np.linspace(0, loop.T, PARTS + 1), [switch]]))
@@ -240,14 +241,14 @@ def _model_between(whole: _Whole, M: Array, lengths: list[float]) -> tuple[list[
 
 
 def missed(A: Array, b: Array, C: Array, r: Signal, T: float, t_end: float) -> float | NotApplicable:
-    """A bound of |C W[r - r_held]| in every component up to t_end, with W = (sI - A)^-1 b and r_held held for samples T apart.
+    """A bound on |C W[r - r_held]| in every component up to t_end, with W = (sI - A)^-1 b and r_held held for samples T apart.
 
     If r has at most the slope L between jumps of at most J that are D apart, it is at most
 
         ||C W||_1 L T + J T (||s C W||_1 + ||C W||_1/(D - T)):
 
-    each jump is missed for at most T, and a sum of |h| at points D - T apart is at most its total variation, ||s C W||_1, and
-    integral |h|/(D - T).
+    because each jump is missed for at most T, and a sum of |h| at points D - T apart is at most its total variation, ||s C W||_1,
+    plus integral |h|/(D - T).
     """
     if not isinstance(r, SlopedSignal) or not isinstance(r, BoundedSignal):
         return NotApplicable("the variation of r within a sample is not known")
@@ -269,7 +270,7 @@ def _jumps(r: Signal, T: float, t_end: float) -> tuple[float, float]:
 
 
 def bounds_of(signals: tuple[Signal, ...]) -> Array:
-    """The signals' bounds; raises InputError if the signal has no bound."""
+    """The bounds of the signals; raises InputError if the signal has no bound."""
     for signal in signals:
         if not isinstance(signal, BoundedSignal):
             raise InputError(f"{type(signal).__name__} has no known bound")
@@ -304,7 +305,7 @@ def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str,
 
 
 def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
-    """P and the number of samples that bound a sum's remainder; raises InputError if the loop decays too slowly."""
+    """P and the number of samples that bound the remainder of a sum; raises InputError if the loop decays too slowly."""
     whole = _whole(problem, controller)
     M, counts = whole.loop.closed(problem.delay), list[int]()
     reached = whole.loop.J @ _reached(whole.loop.A, whole.B, whole.loop.T)[0]

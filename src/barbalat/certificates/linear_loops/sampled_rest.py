@@ -1,7 +1,7 @@
-"""A sampled controller's loop at its equilibrium for a constant command, linearised from sample to sample.
+"""Linearises the loop of a sampled controller from sample to sample at its equilibrium for a constant command.
 
-An equilibrium is a state that changes neither at a sample nor between two samples. The plant's motion is exact there, and the
-law's own step, Euler's or an implicit one, is differentiated as implemented.
+An equilibrium is a state that changes neither at a sample nor between two samples. The motion of the plant is exact there, and
+the step of the law, an Euler or an implicit step, is differentiated as implemented.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ last digits."""
 BESIDE = 1e-10
 """Distance from the equilibrium, as a fraction of the state's size, for central differences of the law."""
 BY_ROUNDING = 1e-9
-"""Relative size below which motions are attributed to rounding or to errors of the central differences."""
+"""Relative size below which motion is attributed to rounding or to errors of the central differences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class SampledRest:
 
     @cached_property
     def found(self) -> PlaceOfRest:
-        """The commands and the estimates there."""
+        """The commands and the estimates at the equilibrium."""
         return place_of(self.loop, self.state, self.level, self.ideal)
 
     def with_estimates_frozen(self) -> Linearised:
@@ -88,9 +88,9 @@ class SampledRest:
         return sampled_jacobian_function(self.loop, frozen=True)
 
     def at(self, theta: Array) -> SampledLoop:
-        """The loop with frozen estimates on the plant with a different theta, for phi(x) = x and one input.
+        """The loop with frozen estimates for the plant with a different theta, for phi(x) = x and one input.
 
-        The loop is linear, so it depends only on the estimates in the state at which it is differentiated.
+        The loop is linear, so it depends on the state at which it is differentiated only through the estimates.
         """
         problem = self.problem
         assert isinstance(problem, Problem)
@@ -101,7 +101,7 @@ class SampledRest:
             assert value is not None
             state[part.rows] = value
         found = self._frozen_at(state)
-        own = problem.plant.states  # a baseline's own states are known, and so are their inputs
+        own = problem.plant.states  # the states of a baseline are known, and so are their inputs
         return acting(replace(found, loop=found.for_change(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
 
     def with_its_law(self) -> SampledLoop:
@@ -121,14 +121,14 @@ class SampledRest:
 
     @cached_property
     def has_a_corner(self) -> bool:
-        """Whether the law has a corner at the equilibrium, as on a face of the known set: its Jacobians on the two sides
+        """Whether the law has a corner at the equilibrium, as on a face of the known set, so that its Jacobians on the two sides
         differ."""
         one, other = self._on_both_sides
         return not np.allclose(one, other, rtol=1e-3, atol=1e-6 * np.abs(one).max())
 
     @cached_property
     def _on_both_sides(self) -> tuple[Array, Array]:
-        """The Jacobians of a sample on both sides of the equilibrium: an implicit step uses the magnitude of an error that is
+        """The Jacobians of a sample on both sides of the equilibrium: an implicit step uses the magnitude of an error, which is
         zero there."""
         rows = rows_of(self.loop, estimates_of(self.loop))
         hair = np.zeros(self.loop.size)
@@ -142,7 +142,7 @@ def sampled_rest(
 ) -> SampledRest | NotApplicable:
     """The equilibrium of the loop, with true estimates if they are known; ``frozen`` estimates keep their initial values.
 
-    ``adapting``: see ``adapting_of``.
+    For ``adapting``, see ``adapting_of``.
     """
     loop = ClosedLoop.of(problem, controller)
     why = why_no_rest(loop)
@@ -169,8 +169,8 @@ def sampled_rest(
 def adapting_of(problem: TrackingProblem, continuous: Controller) -> frozenset[str]:
     """The names of the estimates that change, determined from the continuous controller that is sampled.
 
-    An observer and the shell of its measurements are omitted: a sampled controller's observer has no continuous form, and the
-    same estimates change without it.
+    An observer and the shell of its measurements are omitted: the observer of a sampled controller has no continuous form, and
+    the same estimates change without an observer.
     """
     if isinstance(problem, Problem) and problem.fixed_observer is not None:
         problem = replace(problem, observer=None, sensor=None, shell=None, faults=(), truth=None)
@@ -212,7 +212,7 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
     for part in loop.parts:
         if part.role.kind == "predictor" and part.size == len(x_m):
             start[part.rows] = x_m
-    # the held control and the dynamics before and after the plant count only by their rates
+    # the held control and the dynamics before and after the plant count only through their rates
     between = [places.x, held.u.reshape(-1), places.sensor, *(np.reshape(part, -1) for path in places.input for part in path)]
     free = np.concatenate([part.reshape(-1) for part in between]).astype(int)
     jacobian = jacobian_function(loop)
@@ -230,8 +230,8 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
 
 
 def _moved(J: Array, rows: Array) -> Array:
-    """Orthonormal columns that span all combinations of these ``rows`` of the state except those that stay constant.
-    A row whose motion is smaller than another's by this factor changes only by rounding."""
+    """Orthonormal columns that span all combinations of these ``rows`` of the state except those that stay constant. A row whose
+    motion is smaller than that of another row by this factor changes only by rounding."""
     moves = (J - np.eye(len(J)))[rows]
     sizes = np.linalg.norm(moves, axis=1)
     moving = sizes > BY_ROUNDING * sizes.max(initial=0.0)
@@ -247,7 +247,7 @@ def _moved(J: Array, rows: Array) -> Array:
 
 
 def acting(found: Linearised) -> Linearised:
-    """The loop without states that don't affect the control: a zero entry of these Jacobians is exactly zero."""
+    """The loop without states that don't affect the control: zero entries of these Jacobians are exact."""
     loop = found.loop
     acts = (loop.C != 0).any(axis=0)
     for _ in range(len(acts)):

@@ -1,8 +1,9 @@
-"""Margins of a linear loop over the known set: its extreme points, seeded points inside, and a search around the worst.
+"""Margins of a linear loop over the known set: at its extreme points, at seeded points inside, and by a search around the worst
+points.
 
-Thousands of points are screened on one grid of frequencies; the extreme points, the case's theta and the worst points of each
-round are computed exactly, and the smallest of these margins is kept. A local minimum between the points may be lower: the result
-is an estimate, not a guarantee.
+Thousands of points are screened on one grid of frequencies; the extreme points, the theta of the case and the worst points of
+each round are computed exactly, and the smallest of these margins is kept. A local minimum between the points may be lower, so
+the result is an estimate, not a guarantee.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ class LoopsOverTheta:
     """A linear loop for every theta: the controller's loop around (A_m + b theta', b), broken at the plant's input.
 
     plant   the plant whose theta is replaced; its input dynamics are added to the loop here
-    gains   the interval of the input's gain if it varies too; a point is then theta followed by the gain
+    gains   the interval of the input gain, if it varies too; a point is then theta followed by the gain
     around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
-            holds for every fixed linear controller, and for one whose gains are affine in theta
+            holds for every fixed linear controller and for controllers whose gains are affine in theta
     lag     lag of the sensor, in series with everything that is fed back
     """
 
@@ -53,7 +54,7 @@ class LoopsOverTheta:
 
     @property
     def own(self) -> Array:
-        """The plant's own point."""
+        """The point of the plant."""
         path = self.plant.paths[0]
         return self.plant.theta if self.gains is None else np.append(self.plant.theta, path.gain)
 
@@ -64,7 +65,7 @@ class LoopsOverTheta:
         return StateSpace(loop.A, loop.B, factors[0, 0] * loop.C, factors[0, 0] * loop.D)
 
     def _apart(self, points: Array) -> tuple[Array, Array]:
-        """The thetas (M, n) of points and the factors of the loop, (M, 1): the input's gains over the plant's own."""
+        """The thetas (M, n) of points, and the factors of the loop (M, 1): the input gains divided by the gain of the plant."""
         if self.gains is None:
             return points, np.ones((len(points), 1))
         return points[:, :-1], points[:, -1:] / self.plant.paths[0].gain
@@ -77,7 +78,7 @@ class LoopsOverTheta:
     def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
         """A function from points (M, p) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
 
-        Both are affine in theta: they are interpolated from the origin and the unit vectors. The input's gain multiplies N.
+        Both are affine in theta, so they are interpolated from the origin and the unit vectors. The input gain multiplies N.
         """
         units = np.eye(self.plant.n)
         W_b = states_response(self.plant.A_m, self.plant.b, w).T
@@ -93,7 +94,7 @@ class LoopsOverTheta:
     def largest_real_parts(self, points: Array) -> Array:
         """Return the largest real parts of the closed loop's eigenvalues, (M,).
 
-        The closed loop's matrix is the open loop's plus the feedback, times the input's gain; both are affine in theta.
+        The matrix of the closed loop is that of the open loop plus the feedback times the input gain; both are affine in theta.
         """
         thetas, factors = self._apart(points)
         loops = [self._with_theta(theta) for theta in (np.zeros(self.plant.n), *np.eye(self.plant.n))]
@@ -107,7 +108,8 @@ class LoopsOverTheta:
         """Frequencies from far below to far above every pole and every crossover that the set allows, denser near lightly damped
         modes.
 
-        A loop that is stable with the delay d has its crossovers below 2 pi/d: the first few periods 2 pi/d are resolved finely.
+        A loop that is stable with the delay d has its crossovers below 2 pi/d: so the first few periods 2 pi/d are resolved
+        finely.
         """
         thetas, ends = self._apart(points)[0], [None] if self.gains is None else np.ravel(self.gains.extent)
         loops = [self.loop(np.zeros(self.plant.n) if one is None else np.append(np.zeros(self.plant.n), one)) for one in ends]
@@ -119,7 +121,7 @@ class LoopsOverTheta:
         offsets = np.sinh(np.linspace(-5, 5, 41))
         peaks = [p.imag + abs(p.real) * offsets for p in poles if p.imag > 0]
         turns = [np.arange(1, 129) * np.pi / 16 / self.delay] if self.delay > 0 else []
-        w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first one represents zero frequency
+        w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first frequency represents zero frequency
         return np.unique(w[w > 0])
 
 
@@ -130,15 +132,17 @@ def _interpolated(thetas: Array, matrices: list[Array]) -> Array:
 
 
 def _combined(thetas: Array, rows: Array) -> Array:
-    """thetas (M, n) times rows (n, K), as sums, because BLAS would use threads, which wait for each other on a busy machine."""
+    """thetas (M, n) times rows (n, K), computed as sums, because BLAS would use threads, which wait for each other on a busy
+    machine."""
     return sum((theta[:, None] * row for theta, row in zip(thetas.T, rows, strict=True)), np.zeros(1))
 
 
 @dataclass(frozen=True, eq=False)
 class WorstCase:
-    """The smallest margins found over the set, each with its theta, followed by the input's gain if that varies too.
+    """The smallest margins found over the set, each with its theta, followed by the input gain if that varies too.
 
-    least        by the margin's name in ``Margins``; gain_down is the largest one. Infinite if nothing destabilises
+    least        by the name of the margin in ``Margins``; for gain_down the largest value. Infinite if nothing destabilises the
+                 loop
     unstable_at  a theta of the set at which the loop is unstable from the start; ``None`` if none was found
     """
 
@@ -148,8 +152,8 @@ class WorstCase:
 
 
 def worst_case(family: LoopsOverTheta, theta_set: KnownSet) -> WorstCase:
-    """Search the set, with the input's gain if the family varies it, for the smallest margins in addition to the plant's delay,
-    and for the largest gain reduction margin."""
+    """Search the set, including the input gain if the family varies it, for the smallest margins in addition to the plant's
+    delay, and for the largest gain reduction margin."""
     rng, known_set = np.random.default_rng(0), theta_set if family.gains is None else theta_set.with_gains(family.gains)
     extremes = known_set.extreme_points(rng, MOST_EXTREMES)
     center = np.mean(known_set.extent, axis=0)
@@ -217,16 +221,17 @@ class _WorstCaseSearch:
 
 
 def points_inside(known_set: EstimateSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
-    """Points of the set in a box around a point, ``share`` of the set's extent wide; points outside are moved to the set."""
+    """Points of the set in a box around a point, whose width is ``share`` of the extent of the set; points outside are moved to
+    the set."""
     lower, upper = known_set.extent
     return known_set.brought_in(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, len(lower))))
 
 
 def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]:
-    """Each (M,): a quantity that is smallest where the margin is worst, from responses (M, K) over w (K,), with the delay in N.
+    """Quantities, each (M,), that are smallest where the margin is worst, from responses (M, K) over w (K,), with the delay in N.
 
-    By the names of ``Margins``; 1 - gain_down replaces gain_down, so small values are bad for all four. "delay" is the tolerated
-    delay in addition to the present one.
+    They have the names of ``Margins``; 1 - gain_down replaces gain_down, so that small values are bad for all four. "delay" is
+    the tolerated delay in addition to the existing delay.
     """
     count = len(N)
     at, N_at, D_at, rows = _crossings(np.abs(N) - np.abs(D), N, D, w)
@@ -250,7 +255,7 @@ def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]
 
 
 def _crossings(values: Array, N: Array, D: Array, w: Array) -> tuple[Array, Array, Array, Array]:
-    """Where values (M, K) change their sign along w: frequencies, N and D there, and the rows; each (crossings,)."""
+    """Where values (M, K) change sign along w: the frequencies, N and D at these frequencies, and the rows; each (crossings,)."""
     rows, k = np.nonzero(values[:, :-1] * values[:, 1:] < 0)
     left, right = values[rows, k], values[rows, k + 1]
     t = left / (left - right)
@@ -259,7 +264,7 @@ def _crossings(values: Array, N: Array, D: Array, w: Array) -> tuple[Array, Arra
 
 
 def _least(count: int, rows: Array, values: Array) -> Array:
-    """(count,) the smallest value of each row; infinite where it has none."""
+    """(count,) the smallest value of each row; infinite for an empty row."""
     found = np.full(count, np.inf)
     np.minimum.at(found, rows, values)
     return found

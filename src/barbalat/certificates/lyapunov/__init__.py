@@ -1,1 +1,2 @@
-"""A Lyapunov function supplied by the author of a law: read exactly, V' <= -W proven or rejected, and the consequences."""
+"""Lyapunov functions supplied by the author of a law: they are read exactly, V' <= -W is proven or rejected, and the consequences
+are derived."""

@@ -37,7 +37,7 @@ class Handed(NamedTuple):
 
 
 def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None:
-    """The result for a law's own V, or None if the law has no V."""
+    """The result for the V of a law, or None if the law has no V."""
     if not isinstance(bound(problem, controller), LyapunovEquations):
         return None
     found = _shown(problem, controller)

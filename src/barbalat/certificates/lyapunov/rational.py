@@ -1,7 +1,7 @@
-"""Rational functions with exact coefficients, with which the code of a law is evaluated instead of numbers.
+"""Rational functions with exact coefficients. The code of a law is evaluated with them instead of with numbers.
 
-A binary64 number in the code counts with its exact value. sin, cos, exp, tanh, arctan and abs are replaced by free variables: a
-statement that holds for all their values holds for the function.
+A binary64 number in the code has its exact value. sin, cos, exp, tanh, arctan and abs are replaced by free variables: a statement
+that holds for all their values holds for the function.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 FREE = 96
-"""Number of spare variables, for functions of others and for the terms that projections subtract."""
+"""Number of spare variables, for functions of other variables and for the terms that projections subtract."""
 
 
 class NotRational(ValueError):

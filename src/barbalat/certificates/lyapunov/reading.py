@@ -24,7 +24,8 @@ reading."""
 
 
 class Normals(NamedTuple):
-    """The term that a projection subtracts, Gamma n with (theta_hat - theta)'n >= 0; ``alone``: every theta_tilde_i n_i >= 0."""
+    """The term that a projection subtracts, Gamma n with (theta_hat - theta)'n >= 0; with ``alone``, every theta_tilde_i n_i >=
+    0."""
 
     of: tuple[Rational, ...]
     places: tuple[int, ...]
@@ -54,7 +55,7 @@ class ReadSet:
         return rate - gain.times(np.array([self._ring.variables[i] for i in places], dtype=object))
 
     def limit(self, theta_hat: Any) -> Any:
-        """Limit numbers as the set does; variables are unchanged, because a projected law keeps them inside."""
+        """Limit numbers as the set does; variables stay unchanged, because a projected law keeps them inside."""
         flat = np.asarray(theta_hat, dtype=object)
         if all(not isinstance(one, Rational) or one.is_constant for one in flat):
             return self._set.limit(np.array([float(one) for one in flat]))
@@ -98,7 +99,7 @@ class Reading:
     limited: frozenset[int]
 
     def along(self, function: Rational) -> Rational:
-        """The function's derivative along the loop's motion."""
+        """The derivative of the function along the motion of the loop."""
         inside = function.used - set(self.theta)
         if not inside <= self.rates.keys():
             raise NotRational(
@@ -108,7 +109,7 @@ class Reading:
 
 
 def read(problem: Problem, controller: Controller) -> Reading:
-    """Read the loop; NotRational if the code is not a rational function, or does not agree with its values on numbers."""
+    """Read the loop; raises NotRational if the code is not a rational function, or does not agree with its values on numbers."""
     known = problem.known
     equations: Any = controller.bind(known)
     parts = state_parts(equations, equations.initial())
@@ -158,7 +159,7 @@ def _of_lines(
 
 
 def _exactly(controller: Any, ring: Ring) -> Any:
-    """A copy whose own numbers are exact."""
+    """A copy whose numbers are exact."""
     if not is_dataclass(controller):
         return controller
     found = copy.copy(controller)

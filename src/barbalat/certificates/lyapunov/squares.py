@@ -1,8 +1,8 @@
 """Proves polynomials nonnegative as sums of squares, which are found in floating point and verified exactly.
 
 p = m'G m with monomials m and a positive semidefinite G. A candidate G is found by alternating between the affine set of all G
-with m'G m = p and the cone. It is then moved exactly onto the set and factored in rational arithmetic, so the proof does not rely
-on the search.
+with m'G m = p and the cone. It is then moved exactly onto the set and factored in rational arithmetic, so that the proof does not
+rely on the search.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Terms = Mapping[Powers, fmpq]
 """A polynomial: its coefficients by the powers of the variables."""
 
 MOST_MONOMIALS = 120
-"""Largest number of monomials in m; with more, no G is searched for."""
+"""Largest number of monomials in m; with more, no G is sought."""
 INSIDE = (0.1, 1e-2, 1e-3, 1e-5)
-"""Distances from the cone's boundary at which G is searched for, scaled so that its diagonal is near one; for a polynomial whose
+"""Distances from the boundary of the cone at which G is sought, scaled so that its diagonal is near one; for a polynomial whose
 minimum is close to zero, only small distances are possible."""
 ROUNDS = 250
 
@@ -67,7 +67,7 @@ def _without_constant_directions(poly: Terms) -> Terms:
 
 
 def _half(support: Sequence[Powers]) -> list[Powers]:
-    """Monomials whose squares may be in the Newton polytope: they are in all half-spaces that contain it."""
+    """Monomials whose squares may be in the Newton polytope because they are in all half-spaces that contain it."""
     points = np.array(support, dtype=float)
     most = points.max(axis=0) / 2
     degrees = points.sum(axis=1)
@@ -89,7 +89,7 @@ def _up_to(most: Array, degree: int) -> list[Powers]:
 
 
 def _pruned(monomials: list[Powers], poly: Terms) -> list[Powers]:
-    """Remove monomials whose square neither occurs in a term nor equals another product: their row of G is zero."""
+    """Remove monomials whose square neither occurs in a term nor equals another product, because their row of G is zero."""
     while True:
         sums = Counter(_times(a, b) for i, a in enumerate(monomials) for b in monomials[i + 1 :])
         kept = [one for one in monomials if (square := _times(one, one)) in poly or sums[square]]
@@ -130,7 +130,8 @@ def _some_gram_matrix(poly: Terms, monomials: list[Powers], pairs: Pairs) -> boo
 
 
 def _scale(poly: Terms, monomials: list[Powers]) -> list[fmpq]:
-    """Powers of two close to the roots of the squares' coefficients: exact, and G's diagonal becomes close to one."""
+    """Powers of two close to the roots of the coefficients of squares: scaling by them is exact, and the diagonal of G becomes
+    close to one."""
     found = []
     for one in monomials:
         factor = as_float(poly.get(_times(one, one), fmpq(0)))
@@ -139,7 +140,7 @@ def _scale(poly: Terms, monomials: list[Powers]) -> list[fmpq]:
 
 
 def _between(poly: Terms, scale: list[fmpq], pairs: Pairs, inside: float) -> Array:
-    """A matrix G in the affine set, found by projecting alternately onto the cone, moved inwards, and onto the set."""
+    """A matrix G in the affine set, found by alternating projections onto the (inward-shifted) cone and onto the set."""
     floats = np.array([as_float(one) for one in scale])
     size = len(scale)
     rows = [(np.array(places).T, as_float(poly.get(product, fmpq(0)))) for product, places in pairs.items()]

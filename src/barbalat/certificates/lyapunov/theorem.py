@@ -24,7 +24,7 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array
 
 NEARLY = fmpq(1) - fmpq(1, 2**20)
-"""The fraction of W that is proven: the P of a case is rounded, so V' = -|e|^2 holds only up to rounding."""
+"""The fraction of W that is proven. The P of a case is rounded, so V' = -|e|^2 holds only up to rounding."""
 LEAST_SHARES = (fmpq(1, 2), fmpq(1, 2**10))
 """Multiples of |e|^2 that are tried as decay rates of V."""
 MOST_CELLS = 64
@@ -33,7 +33,7 @@ TRIALS = 4000
 
 
 class Refused(ValueError):
-    """Nothing follows from the supplied functions; the reason is part of a sentence."""
+    """Raised if nothing follows from the supplied functions; the reason is part of a sentence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Shown:
     places     indices of s among the variables
     inverse    M^-1, exact
     how        the proof, as part of a sentence
-    converges  whether V decreases by a fraction of |e|^2 and u is bounded, so e converges to zero
+    converges  whether V decreases by a fraction of |e|^2 and u is bounded, so that e converges to zero
     over_the_set  whether part of the proof holds only for theta in the known set
     """
 
@@ -57,11 +57,11 @@ class Shown:
     over_the_set: bool
 
     def error_bound(self, level: arb) -> float:
-        """A bound of every component of e, from V(0)."""
+        """A bound on every component of e, from V(0)."""
         return self._bound(range(len(self.reading.e)), level)
 
     def estimates_bound(self, level: arb) -> float | None:
-        """A bound of every component of the estimates of theta; None if V contains no such estimates."""
+        """A bound on every component of the estimates of theta; None if V contains no such estimates."""
         first = self.reading.state.start
         rows = [
             row
@@ -99,7 +99,7 @@ class Shown:
 
 
 def shown(reading: Reading, known_set: KnownSet | None) -> Shown:
-    """The proof; Rejected, with the reason, if a step fails."""
+    """The proof; raises Refused, with the reason, if a step fails."""
     ring, declared = reading.ring, reading.declared
     V = _one(ring, declared.V, "V")
     form = _QuadraticForm(reading, V)
@@ -151,7 +151,7 @@ def _one(ring: Ring, value: Any, name: str) -> Rational:
 
 
 class _QuadraticForm:
-    """V as z'M z with z = (e, s - L theta); Rejected if it does not have this form or is not positive definite."""
+    """V as z'M z with z = (e, s - L theta); raises Refused if V does not have this form or is not positive definite."""
 
     def __init__(self, reading: Reading, V: Rational) -> None:
         if not V.den.is_constant() or any(sum(powers) != 2 for powers in V.num.to_dict()):
@@ -205,7 +205,7 @@ def _arrays(declared: Any) -> list[Any]:
 
 
 def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
-    """Quantities that are zero at the start and whose rates vanish with them, solved for as many parts of the state."""
+    """Quantities that are zero at the start and whose rates vanish with them, solved for equally many parts of the state."""
     ring = reading.ring
     relations = [ring.exact(one) for array in _arrays(reading.declared.zero) for one in np.ravel(np.asarray(array, dtype=object))]
     start = dict(zip(reading.state, map(ring.constant, reading.start), strict=True))
@@ -264,7 +264,7 @@ def _factors(reading: Reading, R: Any, solved: dict[int, Rational]) -> dict[int,
 
 
 class _Substitution:
-    """The substitution of quantities that stay zero, of those that stay nonnegative, and of the shift to deviations."""
+    """The substitution of quantities that stay zero and of quantities that stay nonnegative, and the shift to deviations."""
 
     def __init__(
         self, ring: Ring, solved: dict[int, Rational], factors: dict[int, Rational], shifted: dict[int, Rational]
@@ -304,8 +304,8 @@ def _without_normals(reading: Reading, falls: Rational) -> Rational:
 
 
 def _is_positive(den: Any) -> bool:
-    """Whether the denominator is a positive constant plus terms of even powers with positive coefficients, and so at least
-    that constant everywhere."""
+    """Whether the denominator is a positive constant plus terms of even powers with positive coefficients, and is therefore at
+    least that constant everywhere."""
     terms = den.to_dict()
     constant = terms.get((0,) * den.context().nvars(), fmpq(0))
     return constant > 0 and all(factor > 0 and all(power % 2 == 0 for power in powers) for powers, factor in terms.items())
@@ -370,7 +370,7 @@ class _Coefficient(NamedTuple):
 
 
 def _bernstein(function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq]) -> Iterator[_Coefficient]:
-    """The coefficients, functions of the other variables, of the numerator on a box of some of them."""
+    """The Bernstein coefficients of the numerator on a box of some variables, as functions of the other variables."""
     ring, zero = function.ring, function.ring.constant(fmpq(0))
     unit = {i: zero + lower[i] + (upper[i] - lower[i]) * ring.variables[i] for i in lower}
     moved = Rational(ring, function.num, ring.context.constant(1)).replaced(unit)
@@ -391,7 +391,7 @@ def _bernstein(function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq
 
 
 def _counterexample(cells: _Cells, rest: Rational) -> str:
-    """The finding if the proof fails: a point where the claim is false, computed exactly, or nothing."""
+    """The finding if the proof fails: a point, computed exactly, where the claim is false, or nothing."""
     reading, random = cells.reading, np.random.default_rng(1)
     if rest.used & reading.ring.functions.keys():
         return "not shown"
@@ -415,8 +415,8 @@ def _counterexample(cells: _Cells, rest: Rational) -> str:
 
 
 def _require_motion(reading: Reading, in_V: tuple[int, ...]) -> None:
-    """Require that no part of the state outside V escapes in finite time: one group after another must be linear in itself,
-    given the parts already known to be bounded."""
+    """Require that no part of the state outside V escapes in finite time: one group after another must be linear in its own
+    states, given the parts already known to be bounded."""
     bounded = {*reading.e, *reading.x, *reading.r, *reading.theta, *in_V} | {i for one in reading.normals for i in one.places}
     left = set(reading.state) - bounded
     while left:

@@ -17,7 +17,8 @@ CONTROLLERS = "barbalat.controllers."
 
 
 class SchemeFile(Protocol):
-    """The functions of a scheme's file; they are called only with controllers of the scheme and problems that these support."""
+    """The functions of a scheme's file; they are called only with controllers of the scheme and problems that these controllers
+    support."""
 
     def certificate(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
         """The certificate, computed before any run."""
@@ -30,12 +31,12 @@ class SchemeFile(Protocol):
 
 @runtime_checkable
 class HeldFile(SchemeFile, Protocol):
-    """The file of a scheme that integrates only its law, so the plant's motion between Euler steps is exact."""
+    """The file of a scheme that integrates only its law, so that the motion of the plant between Euler steps is exact."""
 
     def held_limits(
         self, problem: TrackingProblem, controller: Controller, simulation: Simulation, nu_0: float
     ) -> dict[str, Any]:
-        """gamma_max and step_max from sample to sample; a sample is the simulation's step."""
+        """gamma_max and step_max from sample to sample; the sample time is the step of the simulation."""
         ...
 
 
@@ -50,7 +51,7 @@ class ProvenFile(SchemeFile, Protocol):
 
 @runtime_checkable
 class FollowedFile(ProvenFile, Protocol):
-    """The file of a scheme whose error can be computed from a linear loop; the loop is evaluated over the whole known set."""
+    """The file of a scheme whose error can be computed from a linear loop, which is evaluated over the whole known set."""
 
     def known_loop(self, problem: TrackingProblem, controller: Controller) -> KnownLoop | None:
         """The loop; None if the plant has no such loop."""
@@ -67,7 +68,7 @@ class LinearFile(SchemeFile, Protocol):
 
 
 def scheme_file(controller: Controller) -> SchemeFile | None:
-    """The certificate's file for a controller's scheme; None if there is none: see ``unregistered``.
+    """The certificate's file for a controller's scheme; None if there is none (see ``unregistered``).
 
     A subclass has its base scheme's certificate unless it binds other equations.
     """

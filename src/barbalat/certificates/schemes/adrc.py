@@ -1,7 +1,7 @@
 """The certificate of active disturbance rejection, a linear controller whose loop and margins are exact.
 
-If the observer starts at x(0) with f_hat = 0, theta = theta_0 and b_0 is the input's gain, the observer has no error: f_hat stays
-zero and x equals x_m. theta - theta_0 adds a matched disturbance: see ``fixed_loop``, where T is the response of x to it.
+If the observer starts at x(0) with f_hat = 0, theta = theta_0, and b_0 is the input gain, the observer has no error: f_hat stays
+zero and x equals x_m. theta - theta_0 adds a matched disturbance (see ``fixed_loop``, where T is the response of x to it).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def loop_at(theta: Array, equations: Equations, known: Known) -> StateSpace:
 
 
 def loop_of(problem: Problem, controller: Adrc) -> FixedLoop | None:
-    """None for several inputs, or a regressor other than x."""
+    """The loop; None for several inputs or a regressor other than x."""
     if problem.plant.inputs > 1 or not problem.plant.is_linear:
         return None
     known, omega = problem.known, float(problem.plant.paths[0].gain)
@@ -62,7 +62,7 @@ def loop_of(problem: Problem, controller: Adrc) -> FixedLoop | None:
 
 
 def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> Certificate:
-    """The bound of the error in the form of Theorem 1, exact margins and peaks for the true plant, mu of the family."""
+    """The bound on the error in the form of Theorem 1, exact margins and peaks for the true plant, and mu of the family."""
     loop, draft = loop_of(problem, controller), Draft()
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
@@ -85,7 +85,7 @@ def grounds(problem: Problem, controller: Adrc, _: Simulation) -> dict[str, Any]
 
 
 def known_loop(problem: Problem, controller: Adrc) -> KnownLoop | None:
-    """The loop that is followed along its command."""
+    """The loop that is evaluated along its command."""
     loop = loop_of(problem, controller)
     return None if loop is None else loop.known_loop()
 

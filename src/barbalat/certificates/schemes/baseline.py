@@ -21,8 +21,8 @@ from barbalat.solvers.simulation import Simulation
 
 
 def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop | None:
-    """The loop broken at the plant's input, in which the closed loop is the model with theta = theta_0; None for several inputs,
-    or a regressor other than x."""
+    """The loop broken at the plant's input; closed, it is the model if theta = theta_0. None for several inputs or a regressor
+    other than x."""
     if problem.plant.inputs > 1 or not problem.plant.is_linear:
         return None
     known, theta_0 = problem.known, controller.bind(problem.known).theta_0
@@ -36,7 +36,7 @@ def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop | None:
 
 
 def certificate(problem: Problem, controller: BaselineAlone, simulation: Simulation) -> Certificate:
-    """The bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
+    """The bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
     draft, loop = Draft(), loop_of(problem, controller)
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
@@ -54,7 +54,7 @@ def grounds(problem: Problem, controller: BaselineAlone, _: Simulation) -> dict[
 
 
 def known_loop(problem: Problem, controller: BaselineAlone) -> KnownLoop | None:
-    """The loop that is followed along its command."""
+    """The loop that is evaluated along its command."""
     loop = loop_of(problem, controller)
     return None if loop is None else loop.known_loop()
 

@@ -1,6 +1,6 @@
-"""The bound of e for a sampled linear controller on the actual plant: with its delay, actuator, sensor lag and disturbances.
+"""The bound on e for a sampled linear controller on the actual plant with delay, actuator, sensor lag and disturbances.
 
-``linear_loops/sampled_response`` has the theorem. The linear loop has no input limits: the bound of |u| shows whether they are
+``linear_loops/sampled_response`` has the theorem. The linear loop has no input limits; the bound on |u| shows whether limits are
 ever reached.
 """
 
@@ -41,13 +41,14 @@ INDEPENDENT = Assumption("the noise of different samples is independent and has 
 RMS = "error_rms_bound"
 OF_THE_LOOP = "from sample to sample with the case's theta"
 SAME_INSTANT = 1e-9
-"""Relative distance of two sample times that count as equal."""
+"""Relative difference up to which two sample times count as equal."""
 THE_CASE_S = Assumption("theta is the case's")
 """This holds by construction of the loop."""
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: float) -> None:
-    """Add the bounds of e, x and u for every command and disturbance as large as the case's; nothing if phi(x) is not x."""
+    """Add the bounds on e, x and u for every command and disturbance as large as those of the case; nothing if phi(x) is not
+    x."""
     if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS, *OF_NOISE, RMS):
         return
     if problem.plant.states < problem.plant.n:
@@ -76,7 +77,7 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
 def _add_noise(
     draft: Draft, problem: Problem, controller: Controller, linear: tuple[Assumption, ...], error: float | None
 ) -> None:
-    """Add the contribution of the noise and, with the bound of e without noise, the root mean square of both."""
+    """Add the contribution of the noise and, together with the bound on e without noise, the root mean square of both."""
     assert problem.noise is not None
     T = float(controller.sample_time)  # type: ignore[attr-defined]  # of every sampled controller
     if problem.noise.sample_time > T * (1 + SAME_INSTANT):
@@ -113,7 +114,7 @@ def _missed(problem: Problem, controller: Controller, t_end: float) -> float | N
 
 
 def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
-    """The assumptions of the linear loop's bounds, apart from the noise."""
+    """The assumptions of the bounds for the linear loop, apart from the noise."""
     paths = problem.plant.paths
     unknown = "" if problem.derived is None else problem.derived.unmatched
     on_the_way = [

@@ -1,11 +1,12 @@
-"""Guarantees of any linear controller on the family (1): its own bound of the error in the form of Theorem 1, and mu.
+"""Guarantees for any linear controller on the family (1): a bound on the error in the form of Theorem 1, and mu.
 
-With theta = theta_0 the loop is the model, so e = T(s)[(theta - theta_0)'x] with e(0) = 0 and T from a matched disturbance to x
-in the loop with theta_0. With N = ||T||_1 and d = max |theta - theta_0|_1 over the known set, N d < 1 gives
+With theta = theta_0 the loop is the model, so e = T(s)[(theta - theta_0)'x] with e(0) = 0, where T is the transfer matrix from a
+matched disturbance to x in the loop with theta_0. With N = ||T||_1 and d = max |theta - theta_0|_1 over the known set, N d < 1
+gives
 
     ||e||_inf <= N d ||x_m||_inf / (1 - N d),
 
-which is (10) with T in place of W_b (1 - C), without a parameter error, and with unfiltered k_0 r.
+which is (10) with T in place of W_b (1 - C), without an initial parameter error, and with unfiltered k_0 r.
 """
 
 from __future__ import annotations
@@ -44,10 +45,10 @@ class FixedLoop:
 
     at          the loop for the plant with a theta and an input gain of 1
     theta_0     the theta with which plant and controller form the model
-    norm        the system whose norm is N, in words and as the certificate's key
+    norm        the system whose norm is N, in words and as a key of the certificate
     own         assumptions of the bound in addition to the plant (1)
-    integrates  what makes the effect of a constant disturbance vanish, if T(0) = 0
-    gain        of the input, if the scheme assumes one; ``own`` then says whether it is the plant's
+    integrates  what removes the effect of a constant disturbance, if T(0) = 0
+    gain        gain of the input, if the scheme assumes one; ``own`` then says whether it is that of the plant
     unmodelled  W(s), the size of the unmodelled dynamics for which mu is computed
     """
 
@@ -63,7 +64,7 @@ class FixedLoop:
     def with_gain_of_1(
         cls, problem: Problem, *, at: Callable[[Array], StateSpace], own: tuple[Assumption, ...] = (), **rest: Any
     ) -> FixedLoop:
-        """The loop of a controller that takes the input's gain as 1, as the certificate does if the gain is unknown."""
+        """The loop of a controller that assumes an input gain of 1, as the certificate does if the gain is unknown."""
         if problem.input_gain is None:
             return cls(at=at, own=own, **rest)
         omega = float(problem.plant.paths[0].gain)
@@ -75,7 +76,7 @@ class FixedLoop:
         return sensitivity(self.amplified(self.theta_0))
 
     def amplified(self, theta: Array) -> StateSpace:
-        """The loop with the input's gain applied to the feedback only, so a disturbance still enters unscaled."""
+        """The loop with the input gain applied only to the feedback, so that a disturbance still enters unscaled."""
         loop = self.at(theta)
         return loop if self.gain is None else StateSpace(loop.A, loop.B, self.gain * loop.C, self.gain * loop.D)
 
@@ -92,12 +93,12 @@ class FixedLoop:
         return known_command.KnownLoop(S.A, S.B, self.theta_0, 0.0, self.error_norm().upper)
 
     def rests_on(self, problem: Problem) -> tuple[Assumption, ...]:
-        """The assumptions of the bound of the error."""
+        """The assumptions of the bound on the error."""
         return (*nominal(problem, gain_adapted=self.gain is not None), *self.own, theta_in_the_set(problem))
 
 
 def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> None:
-    """Add the bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
+    """Add the bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
     known_set = problem.uncertainty
     if problem.input_gain is not None and loop.gain is not None:
         draft.note(
@@ -134,7 +135,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float, t_end:
 
 
 def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) -> dict[str, Entry]:
-    """Return the cells of Table 1; the loop is unknown for a plant with several inputs or another regressor."""
+    """Return the cells of Table 1; the loop is unknown for a plant with several inputs or a different regressor."""
     values, bound = certificate.values, certificate.entry("error_bound")
     condition, mu = values.get("condition"), values.get("mu_parameters")
     norm = "" if loop is None else loop.norm

@@ -1,4 +1,4 @@
-"""The certificate of the controller that knows the parameters: if they are the plant's, the closed loop is the reference
+"""The certificate of the controller that knows the parameters: if these are the true ones, the closed loop is the reference
 model."""
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from barbalat.solvers.simulation import Simulation
 
 
 def certificate(problem: Problem, controller: KnownParameters, simulation: Simulation) -> Certificate:
-    """Margins and the step's limit, by exact linearisation."""
+    """Margins and the step limit, by exact linearisation."""
     draft = Draft()
     add_linearised(draft, problem, controller, simulation)
     return draft.finish()

@@ -1,4 +1,5 @@
-"""The certificate of L1-AC (5)-(8), MRAC with a filter: the condition on C(s), the bound (10), and its column of Table 1."""
+"""The certificate of L1-AC (5)-(8), which is MRAC with a filter: the condition on C(s), the bound (10), and the column of Table
+1."""
 
 from __future__ import annotations
 
@@ -63,7 +64,7 @@ OWN_QUANTITIES = {
     ),
 }
 FILTER_AT_REST = Assumption("the filter starts at rest")
-"""It holds by construction."""
+"""This holds by construction."""
 REACH_ASSUMED = "|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate"
 
 
@@ -75,7 +76,7 @@ class StateReach(NamedTuple):
 
 
 def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Certificate:
-    """The condition on C(s), the bound (10), the limits of gain and step, the margins of the linear loops."""
+    """The condition on C(s), the bound (10), the limits on gain and step, the margins of the linear loops."""
     if beyond_the_paper(problem):
         return _beyond_the_paper(problem, controller, simulation)
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
@@ -90,7 +91,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         reach = _add_bound_10(draft, problem, controller, C, model)
         if reach is not None and (is_needed(known_command.KEY) or is_needed(any_command.KEY)):
             _add_bounds_over_cells(draft, problem, controller, simulation.t_end)
-    if reach is None:  # no bound of x is known: use the model's bound as an assumption, and state this
+    if reach is None:  # no bound on x is known: use the model's bound as an assumption, and say so
         reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
         problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)
@@ -119,7 +120,7 @@ def _beyond_the_paper(problem: Problem, controller: L1Adaptive, simulation: Simu
 
 
 def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str, Any]:
-    """The numbers of Theorem 1 (ii); with C = 1 those of (i)."""
+    """The numbers of Theorem 1 (ii); with C = 1, the numbers of (i)."""
     equations = controller.bind(problem.known)
     scheme = "mrac" if controller.filter is None else "l1"
     carries = disturbed.is_disturbed(problem)
@@ -128,7 +129,7 @@ def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str
 
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
-    """The predictor's midpoint form; with C = 1 MRAC's."""
+    """The midpoint form of the predictor; with C = 1, that of MRAC."""
     delayed = () if controller.filter is not None else (mrac.one_sample_of_delay(sample_time),)
     return midpoint.of_predictor(problem, controller, *delayed)
 
@@ -159,7 +160,7 @@ def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theore
 
 
 def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: StateSpace, model: ModelBounds) -> StateReach | None:
-    """Add the condition and, if it holds, the bound; None, with the reason in the entry, if there is none."""
+    """Add the condition and, if it holds, the bound. Return None if there is no bound; the entry gives the reason."""
     known, theta_max, nu_0 = problem.known, draft["theta_max"], draft["nu_0"]
     found, slope = add_condition(draft, problem, C)
     void = laws.why_no_bound(controller, problem)
@@ -193,7 +194,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
 
 
 def _add_bounds_over_cells(draft: Draft, problem: Problem, controller: L1Adaptive, t_end: float) -> None:
-    """Add the bounds for every theta of the known set, for all commands and for the case's."""
+    """Add the bounds for every theta of the known set, for all commands and for the command of the case."""
     loop = known_loop(problem, controller)
     rests_on = (*of_the_case(problem, controller.bind(problem.known).estimate_set), FILTER_AT_REST, theta_in_the_set(problem))
     any_command.add(draft, problem, loop, rests_on)
@@ -212,7 +213,7 @@ def known_loop(problem: Problem, controller: L1Adaptive) -> known_command.KnownL
 
 
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:
-    """Add margins and mu of the limit of L1-AC for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
+    """Add margins and mu of the fast-adaptation limit of L1-AC, a linear controller with S = 1 - C at theta = 0."""
     plant, C, known_set = problem.plant, equations.C, None if equations.estimate_set is None else problem.known.theta_set
     add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.LOOP_OF_FAST_ADAPTATION)
     over_known_set.add_filtered(draft, problem, C)

@@ -1,15 +1,15 @@
 """The certificate of the piecewise-constant L1 law: a linear time-invariant sampled controller, whose loop is known exactly.
 
-With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, where F is the
-predictor's own step and S the effect of sigma over a sample, and sigma_hat = -G x~. Hence sigma_hat(infinity) = G (I - F + S
-G)^-1 S sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
+With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, where F is the step
+of the predictor and S the effect of sigma over a sample, and sigma_hat = -G x~. Hence sigma_hat(infinity) = G (I - F + S G)^-1 S
+sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
 
-``distance`` bounds the distance of the loop from its theory's reference system, for the plant (1) with phi(x) = x.
+``distance`` bounds the distance of the loop from the reference system of its theory, for the plant (1) with phi(x) = x.
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the sampled
 command; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and, under
-held commands, exact from sample to sample, so their difference is one linear system: the largest effect of r on it is the sum of
-its impulse response, for every bounded r.
+held commands, exact from sample to sample, so their difference is one linear system, and the largest effect of a bounded r on it
+is the sum of its impulse response.
 
 Between samples a motion differs from the straight line between its ends by at most T^2/8 times its second derivative. With v
 held, x'' = e^(A tau) A (A x_k + B v_k), at most e^(|A| T) |A (A x_k + B v_k)| in every component, both for the plant and for the
@@ -56,7 +56,7 @@ class Distance(NamedTuple):
 
 
 def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> Distance:
-    """The distance to the reference system for held commands of these sizes (q,); raises InputError if one of the two is
+    """The distance to the reference system for held commands of these sizes (q,); raises InputError if either of them is
     unstable."""
     equations, plant = controller.bind(problem.known), problem.plant
     T, n, q = controller.sample_time, plant.n, len(levels)
@@ -137,7 +137,7 @@ NO_LOOP = "margins and noise are known only for phi(x) = x, not for this plant"
 
 
 def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: Simulation) -> Certificate:
-    """The values of the linear loop: margins, noise, the steady error under a constant disturbance, and the distance to the
+    """The values for the linear loop: margins, noise, the steady error under a constant disturbance, and the distance to the
     reference system."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
@@ -188,7 +188,7 @@ def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]
 
 
 def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:
-    """Add the distance for every command as large as the case's, and the reference system's own delay margin."""
+    """Add the distance for every command as large as that of the case, and the delay margin of the reference system."""
     levels = np.array([command.bound if isinstance(command, BoundedSignal) else np.nan for command in problem.commands])
     try:
         away = distance(problem, controller, levels)
@@ -208,7 +208,7 @@ def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConsta
 
 
 def rests_on(problem: Problem) -> tuple[Assumption, ...]:
-    """The assumptions of the guarantees, which use the case's own theta: no known set is needed."""
+    """The assumptions of the guarantees, which use the theta of the case and need no known set."""
     nonlinear = "" if problem.plant.is_linear else "phi(x) is not x"
     start = Assumption("predictor and reference system start at x(0), the filter at rest")
     linear = Assumption("phi(x) = x, and theta is the case's", nonlinear)

@@ -47,7 +47,7 @@ def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
 
 
 def certificate(problem: Problem, controller: LinearFeedback, simulation: Simulation) -> Certificate:
-    """The bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
+    """The bound on the error in the form of Theorem 1, margins and peaks for the true plant, and mu of the family."""
     loop, draft = loop_of(problem, controller), Draft()
     add_loop(draft, problem, loop, simulation.t_end)
     add_step_of_modes(draft, problem, controller, simulation)
@@ -62,7 +62,7 @@ def grounds(problem: Problem, controller: LinearFeedback, _: Simulation) -> dict
 
 
 def known_loop(problem: Problem, controller: LinearFeedback) -> KnownLoop:
-    """The loop that is followed along its command."""
+    """The loop that is evaluated along its command."""
     return loop_of(problem, controller).known_loop()
 
 

@@ -1,5 +1,5 @@
-"""Properties of the Lyapunov function that a scheme's midpoint form preserves from sample to sample; proofs in
-docs/sampled.md."""
+"""Properties of the Lyapunov function that the midpoint form of a scheme preserves from sample to sample; docs/sampled.md has the
+proofs."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ PREDICTOR_BESIDE_PROJECTION = (
 
 
 class MidpointForm(NamedTuple):
-    """V = theta_tilde'Gamma^-1 theta_tilde never grows by the law's step.
+    """A form in which V = theta_tilde'Gamma^-1 theta_tilde never grows by the step of the law.
 
     metric    Gamma
-    box       the set that is projected onto
-    kept      whether this also holds with the leakage, if there is one
-    rests_on  its assumptions if nothing is claimed for the continuous law; None if nothing is known then
+    box       the set onto which the estimates are projected
+    kept      whether V also does not grow with the leakage, if there is one
+    rests_on  the assumptions if nothing is claimed for the continuous law; None if nothing is then known
     findings  further findings about the form, as sentences
     """
 
@@ -47,10 +47,10 @@ class MidpointForm(NamedTuple):
 
 @runtime_checkable
 class MidpointFile(SchemeFile, Protocol):
-    """A scheme's file that knows its midpoint form."""
+    """The file of a scheme with a midpoint form."""
 
     def midpoint_form(self, problem: TrackingProblem, controller: Controller, sample_time: float) -> MidpointForm:
-        """Return the preserved properties of a continuous controller's sampled form."""
+        """Return the properties that the sampled form of a continuous controller preserves."""
         ...
 
 
@@ -64,7 +64,7 @@ def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: s
 
 
 def of_law(law: AdaptiveLaw | OutputErrorLaw, estimate_set: EstimateSet | None) -> MidpointForm:
-    """Return the preserved properties for a law on the parametric model, whose own implicit step preserves its V."""
-    assert isinstance(law, SampledLaw)  # any other law is rejected: ``adaptation.implicit``
+    """Return the preserved properties for a law on the parametric model, whose implicit step preserves its V."""
+    assert isinstance(law, SampledLaw)  # any other law is rejected by ``adaptation.implicit``
     found = laws.guarantee_of(law, estimate_set)
     return MidpointForm(law.metric, estimate_set, kept=not found.leaks or found.M_0 is not None)

@@ -1,9 +1,9 @@
-"""The certificate of the MIT rule: no proof is known, and its known limitation is a number of the case.
+"""The certificate of the MIT rule: no proof is known, and its known limitation is evaluated for the case.
 
 At a constant command r with e = 0 the law is linear: with q = omega (k_x_tilde'phi - k_r_tilde r), e = -(sI - A_m)^-1 b [q] and
-q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), so it is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b; for
-the feedforward alone kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: if G's phase
-falls below -90 degrees, the loop is unstable above some value of each. Source: Astrom and Wittenmark, Adaptive Control, section
+q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), which is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b; for
+the feedforward alone, kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: if G's phase
+falls below -90 degrees, the loop is unstable above some value of either. Source: Astrom and Wittenmark, Adaptive Control, section
 5.3, for a feedforward gain alone.
 """
 
@@ -36,7 +36,7 @@ OWN_QUANTITIES = {
     MARGIN: Quantity("factor on Gamma and gamma_r, or on the squared command, at which the ideal gains become unstable")
 }
 SLOW_ADAPTATION_RATIO = 1e-4
-"""Fraction of the model's slowest mode: a loop with an integrator this slow is stable with any following dynamics."""
+"""Fraction of the slowest mode of the model. A loop with an integrator this slow is stable with any dynamics behind it."""
 
 
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:

@@ -36,7 +36,7 @@ ESTIMATES_STATEMENT = "V never grows; if phi is persistently exciting, which is 
 
 
 def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
-    """The bound (9), the limits of gain and step, the margins of the linear loops."""
+    """The bound (9), the limits on gain and step, the margins of the linear loops."""
     if beyond_the_paper(problem):
         return of_lyapunov_law_beyond(_excited(problem, controller), simulation)
     equations, draft = controller.bind(problem.known), Draft()
@@ -75,7 +75,7 @@ def grounds(problem: Problem, controller: Mrac, _: Simulation) -> dict[str, Any]
 
 
 def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:
-    """gamma_max and step_max from sample to sample, for |x| within the bounds of model and e, and for the model's motion."""
+    """gamma_max and step_max from sample to sample, for |x| within the bounds on model and e, and for the motion of the model."""
     held = HeldOscillator(problem.known)
     if beyond_the_paper(problem):
         excited = _excited(problem, controller)
@@ -108,7 +108,7 @@ def column(problem: Problem, controller: Mrac, certificate: Certificate) -> tupl
 
 
 def cells(problem: Problem, controller: laws.ModifiedScheme, certificate: Certificate) -> dict[str, Entry]:
-    """The cells, which are also those of L1-AC with C = 1, since the two coincide."""
+    """The cells, which also apply to L1-AC with C = 1, because the two coincide."""
     void = laws.why_no_bound(controller, problem)
     rests_on = of_the_lyapunov_law(problem, controller, certificate)
     found = lyapunov_cells(problem, certificate, rests_on, "nu_0/sqrt(Gamma) = ", ", (9)")
@@ -120,7 +120,7 @@ def cells(problem: Problem, controller: laws.ModifiedScheme, certificate: Certif
 def lyapunov_cells(
     problem: Problem, certificate: Certificate, rests_on: tuple[Assumption, ...], formula: str = "", source: str = ""
 ) -> dict[str, Entry]:
-    """The cells that follow from a Lyapunov function of error and estimates; ``formula`` and ``source`` belong to the bound of
+    """The cells that follow from a Lyapunov function of error and estimates; ``formula`` and ``source`` belong to the bound on
     e."""
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     transient = nothing("transient", "no bound is known" if bound is None else bound.why)

@@ -2,7 +2,8 @@
 1.
 
 V = e_c'P e_c + theta_tilde'Gamma^-1 theta_tilde has V' <= -|e_c|^2 with P of A_m + L, so |e_c|_2 <= nu_0/sqrt(Gamma) with that P.
-The error with respect to the open-loop model (2) is e = [I - (sI - A_m)^-1 L] e_c; its L1 norm transfers the bound.
+The error with respect to the open-loop model (2) is e = [I - (sI - A_m)^-1 L] e_c; the L1 norm of this operator transfers the
+bound.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ from barbalat.solvers.simulation import Simulation
 
 
 def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simulation) -> Certificate:
-    """The bound of e, the limits of gain and step, the margins with constant estimates."""
+    """The bound on e, the limits on gain and step, the margins with constant estimates."""
     known, draft, n = problem.known, Draft(), problem.known.n
     equations = controller.bind(known)
-    closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
+    closed = replace(known, A_m=known.A_m + equations.L)  # this P is that of the controller
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
     add_parameter_errors(draft, problem, equations, closed)
     draft.note("nu_0 uses the controller's P, which belongs to A_m + L")

@@ -1,11 +1,10 @@
 """The certificate of the direct MRAC: the bounds from its Lyapunov function, and its column of Table 1.
 
-With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes
-V = e'P e + omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times.
-With several inputs, each with an omega_i > 0 of its own, e' = A_m e + b diag(omega) (K_hat - K)'z, and in V omega_i multiplies
-the term of the gains that are adapted for the input i. V(0) is convex in (theta, omega), as a sum of squares of linear
-functions over omega: its largest
-value over a known set and an interval of omega is at one of the interval's ends.
+With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes V = e'P e +
+omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times. With
+several inputs, each with an omega_i > 0, e' = A_m e + b diag(omega) (K_hat - K)'z, and in V omega_i multiplies the term of the
+gains that are adapted for the input i. V(0), a sum of squares of linear functions divided by omega, is convex in (theta, omega),
+so its largest value over a known set and an interval of omega is at an end of the interval.
 
 With bounded disturbances and both gains projected, V' <= -q |e|^2 + 2 p |e| as in ``bounds/disturbed``; the contribution of the
 gains to V is at most its largest value over their sets.
@@ -48,7 +47,8 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MOST_INTERVALS = 10
-"""V(0) is evaluated with every input's gain at an end of its interval: up to a thousand combinations."""
+"""Largest number of intervals: V(0) is evaluated with every input gain at an end of its interval, in up to a thousand
+combinations."""
 OWN_QUANTITIES = {
     "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
     "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
@@ -62,7 +62,7 @@ ESTIMATES = (
 
 
 def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation) -> Certificate:
-    """The bound of e, the limits of gain and step, the margins with the gains fixed at the ideal ones."""
+    """The bound on e, the limits on gain and step, the margins with the gains fixed at their ideal values."""
     draft, gains = Draft(own=OWN_QUANTITIES), controller.bind(problem.known).gains
     require_lyapunov(problem.known)
     if gains.inputs > 1:
@@ -83,7 +83,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
 
 
 def grounds(problem: Problem, controller: DirectMrac, _: Simulation) -> dict[str, Any]:
-    """The numbers of V, including the input's gains."""
+    """The numbers of V, including the input gains."""
     gains = controller.bind(problem.known).gains
     return {
         "scheme": "mrac-direct",
@@ -99,7 +99,7 @@ def grounds(problem: Problem, controller: DirectMrac, _: Simulation) -> dict[str
 def _of_several(
     draft: Draft, problem: Problem, controller: DirectMrac, gains: ControlGains, simulation: Simulation
 ) -> Certificate:
-    """The bound of e, and the results of the linearised loop."""
+    """The bound on e, and the results for the linearised loop."""
     theta, omega = problem.plant.theta, _each_omega(problem)
     k_x, k_r, m = gains.ideal(theta, omega), gains.ideal_feedforward(omega), gains.inputs
     draft.advise({"k_x": k_x.reshape(-1, m).tolist(), "k_r": k_r.reshape(m, -1).tolist()})
@@ -148,7 +148,7 @@ def _with_disturbances(problem: Problem, gains: ControlGains) -> float | None:
 
 
 def _acting(problem: Problem, gains: ControlGains) -> Assumption:
-    """The disturbances that the bound of V includes: bounded ones, if both gains are projected."""
+    """The disturbances that the bound on V includes: bounded disturbances, if both gains are projected."""
     found = carried_along(problem, gains.estimate_set)
     if disturbed.is_disturbed(problem) and gains.estimate_set is not None and gains.interval is None:
         return replace(found, broken="disturbance, with a feedforward's gain that is not bounded by projection")
@@ -156,7 +156,7 @@ def _acting(problem: Problem, gains: ControlGains) -> Assumption:
 
 
 def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tuple[Assumption, ...]) -> None:
-    """Add the largest bound over the known set, and over the intervals of the input's gains if they are known."""
+    """Add the largest bound over the known set, and over the intervals of the input gains if they are known."""
     known_set, interval = problem.uncertainty, problem.known.gains
     if known_set is None or disturbed.is_disturbed(problem):
         return
@@ -188,7 +188,7 @@ def _feedforward_V(gains: ControlGains, omega: Array) -> float:
 
 
 def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
-    """The plant (1) with any gain of its input, and ideal gains that are inside the projection's set."""
+    """The assumptions: the plant (1) with any input gain, and ideal gains inside the projection set."""
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
     corners = laws.keeps_V_in_corners(gains.gamma.value, gains.estimate_set)
     acting = _acting(problem, gains)
@@ -208,7 +208,8 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
 
 
 def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    """The set of the projection contains theta/omega for every theta of the known set; without an interval omega is 1."""
+    """The assumption that the projection set contains theta/omega for every theta of the known set; without an interval, omega is
+    1."""
     if gains.estimate_set is None or problem.known.gains is not None:
         return NUMBERS_ALONE
     apart = (_each_omega(problem) != 1).any()
@@ -227,8 +228,8 @@ def _gain_in_the_interval(problem: Problem) -> Assumption:
 
 
 def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulation: Simulation, bound: float) -> None:
-    """Add the limits: the frozen law moves only along q = omega (k_hat - k)'z, with q' = -omega (phi'Gamma phi + gamma_r r^2)
-    b'P e."""
+    """Add the limits. The frozen law moves only along q = omega (k_hat - k)'z, with q' = -omega (phi'Gamma phi + gamma_r r^2) b'P
+    e."""
     gain, omega, model = Gain(controller.gamma), _omega(problem), model_bounds(problem)
     share = math.sqrt(feedforward_gain(controller) / gain.largest) * model.r
     oscillator = Oscillator(problem.known, simulation.solver, frozen_laws.input_poles(problem))

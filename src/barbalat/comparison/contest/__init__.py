@@ -1,1 +1,1 @@
-"""Every scheme tuned under one rule, then measured on validation plants, commands and noise."""
+"""Contests: every scheme is tuned under one rule and then measured on validation plants, commands and noise."""

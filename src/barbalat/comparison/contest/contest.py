@@ -1,4 +1,4 @@
-"""The contest: the entrants, the rule's search for each, and the validation of all on new plants, commands and noise."""
+"""The contest: the entrants, the search for each under the rule, and the validation of all on new plants, commands and noise."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from barbalat.targets import CONTEST, require_continuous_reading
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
-"""Number of validation runs. The interval of the median of a ratio then extends over 7 % of the runs to either side."""
+"""Number of validation runs. With this number, the interval of a median ratio extends over 7 % of the runs to either side."""
 TUNING_SHARE = 0.85
 """Approximate fraction of the time that the search takes. The validation runs take the rest."""
 
@@ -69,15 +69,15 @@ def contest(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Contest:
-    """Tune every scheme under one rule, and measure those that meet it on validation plants, commands and noise.
+    """Tune every scheme under one rule, and measure the schemes that meet it on validation plants, commands and noise.
 
-    case          a case file, a bundled case's name, or a ``Case``: its problem and its simulation; its own controllers take part
-                  only if their class is from outside and declares tuned settings
-    delay_margin  [s]; by default ``default_delay_margin``
-    until         "onset": a margin ends where the loop begins to oscillate; "loss": where it loses its motion
+    case          a case file, a bundled case's name, or a ``Case``: its problem and its simulation. Controllers of the case take
+                  part only if their class is from outside the package and declares tuned settings
+    delay_margin  required delay margin [s]; by default ``default_delay_margin``
+    until         "onset": a margin ends where the loop begins to oscillate; "loss": where it loses the commanded motion
     schemes       by their names in case files; by default all that declare tuned settings and support the problem
-    sample_time   sample time of all controllers [s]; by default continuous ones stay continuous
-    noise         fraction of the model's motion, if the case has no noise of its own
+    sample_time   sample time of all controllers [s]; by default, continuous controllers stay continuous
+    noise         noise as a fraction of the model's motion, if the case has no noise
     members       number of validation runs
 
     Further arguments as in ``Rule``. Raises InputError.
@@ -126,9 +126,9 @@ def compete(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Contest:
-    """Tune every entrant on the problem under the rule, and measure those that meet it on ``members`` validation runs.
+    """Tune every entrant on the problem under the rule, and measure those entrants that meet it on ``members`` validation runs.
 
-    judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
+    judge     the criteria for the verdicts; by default derived from the model's motion
     left_out  sentences on schemes that do not take part, which are passed on
     finer     whether the first validation run of each command is repeated with a finer step
     family    the plants for tuning, in place of those that the rule draws
@@ -204,12 +204,12 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
 
 
 RUNS_EACH_PLANT = 12
-"""Number of runs of a tuning on one plant, including modelling errors. It is 6 for the template's case, and 18 with an observer
-and a specification of delay and gain."""
+"""Number of runs of a tuning on one plant, including modelling errors. It is 6 for the template case, and 18 with an observer and
+a specification of delay and gain."""
 RUN_SECONDS = 2e-3
-"""Seconds for the equations of a run, in addition to its steps. It is 1 ms for a small loop and 3 ms with an observer."""
+"""Seconds for preparing the equations of a run, in addition to its steps: 1 ms for a small loop and 3 ms with an observer."""
 STEP_SECONDS = 1e-8
-"""Seconds per step of a member. A small loop takes 3 ns; most loops are larger."""
+"""Seconds per step of a member. A small loop takes 3 ns, but most loops are larger."""
 HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
 """Seconds for the plant and command of a validation run, in addition to its steps."""
 
@@ -244,7 +244,7 @@ def _rank(one: Qualified, held: dict[str, Validation]) -> tuple[bool, int, float
 def _notes(
     problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Remeasured], rule: Rule
 ) -> list[str]:
-    """Return sentences on the limits of the result."""
+    """Return sentences on the limitations of the result."""
     said, own = [], "the step" if simulation.tolerance is None else "the tolerance"
     for one in tuned:
         if not one.meets:

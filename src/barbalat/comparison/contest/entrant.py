@@ -26,7 +26,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 SAMPLED_GAINS_BEYOND = 100.0
-"""Factor that ends the range of a sampled law's gain, which the solver's step does not limit."""
+"""Factor by which the range of a sampled law's gain extends, because the solver step does not limit it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,7 +35,8 @@ class Entrant(Settings):
 
     knobs  the tuned settings, each searched over its range on a logarithmic scale; ``make`` builds the controller. Without knobs
            the controller is not tuned
-    reads  the form of the contest's problem for the scheme, the same plant with a different regressor; by default unchanged
+    reads  the form in which the scheme reads the contest's problem: the same plant with a different regressor; by default
+           unchanged
     """
 
     knobs: TuningGrid
@@ -64,7 +65,7 @@ class Entrant(Settings):
     def starting_at(self, theta_hat0: Array) -> Entrant:
         """Return the entrant with estimates that start at ``theta_hat0`` (p,), if its class has a field of that name.
 
-        If ``knobs`` has set another value than the field's default, that value is kept.
+        If ``knobs`` has set a value other than the default of the field, that value is kept.
         """
         make = self.knobs.make
 
@@ -118,18 +119,18 @@ def entrants_of(
     sample_time: float | None = None,
     ours: bool = True,
 ) -> tuple[list[Entrant], list[str]]:
-    """Return the registered schemes that declare tuned settings and support the problem, and sentences on omitted ones.
+    """Return the registered schemes that declare tuned settings and support the problem, and sentences on the omitted schemes.
 
-    schemes      their names in case files; by default all
-    own          controllers from outside: those that declare tuned settings take part too
-    sample_time  sample time of all [s], in midpoint form, or with Euler steps if a scheme has none; by default continuous ones
-                 stay continuous
+    schemes      names in case files; by default all
+    own          controllers from outside; those that declare tuned settings take part too
+    sample_time  sample time of all [s], in midpoint form, or with Euler steps if a scheme has no such form; by default,
+                 continuous controllers stay continuous
     ours         whether the registered schemes take part
 
     All start with the same knowledge. Their estimates start in the middle of the known set, or at a baseline's parameters, which
     linear designs assume as well. A baseline also takes part without adaptation. If the input saturates, each scheme uses its
-    remedy against windup. A controller from outside starts at the same estimates if its class has a field ``theta_hat0``, or if
-    its ``knobs`` pass on ``reach.theta_hat0``. For any other, ``starts.start_of`` reports the start.
+    windup remedy. A controller from outside starts at the same estimates if its class has a field ``theta_hat0``, or if its
+    ``knobs`` pass on ``reach.theta_hat0``. For any other controller, ``starts.start_of`` reports the start.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be one of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
@@ -183,7 +184,7 @@ def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entra
     try:
         bound(problem, _first(moved))
     except InputError:
-        return entrant  # it is rejected for a different reason, or has its own start, which ``starts`` reports
+        return entrant  # it is rejected for a different reason, or has a separate start, which ``starts`` reports
     return moved
 
 

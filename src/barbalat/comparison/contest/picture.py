@@ -21,7 +21,7 @@ EACH_HEIGHT = 0.42
 
 
 def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw the errors of all validation runs of the entrants that meet the rule, the first one at the top. A cross marks the
+    """Draw the errors of all validation runs of the entrants that meet the rule, the first entrant at the top. A cross marks the
     error on the worst tuning plant."""
     if not found.held_out:
         raise InputError("no entrant satisfies the rule, so there are no validation runs to draw")

@@ -29,13 +29,15 @@ if TYPE_CHECKING:
 class Paired:
     """The comparison of two entrants on the same plants, commands and noise.
 
-    Plants and noise are independent draws. The commands are a fixed set with the same number of plants each. The number of runs
+    Plants and noise are independent draws. The commands are a fixed set, each with the same number of plants. The number of runs
     below a value is then a sum of independent draws of unequal probability, which a binomial interval covers at least as often
     (Hoeffding, 1956).
 
-    ratio     median of the first's error divided by the second's; infinite or 0 if half of the runs failed for only one of them
+    ratio     median of the ratio of the first entrant's error to the second's; infinite or 0 if half of the runs failed for only
+              one of them
     interval  the interval of the ratio
-    better, worse  fraction of the runs in which the first has the smaller, or the larger, error; a failed run counts as larger
+    better, worse  fractions of the runs in which the first entrant has the smaller or the larger error; a failed run counts as
+                   the larger error
     both_failed    number of runs in which both failed, which count for neither
     """
 
@@ -84,7 +86,7 @@ def paired(first: tuple[str, Validation], second: tuple[str, Validation]) -> Pai
 
 
 def log_ratios(a: Array, b: Array) -> Array:
-    """Return log(a/b) (M,), which is 0 if both failed and infinite if one did."""
+    """Return log(a/b) (M,), which is 0 if both failed and infinite if only one did."""
     both = np.isinf(a) & np.isinf(b)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(both, 0.0, np.log(a) - np.log(b))
@@ -96,8 +98,8 @@ class Contest(Plotted):
 
     problem   the problem, including its noise
     thetas    (P, p) theta of the tuning plants
-    held_out  by name, for those that meet the rule
-    pairs     pairs of these, each with every one ranked below it
+    held_out  validation results by name, for the entrants that meet the rule
+    pairs     pairs of these entrants, each with every entrant ranked below it
     again     by name, some validation runs repeated with a finer step
     left_out  sentences on schemes that do not take part and on what was not tried
     """
@@ -127,21 +129,21 @@ class Contest(Plotted):
 
     @cached_property
     def motion(self) -> float:
-        """The RMS of |x_m| under the problem's own command."""
+        """The RMS of |x_m| under the command of the problem."""
         return ReferenceMotion.of(self.problem, self.simulation).rms
 
     def plot(self, *, shown: bool = True) -> Figure:
         """Draw the error of every validation run of every entrant as a Matplotlib figure. Raises InputError if no entrant meets
         the rule.
 
-        shown  whether the figure is displayed at once, if pyplot is in use
+        shown  whether to display the figure at once, if pyplot is in use
         """
         from barbalat.comparison.contest.picture import draw
 
         return draw(self, shown=shown)
 
     def __getitem__(self, name: str) -> Qualified:
-        """Return the entrant with this name. KeyError for an unknown one."""
+        """Return the entrant with this name. Raises KeyError for an unknown name."""
         return Named.of("entrant", {one.name: one for one in self.entrants})[name]
 
     def as_json(self) -> dict[str, Any]:

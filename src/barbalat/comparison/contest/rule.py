@@ -33,13 +33,13 @@ GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_marg
 
 @dataclass(frozen=True, kw_only=True, init=False)
 class Rule(Settings):
-    """The rule of a contest. A scheme takes the tuning with the smallest RMS |e| on the worst of the plants, among those that
-    keep both margins on all plants.
+    """The rule of a contest. The tuning of a scheme is the one with the smallest RMS |e| on the worst plant, among the tunings
+    that keep both margins on all plants.
 
     delay_margin  additional delay at the plant's input [s]
     gain_margin   factor above 1 by which the input's effectiveness is multiplied and divided
-    until         end of a margin: "onset", where the loop begins to oscillate, or "loss", where it loses its motion
-    plants        number of plants, the problem's own and others from its known set
+    until         end of a margin: "onset", where the loop begins to oscillate, or "loss", where it loses the commanded motion
+    plants        number of plants: the plant of the problem and others from its known set
     trials        number of tunings tried for each scheme
     seed          seed of the plants, the searches, the validation plants, commands and noise
     also          further constraints of the tuning, such as "max_abs_u <= 10"
@@ -120,7 +120,7 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
     """Return a tenth of the fastest time constant of the model and, for phi(x) = x, of the corners of the known set [s], rounded
     to two digits.
 
-    This assumes that unmodelled dynamics begin a decade above those of the equations. The result is at least four solver steps.
+    This assumes that unmodelled dynamics begin a decade above the modelled dynamics. The result is at least four solver steps.
     """
     plant, known = problem.plant, problem.known.theta_set
     matrices = [plant.A_m]
@@ -133,7 +133,7 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
 
 
 DEFAULT_NOISE_SHARE = 1e-3
-"""Default noise of each state as a fraction of the model's largest motion, about one bit of ten, as for a simple sensor."""
+"""Default noise of each state as a fraction of the model's largest motion, about one bit of a 10-bit sensor."""
 
 
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
@@ -153,7 +153,7 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
 
 
 def added_noise(problem: Problem, noisy: Problem, share: float) -> str | None:
-    """Return a sentence on the noise that ``with_noise`` has added; None if the case has its own, or none was requested."""
+    """Return a sentence on the noise that ``with_noise`` has added; None if the case already has noise, or none was requested."""
     if problem.noise is not None or noisy.noise is None:
         return None
     each = ", ".join(f"{float(std):.3g}" for std in np.atleast_1d(noisy.noise.std))

@@ -31,7 +31,7 @@ from barbalat.study.verdicts import Criterion, verdict_of
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
-"""Fraction of a parameter's range. A tuning that is this close to an end might be better beyond it."""
+"""Fraction of the range of a parameter. A tuning this close to an end might improve beyond it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,19 +55,19 @@ class Probed:
 class Qualified:
     """An entrant with its tuning under the rule.
 
-    tuning       numbers of the knobs; those of the nearest tuning if none meets the rule
+    tuning       values of the knobs; if no tuning meets the rule, those of the nearest tuning
     meets        whether the tuning keeps both margins
     error        RMS |e| on the worst tuning plant; infinite if a run diverged
     margins      the margins by each criterion, on the worst tuning plant
-    own          the values of its certificate that its designers examine, by key, as far as the certificate claims them
-    settled      the fraction of the error that the second half of the trials has removed, from 0 to 1; None if the first half
-                 found no tuning that meets the rule
-    at_edge      knobs that lie at an end of their range beyond which other values exist
+    own          the certificate values that designers examine, by key, as far as the certificate claims them
+    settled      the fraction of the error that the second half of the trials removed, from 0 to 1; None if the first half found
+                 no tuning that meets the rule
+    at_edge      knobs that lie at an end of their range, if values beyond it exist
     sample_time  the sample time [s]; None for a continuous controller
-    start        (p,) the start of its estimates of theta; None if it has none, or none that are known to be of theta
-    step         the result of a finer step for the tuning; None if it does not meet the rule at the case's step either
-    refused      the same for better tunings, which meet the rule only at the case's own step
-    verdict      the judge's verdict on the tuning's run on the case's own plant
+    start        (p,) the initial estimates of theta; None without estimates, or if they are not known to be estimates of theta
+    step         the result of a finer step for the tuning; None if the tuning does not even meet the rule at the step of the case
+    refused      results of a finer step for better tunings, which meet the rule only at the step of the case
+    verdict      the judge's verdict on the run of the tuning on the plant of the case
     """
 
     entrant: Entrant
@@ -89,12 +89,12 @@ class Qualified:
 
     @property
     def delay_margin_measured(self) -> float:
-        """The delay margin [s] on the worst tuning plant, up to the delay at which the run is lost or in a limit cycle."""
+        """The delay margin [s] on the worst tuning plant: the delay at which the run is lost or enters a limit cycle."""
         return self.margins[Criterion.ONSET].delay
 
     @property
     def gain_margin_measured(self) -> float:
-        """The factor by which the input's gain may be multiplied and divided, on the worst tuning plant."""
+        """The factor by which the input gain may be multiplied or divided on the worst tuning plant."""
         found = self.margins[Criterion.ONSET]
         return min(found.gain_up, found.gain_down)
 
@@ -136,7 +136,7 @@ def qualify(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Qualified:
-    """Search under the rule. ``plants`` are those of the rule, in the form that this entrant accepts."""
+    """Search under the rule. ``plants`` are the plants of the rule, in the form that this entrant accepts."""
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths, judge)
@@ -169,7 +169,7 @@ def qualify(
 
 
 def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | None) -> None:
-    """Try as many tunings as the rule allows, but at least as many as the search needs, and without a knob only one."""
+    """Try as many tunings as the rule allows, but at least as many as the search needs; without knobs, only one."""
     if not len(space):
         trials.judged(np.zeros((1, 0)), np.inf)
         return
@@ -198,7 +198,7 @@ def _probed(
 
 
 def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation: Simulation) -> dict[str, float]:
-    """Return the examined values of the certificate on the problem's own plant, if there are any."""
+    """Return the examined values of the certificate on the plant of the problem, if there are any."""
     if not entrant.knobs.aims:
         return {}
     certificate = certify(problem, (controller,), simulation)[controller.name]
@@ -213,7 +213,7 @@ def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation:
 
 
 def _settled(trials: list[Trial], rule: Rule) -> float | None:
-    """Return the fraction by which the best trial improves on the best of the first half."""
+    """Return the fraction by which the best trial improves on the best trial of the first half."""
     scores = [trial.score if trial.meets(rule.aim) else np.inf for trial in trials]
     half, all_of_them = min(scores[: max(len(scores) // 2, 1)]), min(scores)
     return float(1 - all_of_them / half) if np.isfinite(half) and half > 0 else None

@@ -29,7 +29,7 @@ from barbalat.validate import Array, InputError, counted
 VALIDATION_COMMANDS = 8
 """Number of commands. Each has the same number of plants, enough to fill the kernel's lanes."""
 AMPLITUDE_FACTORS = (0.5, 1.5)
-"""Range of the factors of the case's command, because a neutral comparison must test a tuning with other sizes."""
+"""Range of the factors of the case's command, because a fair comparison must test a tuning with commands of different sizes."""
 PACE_FACTORS = (0.5, 2.0)
 """Range of the factors of the case's frequency, an octave to either side."""
 
@@ -73,8 +73,8 @@ def drawn_commands(count: int, seed: int) -> Array:
 class Draws:
     """The draws of ``members`` runs, grouped by command.
 
-    problems  (M,) each with its plant and its command; ``streams`` (M,) are those of the noise
-    commands  (C, 2) size and pace
+    problems  (M,) problems, each with its plant and its command; ``streams`` (M,) are the noise streams
+    commands  (C, 2) size and pace of each command
     """
 
     problems: list[Problem]
@@ -83,7 +83,7 @@ class Draws:
 
     @classmethod
     def drawn(cls, problem: Problem, members: int, rule: Rule) -> Draws:
-        """Draw new plants of the known set, new commands and new noise. Raises InputError if the truth is a single plant."""
+        """Draw new plants from the known set, new commands and new noise. Raises InputError if the truth is a single plant."""
         assert problem.uncertainty is not None
         if (why := one_plant_because(problem)) is not None:
             raise InputError(f"validation plants cannot be drawn, because {why}")
@@ -106,7 +106,7 @@ class Draws:
 
 
 VALIDATION_SEED = 1
-"""Number that is added to the rule's seed, so no tuning plant occurs again."""
+"""Number that is added to the seed of the rule, so that no tuning plant occurs again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -170,8 +170,8 @@ class Validation:
 class Remeasured:
     """Some validation runs of one entrant, repeated with the ``refined`` simulation.
 
-    verdicts  runs with a different verdict: lost, or not tolerating what the rule requires
-    errors    runs with a different error
+    verdicts  runs whose verdict changed: lost, or not tolerating what the rule requires
+    errors    runs whose error changed
     """
 
     runs: int
@@ -246,7 +246,7 @@ def measure(
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """The delay and gain factors that the rule requires, with the loops that know theta for comparison."""
+    """The delay and gain factors that the rule requires, together with the loops that know theta, for comparison."""
 
     errors: dict[str, tuple[float, Ideals]]
     rule: Rule
@@ -266,7 +266,7 @@ class _Asked:
 def _measured(
     members: Sequence[Member], streams: Array, asked: _Asked, simulation: Simulation, threads: int | None
 ) -> Validation:
-    """Return errors with the noise, verdicts, and whether the requirements are tolerated."""
+    """Return the errors with noise, the verdicts, and whether the required margins are tolerated."""
     found, until = Undelayed.run(members, simulation, asked.by.judge, streams, threads), asked.rule.until
     motion = ReferenceMotion.of(members[0][0], simulation)  # all members have one command and one model
     metrics, lost = found.noisy.metrics, found.noisy.lost | ~found.noisy.tracks

@@ -1,4 +1,4 @@
-"""Writes the case file with the designed controller in place of its own ones, and reads it back before returning it."""
+"""Writes the case file with the designed controller in place of its controllers, and reads it back before returning it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def with_controller(text: CaseText, controller: Controller) -> str:
     tables.append(tomlkit.item(_table(controller)))
     document["controller"] = tables
     written = tomlkit.dumps(document)
-    controllers = replace(text, text=written, own=None).case().controllers  # only a baseline joins them
+    controllers = replace(text, text=written, own=None).case().controllers  # only a baseline joins the states
     read = next(one for one in controllers if one.name == controller.name)
     if NEGATIVE_ZERO.sub("0.", repr(read)) != NEGATIVE_ZERO.sub("0.", repr(controller)):
         raise InputError(f"{controller.name} is read back from its case file as {read!r} instead of {controller!r}")

@@ -35,15 +35,15 @@ from barbalat.validate import Array, InputError, counted
 
 DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 4, 288, 64
 LEAST_GAIN = 1.001
-"""The rule's gain margin if the specification requires none. It is almost no margin."""
+"""The rule's gain margin if the specification requires none. This is almost no margin."""
 STEP_MEMBERS, EXTREME_MEMBERS = 12, 6
-"""Numbers of random plants of the validation, and of extreme ones in addition to those of the tuning. Each takes three recorded
+"""Numbers of random validation plants, and of extreme plants in addition to those of the tuning. Each takes three recorded
 runs."""
 SEARCH_SHARE, FIRST_ROUND_SHARE = 0.85, 0.4
 """Approximate fractions of the time that the search, and the first round of it, take."""
 ROUNDS = 2
-"""Number of validation plants with failures that join the tuning. They join it once, unless an entrant with a smaller error on
-the tuning plants meets everything."""
+"""Number of validation plants with failures that are added to the tuning plants. They are added once, unless an entrant with a
+smaller error on the tuning plants meets everything."""
 ASKED_IN_WORDS = {
     "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} % of the step", "u_max": "demands |u| up to {:.4g}",
     "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
@@ -56,7 +56,7 @@ LOST = "lost"
 
 
 class NobodyTakesPart(InputError):
-    """No entrant supports the case. ``left_out`` are sentences with the reasons."""
+    """No entrant supports the case. ``left_out`` contains the reasons as sentences."""
 
     def __init__(self, left_out: Sequence[str]) -> None:
         super().__init__(f"no scheme takes part: {'; '.join(left_out)}")
@@ -91,7 +91,7 @@ class Candidate:
     @property
     def distance(self) -> float:
         """The distance from the specification: the root of the sum of the squared logarithms of the factors by which requirements
-        are violated, without those that are violated beyond any factor."""
+        are violated, without requirements that are violated beyond any factor."""
         return math.hypot(*(math.log(value) for value in self.misses.values() if math.isfinite(value)))
 
     @property
@@ -100,7 +100,7 @@ class Candidate:
 
     @property
     def tightest(self) -> str:
-        """The requirement with the largest used share, which fails first."""
+        """The requirement with the largest used fraction, which would fail first."""
         return max(self.factor, key=self.factor.__getitem__)
 
     @property
@@ -112,7 +112,8 @@ class Candidate:
         return "misses " + "; ".join(map(self._missed, self.misses))
 
     def missed_less(self, other: Candidate, name: str) -> bool:
-        """Whether both miss a requirement, and this candidate by clearly less or on at most half as many validation plants."""
+        """Whether both candidates miss a requirement, but this one by clearly less or on at most half as many validation
+        plants."""
         counts = [0 if name not in one.held_out else one.held_out[name].count for one in (self, other)]
         return self.misses[name] < CLEARLY_LESS * other.misses[name] or 2 * counts[0] <= counts[1] > 0
 
@@ -151,7 +152,7 @@ class Candidate:
 class Design:
     """The result of ``design``: candidates, those that meet the specification first, and the contest that tuned them.
 
-    added_noise  a sentence on the measurement noise that the design adds because the case has none; None if it has its own
+    added_noise  a sentence on the measurement noise that the design adds because the case has none; None if the case has noise
     tried        the numbers of plants for tuning and for validation on which everything was measured
     """
 
@@ -172,7 +173,7 @@ class Design:
 
     @property
     def controller(self) -> Controller:
-        """The recommended controller, or the one that is closest to the specification."""
+        """The recommended controller, or the controller that is closest to the specification."""
         return self.candidates[0].tuned.controller
 
     @property
@@ -225,8 +226,8 @@ class Design:
         return next((one for one in self.candidates if isinstance(_unsampled(one.tuned.controller), BaselineAlone)), None)
 
     def _of_the_baseline(self) -> list[str]:
-        """Return a sentence if the loop without adaptation violates the specification, and one on the requirements that no scheme
-        meets either."""
+        """Return a sentence if the loop without adaptation violates the specification, and a sentence on the requirements that no
+        scheme meets either."""
         found = self.baseline
         if found is None or found.meets:
             return []
@@ -285,7 +286,7 @@ def design(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Design:
-    """Compare every scheme and the fixed loop under a specification, and recommend one or none.
+    """Compare every scheme and the fixed loop under a specification, and recommend one controller or none.
 
     Each is tuned for the smallest RMS error on the worst of some plants, which are the case's own and extremes of its ranges.
         Only
@@ -294,12 +295,12 @@ def design(
     controller meets the specification if it does so on all of them.
 
     specification  by default the case's ``[specification]``
-    sample_time    sample time of all controllers [s]; by default that of the case's first sampled controller, or else a tenth of
-                   the fastest time constant of model and known set
-    noise          fraction of the model's largest motion, added and reported if the case has no noise of its own
-    schemes        of the registered ones, by their names in case files; by default all
-    baseline       whether the fixed loop without adaptation takes part in any case: [baseline], or without one the nominal state
-                   feedback
+    sample_time    sample time of all controllers [s]; by default the sample time of the case's first sampled controller, or else
+                   a tenth of the fastest time constant of model and known set
+    noise          noise as a fraction of the model's largest motion, which is added and reported if the case has no noise
+    schemes        registered schemes, by their names in case files; by default all
+    baseline       whether the fixed loop without adaptation takes part in any case; this is [baseline] or, without one, the
+                   nominal state feedback
     own            controllers from outside that are tuned too, by their declared settings
     as_set         controllers that take part without tuning
     ours           whether the registered schemes take part
@@ -345,7 +346,7 @@ def design(
             finer=validated, family=tuning, threads=threads, progress=part_of(part, 0, SEARCH_SHARE),
         )  # fmt: skip
         tolerated = {}
-        if validated:  # the case's own command, whose demands the specification limits
+        if validated:  # the command of the case, whose control demand the specification limits
             streams, same = len(tuning) + np.arange(len(unseen)), np.ones((len(unseen), 2))
             drawn = Draws(problems=unseen, streams=streams, commands=same)
             tolerated = measure(found.entrants, drawn, found.rule, simulation, judge=whole.judge, threads=threads)
@@ -380,7 +381,7 @@ def _failed_by_better(candidates: Sequence[Candidate], missed: Sequence[Array]) 
 
 
 def _plants(problem: Problem, known_set: KnownSet, count: int, seed: int, validated: bool) -> tuple[list[Problem], list[Problem]]:
-    """Return the plants for tuning and for validation. The case's own plant and its extremes come first."""
+    """Return the plants for tuning and for validation. The plant of the case and its extremes come first."""
     if not validated:
         return plants_of(problem, known_set, count, seed), []
     extremes = extreme_plants(problem, known_set, count - 1 + EXTREME_MEMBERS, seed)
@@ -403,7 +404,7 @@ def _sample_time(case: Case, problem: Problem) -> float:
 
 def _rank(one: Candidate, place: int) -> tuple[bool, int, float, int]:
     """Return the key for sorting. Candidates that meet everything come first, in the contest's order. The others are sorted by
-    the number of requirements that they violate beyond any factor, and then by their distance from the remaining ones."""
+    the number of requirements that they violate beyond any factor, and then by their distance from the remaining requirements."""
     beyond = sum(math.isinf(value) for value in one.misses.values())
     return not one.meets, 0 if one.meets else beyond, 0.0 if one.meets else one.distance, place
 
@@ -445,7 +446,7 @@ def _candidate(
         asked_of = {"delay": tolerated.delay, "gain": tolerated.gain_up | tolerated.gain_down}
         for name in [one for one in asked_of if one in factor]:
             shares[name], missed = Share.of(asked_of[name]), missed | asked_of[name]
-            if shares[name].count:  # the tolerated size is not searched for
+            if shares[name].count:  # there is no search for the tolerated size
                 factor[name] = max(factor[name], 1 + shares[name].share)
         shares[LOST], missed = Share.of(tolerated.unsound), missed | tolerated.unsound
         worst[LOST], factor[LOST] = shares[LOST].share, np.inf if shares[LOST].count else 0.0

@@ -1,4 +1,4 @@
-"""Measures on one plant how well a controller meets a specification, by the command's steps, with and without noise."""
+"""Measures how well a controller meets a specification on one plant, by steps of the command, with and without noise."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OF_A_STEP = FIGURES[:2]
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """One step of the judged state between two rests of the model, from ``begin`` to ``finish`` [s]."""
+    """One step of the judged state between two states of rest of the model, from ``begin`` to ``finish`` [s]."""
 
     begin: float
     finish: float
@@ -44,7 +44,7 @@ class Stage:
         return t[first:last] - self.begin, y[first:last]
 
     def settled_after(self, t: Array, y: Array, band: float) -> float:
-        """Return the time [s] from which y stays in the band until the end; infinite if it does not."""
+        """Return the time [s] from which y stays in the band until the end; infinite if it leaves the band."""
         t, y = self.of(t, y)
         outside = np.flatnonzero(~(np.abs(y - self.end) <= band))
         if not len(outside):
@@ -58,9 +58,9 @@ class Stage:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StepTest:
-    """The judged steps of the command: the first, from rest, and the largest. Each is held until the model is at rest.
+    """The judged steps of the command: the first step, from rest, and the largest step. Each is held until the model is at rest.
 
-    own        the simulation of the case's own command
+    own        the simulation of the command of the case
     commands   the commands with these steps
     component  the judged state, with ``name`` as its label; ``band`` is the judge's
     stages     the judged steps of that state
@@ -106,8 +106,8 @@ class StepTest:
         )  # fmt: skip
 
     def at(self, problem: Problem) -> Problem:
-        """Return the problem with the steps as its command. Disturbances act during the first step and are held from its end
-        on."""
+        """Return the problem with the steps as its command. Disturbances act during the first step and are held constant from its
+        end on."""
         found = replace(problem, reference=self.commands if isinstance(problem.reference, tuple) else self.commands[0])
         if len(self.commands[0].times) == 1:
             return found
@@ -146,7 +146,7 @@ class StepTest:
 def _levels(command: Signal, t_end: float) -> list[float]:
     """Return the values of a command from rest to the end of its largest jump, or its largest value if it has no jumps.
 
-    Values between the first one and those of the largest jump are approached in steps that are not larger than this jump.
+    Values between the first and those of the largest jump are approached in steps that are not larger than this jump.
     """
     instants = [0.0, *(command.breaks(0.0, t_end) if isinstance(command, BreakingSignal) else ())]
     after, before = (np.asarray(side(np.array(instants)), dtype=float) for side in (command, command.before))
@@ -166,7 +166,7 @@ def _levels(command: Signal, t_end: float) -> list[float]:
 
 @dataclass(frozen=True)
 class HeldFrom:
-    """A signal until t = ``at`` [s], and from then on its value before that instant."""
+    """A signal that is held, from t = ``at`` [s] on, at its value before that instant."""
 
     signal: Signal
     at: float
@@ -190,9 +190,9 @@ class HeldFrom:
 def measured(
     problems: Sequence[Problem], controller: Controller, test: StepTest, judge: Judge
 ) -> tuple[dict[str, Array], dict[str, list[str]]]:
-    """Return the metrics on each plant (K,), by name, and for metrics of single steps the worst step.
+    """Return the metrics on each plant (K,), by name, and the worst step for metrics of single steps.
 
-    ``u_max`` also includes the case's own command. Figures are infinite if a run diverged.
+    ``u_max`` also covers the command of the case. Metrics are infinite if a run diverged.
     """
     found: dict[str, list[float]] = {name: [] for name in FIGURES}
     steps: dict[str, list[str]] = {name: [] for name in OF_A_STEP}
@@ -225,8 +225,8 @@ def _on_one(problem: Problem, controller: Controller, test: StepTest, judge: Jud
 
 
 def model_settling(problem: Problem, test: StepTest) -> float:
-    """Return the settling time of the reference model itself [s]. A controller that follows it can be faster only by the effect
-    of the band."""
+    """Return the settling time of the reference model [s]. A controller that follows it can be faster only by the effect of the
+    band."""
     A, B, _ = problem.model.matrices
     count = test.simulation.record_points
     t = test.simulation.t_end / count * np.arange(count + 1)

@@ -1,1 +1,1 @@
-"""The search for settings: the aim, the trials, the plants on which they are judged, and the search method."""
+"""The search for settings: the aim, the trials, the plants on which these are judged, and the search method."""

@@ -1,4 +1,4 @@
-"""The aim of a tuning, which is one quantity under constraints over plants of the known set, and the results of one trial."""
+"""The aim of a tuning, which is one quantity under constraints over plants of the known set, and the result of a trial."""
 
 from __future__ import annotations
 
@@ -24,19 +24,21 @@ from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
 
 DEFAULT_PLANTS = 4
-"""Default number of plants: the case's own and three more, as in a trade-off."""
+"""Default number of plants: the plant of the case and three more, as in a trade-off."""
 
 
 HELD_OUT_PLANTS = 32
-"""Number of validation plants. If one plant in ten fails, the probability that none of these fails is 3 %."""
+"""Number of validation plants. If one plant in ten fails, the probability that no validation plant fails is 3 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aim:
     """The aim of a tuning. The quantity is minimised, or maximised with ``maximize``, under the constraints.
 
-    plants    number of plants, the case's own and others from its known set, drawn with ``seed``; only its own without a set
-    quantile  fraction of the plants on which a constraint is met and the quantity is reached; by default 1, the worst plant
+    plants    number of plants: the plant of the case and others drawn from its known set with ``seed``; without a set, only the
+              plant of the case
+    quantile  fraction of the plants on which a constraint is met and the quantity is reached; by default 1, which means the worst
+              plant
     """
 
     quantity: TunedQuantity
@@ -85,7 +87,7 @@ class Aim:
 
     @property
     def errors(self) -> tuple[ModellingError, ...]:
-        """The modelling errors of the runs, each once."""
+        """The modelling errors of the runs, without duplicates."""
         return tuple(dict.fromkeys(error for one in self.quantities for error in one.errors))
 
     def asks(self, origin: Origin) -> bool:
@@ -108,7 +110,7 @@ class Aim:
         return -value if self.maximize else value
 
     def family(self, case: Case) -> list[TrackingProblem]:
-        """Return the case's problem with each of the plants."""
+        """Return the problem of the case with each of the plants."""
         problem = case.problem
         if self.plants == 1 or not isinstance(problem, Problem) or problem.uncertainty is None:
             return [problem]
@@ -150,7 +152,7 @@ class Trial:
 
 @dataclass(eq=False)
 class Plants:
-    """The problems on which a case's controller is judged."""
+    """The problems on which the controller of a case is judged."""
 
     problems: list[TrackingProblem]
     ideals: dict[ModellingError, Ideals]
@@ -164,7 +166,7 @@ class Plants:
         problems: Sequence[TrackingProblem] | None = None,
         sizes: Mapping[ModellingError, Array] | None = None,
     ) -> Plants:
-        """Return the plants of the aim, or others, for modelling errors of any size or only of these ``sizes``."""
+        """Return the plants of the aim, or the given ones, for modelling errors of any size or only of these ``sizes``."""
         given, simulation = aim.family(case) if problems is None else list(problems), case.simulation
         longest = max(aim.longest, longest_delay(simulation))
         if sizes is None:
@@ -188,12 +190,12 @@ def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Id
 
 @dataclass(frozen=True, kw_only=True)
 class StepCheck:
-    """The results of one tuning with the ``refined`` simulation.
+    """The results for a tuning with the ``refined`` simulation.
 
     value    the aim's metric with the finer step; None if no run gives it
     broken   sentences on constraints that are violated with the finer step
     changed  sentences on metrics that differ with the finer step
-    plain    the tuning's run without a modelling error at the step of the case
+    plain    the run of the tuning without a modelling error, at the step of the case
     """
 
     simulation: Simulation
@@ -209,7 +211,7 @@ class StepCheck:
 
     @property
     def sentences(self) -> list[str]:
-        """Sentences on the limits of the result. If nothing has changed, the first one says so."""
+        """Sentences on the limitations of the result. If nothing has changed, the first one says so."""
         said = [*self.broken, *self.changed]
         if not said and self.plain.settles:
             said = [f"{finer(self.simulation)} confirms it"]

@@ -18,11 +18,11 @@ from barbalat.validate import Array
 
 @dataclass(eq=False)
 class Question:
-    """The question whether loops tolerate ``limit`` of the modelling error of ``ideals``, such as a delay [s], by one criterion.
+    """Asks whether loops tolerate ``limit`` of the modelling error of ``ideals``, such as a delay [s], by one criterion.
 
     All ``sizes`` below ``limit``, and ``limit`` itself, are tried. With the ``sizes`` of ``margins_ensemble``, a loop that
-    tolerates ``limit`` by that function tolerates it here. ``undelayed`` are the runs without an error, and ``numbers`` are as in
-    that function.
+    tolerates ``limit`` according to that function also tolerates it here. ``undelayed`` contains the runs without an error;
+    ``numbers`` is as in that function.
     """
 
     members: Sequence[Member]
@@ -43,12 +43,13 @@ class Question:
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
     def tolerates(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
-        """Return the largest tolerated size (M,), up to ``limit``; 0 if there is none, or if it is not searched for.
+        """Return the largest tolerated size (M,), up to ``limit``; 0 if there is none, or if there is no search for it.
 
         group   (M,) members with the same number are decided together; if one is lost at ``limit``, the others are not run again
-        graded  whether the size is searched for, from ``limit`` down in the steps of the scan, if ``limit`` is not tolerated
+        graded  whether, if ``limit`` is not tolerated, to search for the tolerated size downwards from ``limit`` in the steps of
+                the scan
         below   whether members that tolerate ``limit`` are also tried with smaller sizes, because they may be lost in between
-        among   (M,) whether a member is examined; by default all are
+        among   (M,) which members are examined; all by default
         """
         found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
         usable = self._usable() if among is None else np.intersect1d(self._usable(), np.flatnonzero(among))
@@ -94,7 +95,7 @@ class Question:
 
 @dataclass(eq=False)
 class Probing:
-    """Members on plants, each with a stream of noise. Their runs are counted."""
+    """Members on plants, each with a noise stream. The number of their runs is counted."""
 
     members: Sequence[Member]
     simulation: Simulation
@@ -105,7 +106,8 @@ class Probing:
     runs: int = 0
 
     def tolerates(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
-        """Return the tolerated size of the probe's errors (M,), up to ``limit``. Further arguments as in ``Question.tolerates``.
+        """Return the tolerated size of the probe's errors (M,), up to ``limit``. Further arguments are as in
+        ``Question.tolerates``.
 
         undelayed  the members' runs without an added delay or gain error
         """

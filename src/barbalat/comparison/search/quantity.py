@@ -23,9 +23,9 @@ FIGURE_NAMES = tuple(field.name for field in fields(Metrics) if field.name != "d
 
 @dataclass(frozen=True)
 class Probe:
-    """A quantity from runs with a modelling error. Of several errors, the one that is tolerated least counts.
+    """A quantity from runs with a modelling error. If there are several errors, the least tolerated one counts.
 
-    none  the value that represents no error, from which the size is measured
+    none  the value that means no error, from which the size is measured
     """
 
     errors: tuple[ModellingError, ...]
@@ -59,7 +59,7 @@ LINEAR_SENTENCE = (
 
 
 class Origin(Enum):
-    """The way in which a value is found, from the cheapest to the most expensive."""
+    """How a value is found, from the cheapest way to the most expensive."""
 
     RUN = "run"
     CERTIFICATE = "certificate"
@@ -124,15 +124,15 @@ class TunedQuantity:
         return np.asarray(parts.max(axis=0) if self.larger_is_worse else parts.min(axis=0))
 
     def over_plants(self, values: Array, quantile: float) -> Array:
-        """Return from (K, P) the value (K,) that a fraction ``quantile`` of the plants keeps; for 1 it is the worst plant's
-        value."""
+        """Return, from values (K, P), the value (K,) that a fraction ``quantile`` of the plants keeps; for 1 it is the value of
+        the worst plant."""
         ordered = np.sort(values, axis=1) if self.larger_is_worse else -np.sort(-values, axis=1)
         place = max(int(np.ceil(quantile * values.shape[1])) - 1, 0)
         return np.asarray(ordered[:, place])
 
     def of_certificate(self, certificate: Certificate) -> float | None:
-        """Return the value if the certificate claims it for this case: the relevant side of an enclosure, or the worst of several
-        inputs."""
+        """Return the value if the certificate claims it for this case: for an enclosure its relevant side, for several inputs the
+        worst."""
         key, part = self.key, self.name.partition(".")[2]
         values = certificate.values
         if key in values.get("unlimited", ()):
@@ -177,7 +177,7 @@ class Constraint:
 
     @classmethod
     def parse(cls, text: str) -> Constraint:
-        """Parse a requirement. Raises InputError for an invalid text, or for one that a search cannot satisfy."""
+        """Parse a requirement. Raises InputError for an invalid text, or for a requirement that a search cannot satisfy."""
         requirement = Requirement.parse(text)
         quantity = TunedQuantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
         if quantity.origin is Origin.PROBE:
@@ -194,7 +194,7 @@ class Constraint:
         return value is not None and not self.requirement.broken(np.array(value))
 
     def violation(self, value: float | None) -> float:
-        """Return 0 if the constraint holds, else its distance from that, relative to both numbers, up to 1; 1 without a value."""
+        """Return 0 if the constraint holds, otherwise its violation relative to both numbers, at most 1; 1 without a value."""
         if self.holds(value):
             return 0.0
         if value is None or not np.isfinite(value):

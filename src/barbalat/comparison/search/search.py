@@ -1,5 +1,5 @@
-"""The search for the best tuning: points spread over the whole space, SciPy's differential evolution over the whole space and
-around the best point, and stars."""
+"""The search for the best tuning: points spread over the whole space, then SciPy's differential evolution over the whole space
+and around the best point, and finally coordinate searches ("stars")."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from barbalat.budget import Progress
 from barbalat.validate import Array, InputError
 
 POPULATION = 32
-"""Number of tunings of a generation for up to three numbers. For more numbers it is twice as large. A generation is an
+"""Number of tunings in a generation for up to three parameters. For more parameters it is twice as large. A generation is an
 ensemble."""
 SPREAD_GENERATIONS = 4
-"""Number of generations of points spread over all ranges, so some meet the constraints even if few tunings do."""
+"""Number of generations of points spread over all ranges, so that some meet the constraints even if few tunings do."""
 OVERSHOOT_SHARE = 0.15
 """A point that is beyond an end by up to this fraction of the range counts as the end itself, because many best tunings are at an
 end."""
@@ -23,9 +23,9 @@ REFINED_SHARES = (0.1, 0.02)
 """Fraction of a range, to either side of the best tuning so far, in which the search continues. Active constraints leave no more
 room."""
 STAR_GENERATIONS = 3
-"""Number of generations at the end, if enough trials remain. They step from the best tuning along each number to either side,
-each half as far as the previous one. An active constraint leaves only one side of the best tuning. Evolution comes within a
-hundredth of it, and each star halves the remaining distance."""
+"""Number of generations at the end, if enough trials remain. They step from the best tuning along each parameter in both
+directions, each time half as far as before. An active constraint leaves only one side of the best tuning. Evolution comes within
+1 % of it, and each star halves the remaining distance."""
 SETTLED_SPREAD = 5e-3
 """Relative spread at which the generations stop evolving. The best tuning is even closer to the optimum."""
 BROKEN_CONSTRAINT_SCORE = 1e100
@@ -76,7 +76,7 @@ def _star(best: Array, size: int) -> Array:
 
 @dataclass(eq=False)
 class _Spent:
-    """The judging function with the best point so far."""
+    """The judging function, which also keeps the best point so far."""
 
     judged: Judged
     trials: int
@@ -96,7 +96,7 @@ class _Spent:
     def evolve(
         self, points: Array, scores: Array, low: Array, high: Array, generations: int, random: np.random.Generator
     ) -> None:
-        """Evolve some generations from points whose scores are known."""
+        """Evolve several generations from points with known scores."""
         from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
         to_beat, known = float(scores.max()), [scores]

@@ -1,4 +1,5 @@
-"""The tried tunings and their results. The cheapest quantity is evaluated first, and each tuning only as far as necessary."""
+"""The tried tunings and their results. The cheapest quantity is evaluated first, and each tuning is evaluated only as far as
+necessary."""
 
 from __future__ import annotations
 
@@ -28,9 +29,9 @@ from barbalat.validate import Array, InputError
 class Looking:
     """How completely tunings are evaluated.
 
-    fully   whether errors beyond the required ones are also tried
+    fully   whether modelling errors larger than required are also tried
     graded  whether the tolerated size of a tuning that does not tolerate the requirement is found
-    below   whether tunings that tolerate the requirement are also tried with less
+    below   whether tunings that tolerate the requirement are also tried with smaller errors
     each    whether every plant is evaluated, whatever the results for the others
     """
 
@@ -41,7 +42,7 @@ class Looking:
 
 
 def in_one_kernel(varied: Varied, space: Space) -> bool:
-    """Return whether tunings differ only in numbers of the kernel, so that they can run together."""
+    """Return whether tunings differ only in numbers of the kernel and can therefore run together."""
     ends = tuple(np.array([one.low, one.high]) for one in space.ranges.values())
     middle = space.rows(np.full((1, len(space)), 0.5))[0]
     return all(kind.is_number for kind in kinds_of(varied, Tried(middle, ends)))
@@ -51,7 +52,7 @@ def in_one_kernel(varied: Varied, space: Space) -> bool:
 class Trials:
     """The tried tunings of one controller of a case.
 
-    together  whether they run together
+    together  whether the tunings run together
     shared    the plants, if the tuned settings change none of them
     """
 
@@ -69,7 +70,7 @@ class Trials:
         return lambda points, to_beat: np.array([trial.score for trial in self.judged(space.rows(points), to_beat)])
 
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
-        """Return the trials of these tunings. One whose quantity is above ``to_beat`` is not evaluated further."""
+        """Return the trials of these tunings. A tuning whose quantity is above ``to_beat`` is not evaluated further."""
         trials = [self._made(row) for row in rows]
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
@@ -84,7 +85,8 @@ class Trials:
         return trials
 
     def _verified(self, trials: Sequence[Trial], to_beat: float) -> list[Trial]:
-        """Return the trials without those that would be the best so far but are lost with less than they must tolerate."""
+        """Return the trials without those that would be the best so far but are lost with smaller errors than they must
+        tolerate."""
         scores = [trial.score for trial in self.all if trial.complete]
         least = min(scores, default=np.inf)
         better = [trial for trial in trials if trial.value is not None and self.aim.signed(trial.value) < least]
@@ -93,7 +95,7 @@ class Trials:
         return [trial for trial in trials if trial not in better or self._goes_on(trial, len(Origin) - 1, to_beat)]
 
     def whole(self, row: Array, case: Case | None = None) -> Trial:
-        """Evaluate one tuning completely, whatever it violates. The case may be given."""
+        """Evaluate one tuning completely, whatever it violates. Its case may be given."""
         trial = self._made(row) if case is None else Trial(row, case)
         if trial.case is not None:
             for origin in Origin:
@@ -103,7 +105,8 @@ class Trials:
         return trial
 
     def measure(self, trials: Sequence[Trial], constraint: Constraint) -> None:
-        """Evaluate a constraint's quantity completely for earlier trials: certificates, and delays beyond the required one."""
+        """Evaluate the quantity of a constraint completely for earlier trials, including certificates and delays beyond the
+        required one."""
         if constraint.quantity.origin is Origin.CERTIFICATE:
             for trial in trials:
                 self._certify(trial)
@@ -119,7 +122,7 @@ class Trials:
         return float(self._values(quantity, [trial], None, Looking(fully=True)).min())
 
     def on_other_plants(self, case: Case, plants: Plants, quantity: TunedQuantity, limit: float | None) -> Array:
-        """Return a quantity of one case on these plants (P,)."""
+        """Return a quantity of a case on these plants (P,)."""
         others = replace(self, shared=plants, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
         others._run([trial])
@@ -174,7 +177,7 @@ class Trials:
         return found
 
     def _over_plants(self, quantity: TunedQuantity, trial: Trial, asked: float | None) -> float:
-        """Return a quantity of one tuning from runs, or for a modelling error only whether the requirement is tolerated."""
+        """Return a quantity of one tuning from runs; for a modelling error, only whether the requirement is tolerated."""
         values = self._values(quantity, [trial], asked, Looking(graded=False, below=False))
         return float(quantity.over_plants(values, self.aim.quantile)[0])
 
@@ -183,7 +186,7 @@ class Trials:
         return [trials] if self.together else [[trial] for trial in trials]
 
     def _asked(self, origin: Origin) -> bool:
-        """Return whether quantities of this origin are required. Delays are judged relative to the run without one."""
+        """Return whether quantities of this origin are required. Delays are judged relative to the run without a delay."""
         return self.aim.asks(origin) or (origin is Origin.RUN and self.aim.asks(Origin.PROBE))
 
     def _made(self, row: Array) -> Trial:
@@ -229,7 +232,7 @@ class Trials:
                     trial.value = float(value)
 
     def _members(self, group: Sequence[Trial]) -> tuple[Plants, list[Member]]:
-        """Return every tuning on every plant, grouped by tuning."""
+        """Return the members for every tuning on every plant, grouped by tuning."""
         members: list[Member] = []
         plants = self.shared or Plants.of(_case(group[0]), self.aim)
         for i, trial in enumerate(group):
@@ -292,7 +295,7 @@ class _Again:
 Asked = tuple[TunedQuantity, Constraint | None, float, float]
 """A quantity, its constraint, the required or found value, and the fraction by which a finer step may fall short."""
 SAME_SHARE = 0.02
-"""Fraction of a constraint's limit by which a finer step may fall short. The search itself resolves delays to this accuracy."""
+"""Fraction of a constraint's limit by which a finer step may fall short. The search resolves delays to this accuracy."""
 
 
 def _case(trial: Trial) -> Case:
@@ -301,5 +304,5 @@ def _case(trial: Trial) -> Case:
 
 
 def _streams(members: Sequence[Member], plants: Plants) -> Array:
-    """Return the streams of noise. Every tuning has the same noise on a plant."""
+    """Return the streams of noise. On a given plant, every tuning has the same noise."""
     return np.arange(len(members)) % len(plants.problems)

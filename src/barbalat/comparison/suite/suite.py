@@ -1,4 +1,4 @@
-"""The suite, which is a file of cases with its hash, submissions to it, and the rows of its table, compared with stored ones."""
+"""The suite (a file of cases with its hash), submissions to it, and the rows of its table, compared with stored rows."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TABLE_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """The packages whose versions may affect the last bits of a row."""
 SAME_DIGITS = 1e-9
 """Relative difference up to which numbers of two rows count as equal. The rounding of a processor's linear algebra is far
-smaller, and the effect of a different tuning or another decision in the search is far larger."""
+smaller, and the effect of a different tuning or a different decision in the search is far larger."""
 BY_THE_RULE, SUBMITTED_LAW, AS_SUBMITTED = "by the rule", "by the rule, submitted", "as submitted"
 """The origins of the settings of a registered scheme, a submitted law and a submitted case file."""
 Row = dict[str, Any]
@@ -55,7 +55,7 @@ def sha256(text: str) -> str:
 class Suite:
     """Cases without controllers, each with a specification, and the rule by which all entries are tuned and measured.
 
-    tables  the case tables of the file, by name; ``sha256`` is that of the file's text
+    tables  the case tables of the file, by name; ``sha256`` is the hash of the text of the file
     rule    plants, trials, members, noise and seed, as in ``design``
     quick   names of the cases of ``--quick``
     """
@@ -69,7 +69,7 @@ class Suite:
 
     @classmethod
     def read(cls, path: str | Path | None = None) -> Suite:
-        """Read the public suite, or a file. Raises InputError for a file with a public suite's name but another hash."""
+        """Read the public suite, or a file. Raises InputError for a file with the name of a public suite but a different hash."""
         source = "the public suite" if path is None else str(path)
         if path is None:
             file = resources.files("barbalat.comparison.suite") / "public.toml"
@@ -110,7 +110,8 @@ class Suite:
         return float(self.tables[name]["sample_time"])
 
     def case(self, name: str, controllers: Sequence[Mapping[str, Any]] = ()) -> Case:
-        """Return the case with this name and these controllers' tables, by default with a placeholder at its sample time."""
+        """Return the case with this name and these controllers' tables, by default with a placeholder at the sample time of the
+        case."""
         if name not in self.tables:
             raise InputError(
                 f"the suite {self.name} has the cases {', '.join(self.tables)}, got {name!r}{hint(name, self.tables)}"
@@ -126,7 +127,7 @@ class Suite:
 class Submission:
     """A submission: controllers with fixed settings on one case, or laws that the rule tunes on every case.
 
-    case   the name of the suite's case on which ``as_set`` take part
+    case   the name of the case on which the controllers ``as_set`` take part
     tuned  laws that declare tuned settings
     """
 
@@ -179,7 +180,7 @@ def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -
 
 
 def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
-    """Return an entry's row of the table on one case. None of its numbers depends on the other entries."""
+    """Return the row of an entry on one case. None of its numbers depends on other entries."""
     held = found.contest.held_out.get(one.name)
     measured = None if held is None else held.as_json()
     return {
@@ -202,7 +203,7 @@ def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Standings:
-    """The table: newly measured rows, in the order of each case's contest, and the stored ones of the public suite.
+    """The table: newly measured rows, in the order of each case's contest, and the stored rows of the public suite.
 
     left_out  sentences on entries that do not take part, by case
     stored    the stored table; without rows if the suite is not the public one
@@ -215,7 +216,7 @@ class Standings:
 
     @cached_property
     def compared(self) -> dict[str, list[str]]:
-        """The measured rows that are also stored, by whether they agree. Those that agree bit for bit are also listed separately.
+        """The measured rows that are also stored, by whether they agree. Bit-identical rows are also listed separately.
 
         Rows agree if their choices and counts are equal and their numbers agree to ``SAME_DIGITS``.
         """
@@ -231,7 +232,7 @@ class Standings:
 
     @property
     def stored_only(self) -> list[Row]:
-        """The stored rows of the measured cases that were not measured now."""
+        """The stored rows, for the measured cases, that were not measured in this call."""
         cases, measured = {row["case"] for row in self.rows}, {_place(row) for row in self.rows}
         return [row for row in self.stored.get("rows", ()) if row["case"] in cases and _place(row) not in measured]
 
@@ -256,7 +257,7 @@ def _place(row: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _agree(a: Any, b: Any) -> bool:
-    """Return whether two parts of rows are equal, where numbers with a fraction are compared to SAME_DIGITS."""
+    """Return whether two parts of rows are equal; fractional numbers are compared to SAME_DIGITS."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(_agree(value, b[key]) for key, value in a.items())
     if isinstance(a, float) and isinstance(b, float):
@@ -282,7 +283,8 @@ def standings(
 ) -> Standings:
     """Measure the registered schemes, or submissions, on the cases of a suite by its rule.
 
-    schemes    names of registered schemes; all by default, or none if there are submissions, which are compared with stored rows
+    schemes    names of registered schemes; all by default, or none if there are submissions, which are then compared with stored
+               rows
     quick      whether to measure only the suite's quick cases
     processes  number of cases that are measured at once, each in its own process, if there are no submissions; new processes
                import the program, so it must start its work below ``if __name__ == "__main__"``

@@ -1,4 +1,4 @@
-"""Forecasts the duration of a trade-off, from small ensembles before it starts and from its own pace while it runs."""
+"""Forecasts the duration of a trade-off, from small ensembles before it starts and from its pace while it runs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from barbalat.study.ideal_benchmark import SIZES_TRIED, with_error
 from barbalat.study.verdicts import Member
 
 RUNS_EACH = 16.5
-"""Simulations per member, measured on Section V. Many are lost early in the scan, and bisections follow."""
+"""Number of simulations per member, measured on Section V. Many members are lost early in the scan, and bisections follow."""
 ENSEMBLES_EACH = 20
 """Number of ensembles per scheme: the scan, the bisections, and the first one without a delay."""
 TIMED_MEMBERS = 64, 16
@@ -36,8 +36,8 @@ class Cost:
 
     @classmethod
     def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
-        """Fit the cost to three ensembles: many members over two lengths, and few over the shorter one. With a tolerance only few
-        are timed."""
+        """Fit the cost to three ensembles: many members over two run lengths, and few members over the shorter one. With a
+        tolerance, only few members are timed."""
         many, few = (list(members[:: max(len(members) // size, 1)][:size]) for size in TIMED_MEMBERS)
         if simulation.tolerance is not None:
             return cls(0.0, _timed(few, simulation, simulation.steps) / len(few), 0.0)
@@ -63,7 +63,7 @@ class Cost:
 
 
 def _fewest_steps(member: Member, simulation: Simulation) -> int:
-    """Return the number of steps in which events at fixed instants, such as a controller's samples or new noise, occur once."""
+    """Return the number of steps in which events at fixed instants, such as samples of a controller or new noise, occur once."""
     problem, controller = member
     rhythm = Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation)
     return max(3, rhythm.sample_every, rhythm.noise_hold)
@@ -84,15 +84,15 @@ def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> flo
 
 
 OWN_PACE_FRACTION = 0.1
-"""Fraction of the work after which the remaining time follows only from its own pace. The timing of small ensembles may not be
-representative, or most runs may be lost early."""
+"""Fraction of the work after which the remaining time follows only from the pace of the work. The timing of small ensembles may
+not be representative, or most runs may be lost early."""
 
 
 @dataclass
 class Forecast:
     """The total seconds of several parts of one task, which are refined while the parts run."""
 
-    expected: dict[str, float]  # of each part, before it started
+    expected: dict[str, float]  # seconds of each part, estimated before it started
     finished: dict[str, float] = field(default_factory=dict)
 
     @classmethod
@@ -111,7 +111,7 @@ class Forecast:
     def total(self, part: str, fraction: float, seconds: float) -> float:
         """Return the total seconds, if a fraction of ``part`` is finished after the given seconds.
 
-        The parts' estimates determine each part's fraction of the work; the actual pace gradually replaces the estimate of the
+        The estimates determine the fraction of the work for each part; the actual pace gradually replaces the estimate of the
         total.
         """
         whole = sum(self.expected.values())

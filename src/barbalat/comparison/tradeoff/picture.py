@@ -1,4 +1,4 @@
-"""Draws a trade-off: tracking error against the tolerated delay by two criteria, with a cloud and a front for each scheme."""
+"""Draws a trade-off: tracking error against the tolerated delay by two criteria, as a cloud and a front for each scheme."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def panels(found: TradeOff) -> list[str]:
 
 
 def draw(found: TradeOff, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw a row of panels for each criterion, or on a phone one panel below the other.
+    """Draw a row of panels for each criterion, or, on a phone, stack the panels.
 
-    shown  whether the figure is displayed at once, if pyplot is in use
+    shown  whether to display the figure at once, if pyplot is in use
     """
     columns = panels(found)
     size = (NARROW, 7.2 * len(columns) + 0.8) if narrow else (6.4 * len(columns), 10.4)
@@ -75,7 +75,7 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
     )  # fmt: skip
     for k, cloud in enumerate(found.clouds):
         error, margin = cloud.at(which, criterion)
-        shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, each scheme in its own column
+        shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, with a column for each scheme
         axes.scatter(shown, error, s=9, color=theme.colour(k), marker=MARKS[k % len(MARKS)], alpha=0.22, linewidths=0)
         line = _front(cloud, which, criterion)
         knobs = " × ".join(SYMBOLS.get(name, name) for name in cloud.tunings[0])

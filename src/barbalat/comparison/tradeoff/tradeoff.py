@@ -1,4 +1,4 @@
-"""Tracking and robustness over each scheme's own knobs, with the Pareto front of each scheme in one plane."""
+"""Tracking and robustness over the knobs of each scheme, with the Pareto fronts of all schemes in one plane."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cloud:
-    """One scheme's tunings with their results.
+    """The tunings of a scheme, with their results.
 
-    tunings  K settings by name
+    tunings  values of K tunings, by setting
     error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|; NaN if the loop does not follow its model
-             without a delay because the tail's error is above the model's motion in every component, or because it is lost
+             without a delay: its tail error exceeds the model's motion in every component, or it is lost
     onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 if there is none, or if it
              is too short to be simulated
-    loss     (K, P) the largest added delay before the loop is lost [s], see ``Lost``
+    loss     (K, P) the largest added delay before the loop is lost [s] (see ``Lost``)
 
-    The first of the P plants is the case's own. The others are those of the seeded sample of the known set.
+    The first of the P plants is the plant of the case. The others are a seeded sample of the known set.
     """
 
     scheme: str
@@ -56,8 +56,8 @@ class Cloud:
     loss: Array
 
     def at(self, which: str, criterion: str) -> tuple[Array, Array]:
-        """Return error and margin, (K,) each, for the case's "plant" or for the "worst" plant, which may differ between the two,
-        by the "onset" or the "loss"."""
+        """Return error and margin, each (K,), for the "plant" of the case or for the "worst" plant (which may differ for error
+        and margin), by the "onset" or the "loss"."""
         margin = {"onset": self.onset, "loss": self.loss}[criterion]
         if which == "plant":
             return self.error[:, 0], margin[:, 0]
@@ -79,9 +79,9 @@ class Cloud:
 class TradeOff(Plotted):
     """The clouds of all schemes on one problem.
 
-    by      the judge, and the criterion for the loss of the motion
+    by      the judge, and the criterion for losing the commanded motion
     notes   sentences on omissions and on what was not examined
-    checks  results of a finer step for some tunings on each scheme's fronts
+    checks  results of a finer step for some tunings on the fronts of each scheme
     """
 
     problem: Problem
@@ -106,7 +106,7 @@ class TradeOff(Plotted):
     def plot(self, *, shown: bool = True) -> Figure:
         """Draw the clouds and the front of each scheme, by both criteria, as a Matplotlib figure.
 
-        shown  whether the figure is displayed at once, if pyplot is in use
+        shown  whether to display the figure at once, if pyplot is in use
         """
         from barbalat.comparison.tradeoff.picture import draw
 
@@ -114,9 +114,10 @@ class TradeOff(Plotted):
 
 
 def pareto_front(error: Array, margin: Array) -> Array:
-    """Return the indices of the tunings that no other beats in both, by increasing margin. A lost tuning is on no front."""
+    """Return the indices of the tunings that are not beaten in both by another one, by increasing margin. A lost tuning is on no
+    front."""
     usable = np.flatnonzero(np.isfinite(error) & (margin > 0))
-    order = usable[np.lexsort((-margin[usable], error[usable]))]  # smallest error first, and among equal ones the larger margin
+    order = usable[np.lexsort((-margin[usable], error[usable]))]  # smallest error first; if equal, the larger margin first
     kept: list[int] = []
     for i in order:
         if not kept or margin[i] > margin[kept[-1]]:
@@ -139,12 +140,12 @@ def trade_off(
     estimate: Callable[[float], None] | None = None,
     progress: Progress | None = None,
 ) -> TradeOff:
-    """Run every tuning of every scheme on the case's plant and on ``plants`` - 1 others, drawn from the known set.
+    """Run every tuning of every scheme on the plant of the case and on ``plants`` - 1 others drawn from the known set.
 
-    knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of your ``own``
-    longest   largest delay tried [s]; by default that of ``delay_margins``
+    knobs     by default the result of ``default_knobs`` with this ``density`` and the controllers of your ``own``
+    longest   largest delay tried [s]; by default as in ``delay_margins``
     judge     the criteria for being lost and for a limit cycle; by default derived from the model's motion
-    lost      the criterion for the loss of the motion
+    lost      the criterion for losing the commanded motion
     estimate  called once with the expected total seconds, measured on a part of the work
     progress  its fractions are fractions of the time, by a forecast that is refined in every round Raises InputError for a
     problem without a known set.
@@ -185,16 +186,16 @@ def trade_off(
 
 
 FRONT_CHECKED = 4
-"""Number of repeated tunings of each front, evenly spread from end to end."""
+"""Number of tunings of each front that are repeated, evenly spread from end to end."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrontCheck:
-    """Some tunings on one scheme's fronts on the case's own plant, repeated with the ``refined`` simulation.
+    """Some tunings on the fronts of a scheme for the plant of the case, repeated with the ``refined`` simulation.
 
     tunings    their indices in the cloud
-    changed    tunings whose results differ with the finer step, with the differences
-    unsettled  tunings that leave the solver's region of stability with the finer step too, so nothing is decided
+    changed    tunings whose results change with the finer step, and the changes
+    unsettled  tunings that leave the stability region of the solver even with the finer step, so nothing is decided
     """
 
     scheme: str
@@ -239,7 +240,8 @@ def _at_finer_step(
     longest: float,
     by: Judging,
 ) -> tuple[FrontCheck, ...]:
-    """Repeat a few tunings of each scheme's fronts with a finer step: the tolerated delays, and the behaviour without a delay."""
+    """Repeat a few tunings from the fronts of each scheme with a finer step, for the tolerated delays and the behaviour without a
+    delay."""
     checks = []
     for k, cloud, of_scheme in zip(chosen, clouds, found, strict=True):
         which = _spread_over_fronts(cloud)
@@ -265,7 +267,7 @@ def _at_finer_step(
 
 
 def _spread_over_fronts(cloud: Cloud) -> list[int]:
-    """Return the indices of a few tunings of both fronts on the case's own plant."""
+    """Return the indices of a few tunings of both fronts on the plant of the case."""
     kept: set[int] = set()
     for criterion in ("onset", "loss"):
         front = cloud.front("plant", criterion)
@@ -276,7 +278,7 @@ def _spread_over_fronts(cloud: Cloud) -> list[int]:
 
 
 def _require_motion(clouds: tuple[Cloud, ...]) -> None:
-    """Raise InputError if there is nothing to show."""
+    """Raise InputError if the command causes no motion to show."""
     if not any(np.isfinite(cloud.error).any() for cloud in clouds):
         tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
         raise InputError(
@@ -300,15 +302,15 @@ def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion)
 
 
 TUNINGS_EACH_DENSITY = 6.5
-"""Number of tunings of all schemes, divided by the square of the density. There are 932 on Section V with a density of 12."""
+"""Number of tunings of all schemes, divided by the square of the density. Section V has 932 tunings with a density of 12."""
 STEP_SECONDS = 1e-8
-"""Seconds per step of a member, 3 ns for a small loop."""
+"""Seconds per step of a member; 3 ns for a small loop."""
 TUNING = Estimate(memory=2000.0, seconds=3e-4)
 """Seconds for a tuning on a plant, in addition to its runs."""
 
 
 def _require_budget(simulation: Simulation, density: int, knobs: tuple[TuningGrid, ...] | None, plants: int) -> None:
-    """Raise InputError if the tunings, or the plants on which they run, exceed the budget, before either is made."""
+    """Raise InputError if the tunings, or the plants on which they run, exceed the budget, before either is generated."""
     each = TUNING + Estimate(seconds=RUNS_EACH * steps_of(simulation) * STEP_SECONDS)
     given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
 
@@ -330,7 +332,7 @@ def _delay_margins(
     by: Judging,
     progress: Progress | None,
 ) -> DelayMargins:
-    """Return the margins of tunings on several plants each. Every tuning has the same noise on a plant."""
+    """Return the margins of tunings on several plants each. On a given plant, every tuning has the same noise."""
     numbers = np.tile(np.arange(plants), len(members) // plants)
     return delay_margins_ensemble(
         members, simulation, longest=longest, judge=by.judge, lost=by.lost, numbers=numbers, progress=progress

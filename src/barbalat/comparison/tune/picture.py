@@ -1,4 +1,4 @@
-"""Draws a tuning: each controller's front, with the quantity against that of the first constraint."""
+"""Draws a tuning: the front of each controller, with the objective against the quantity of the first constraint."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FACTOR_FOR_LOG = 20.0
 
 
 def draw(found: Tuning, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw one panel with the admissible side of the first constraint's limit, the chosen points and the case's own ones."""
+    """Draw one panel with the admissible side of the first constraint's limit, the chosen points and the points of the case."""
     if not found.aim.constraints:
         raise InputError("a tuning without a constraint has no front to plot")
     first, theme = found.aim.constraints[0], Theme.current()

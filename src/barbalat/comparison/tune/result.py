@@ -1,4 +1,4 @@
-"""The result of a tuning: the chosen point with its certificate, its front, and its validation plants, and the choice."""
+"""The result of a tuning: the chosen point with its certificate, the front, the validation plants, and the choice."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """A tuning, its value of the objective, and the value of each constraint's quantity; None if there is none."""
+    """A tuning, its value of the objective, and the value of the quantity of each constraint; None without a value."""
 
     tuning: Mapping[FieldPath, float]
     value: float | None
@@ -50,11 +50,11 @@ class Point:
 class UnseenPlants:
     """The chosen tuning on validation plants, which the search did not use.
 
-    quantity  the quantity of the values: the aim's, or that of the first constraint that follows from runs
-    thetas    (P, p) the plants' theta; None if the truth has other states
-    drawn     for each plant the values of the parameters with ranges; None if theta was drawn from the known set
+    quantity  the quantity of the values: the objective, or the quantity of the first constraint that follows from runs
+    thetas    (P, p) the plants' theta; None if the truth has different states
+    drawn     for each plant, the values of the parameters with ranges; None if theta was drawn from the known set
     values    (P,) the quantity, infinite if the run diverged
-    broken    (P,) for each constraint that follows from runs, whether it is violated
+    broken    (P,) whether each constraint that follows from runs is violated
     """
 
     quantity: str
@@ -66,7 +66,7 @@ class UnseenPlants:
 
     @property
     def worst_plant(self) -> dict[str, Any]:
-        """The theta of the worst plant, and its parameters if plants are drawn from their ranges, each if there is one."""
+        """The theta of the worst plant, and its parameters if plants are drawn from their ranges; None where there is none."""
         theta = {} if self.thetas is None else {"theta": self.thetas[self.worst].tolist()}
         return theta if self.drawn is None else {**theta, "parameters": self.drawn[self.worst]}
 
@@ -85,14 +85,16 @@ class UnseenPlants:
 class Tuned:
     """The tuning of one controller.
 
-    chosen   the best tuning that meets every constraint; None if no tuning does, and ``nearest`` is then the closest one
-    start    the case's own tuning
-    front    the trials that no other beats both in the quantity and in the first constraint's quantity
+    chosen   the best tuning that meets every constraint; None if no tuning does; ``nearest`` is then the closest tuning
+    start    the tuning in the case
+    front    the trials that are not beaten by another both in the objective and in the quantity of the first constraint
     trials, runs  numbers of tried tunings and of simulations
-    step     the result of a finer step for the chosen tuning, or for the nearest one if only that prevents its choice
-    refused  the same for better tunings, which meet every constraint only with the case's step
-    verdict  the judge's verdict on the run of the chosen tuning, or of the nearest one, on the case's own plant
-    delay_margin_measured  the delay margin [s] of this tuning on the worst plant, if one of a linear loop is requested; else None
+    step     the result of a finer step for the chosen tuning, or for the nearest tuning if only the finer step prevents its
+             choice
+    refused  results of a finer step for better tunings, which meet every constraint only with the step of the case
+    verdict  the judge's verdict on the run of the chosen tuning, or of the nearest tuning, on the plant of the case
+    delay_margin_measured  the delay margin [s] of this tuning on the worst plant, if a linear delay margin is requested;
+                           otherwise None
     """
 
     controller: str
@@ -131,11 +133,11 @@ class Tuned:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Tuning(Plotted):
-    """All tuned controllers. ``case`` has the chosen numbers, and ``text`` is its file if there was one.
+    """All tuned controllers. ``case`` has the chosen values, and ``text`` is the text of its file, if there was a file.
 
     plants  P, the number of plants of the search
-    thetas  (P, p) their theta; empty if they have none, as with a truth with other states
-    drawn   for each plant the values of the parameters with ranges; None if theta was drawn from the known set
+    thetas  (P, p) theta of these plants; empty if they have none, as for a truth with different states
+    drawn   for each plant, the values of the parameters with ranges; None if theta was drawn from the known set
     """
 
     aim: Aim
@@ -174,7 +176,7 @@ class Tuning(Plotted):
     def plot(self, *, shown: bool = True) -> Figure:
         """Draw the front of each controller as a Matplotlib figure. InputError without a constraint.
 
-        shown  whether the figure is displayed at once, if pyplot is in use
+        shown  whether to display the figure at once, if pyplot is in use
         """
         from barbalat.comparison.tune.picture import draw
 
@@ -186,11 +188,11 @@ def _finite(value: float | None) -> float | None:
 
 
 FRONT_TUNINGS = 16
-"""Number of tunings, from the best to the worst by the aim, whose first constraint's quantity is fully computed for the
-front."""
+"""Number of tunings, from the best to the worst by the aim, for which the quantity of the first constraint is fully computed for
+the front."""
 CANDIDATES_CHECKED = 8
-"""Number of the best tunings that are fully evaluated until one meets every constraint. Finer delays can reveal a loss below the
-required delay that the search's coarse delays missed."""
+"""Largest number of the best tunings that are fully evaluated until one meets every constraint. A finer scan of delays can reveal
+a loss below the required delay that the coarse scan of the search missed."""
 
 
 def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
@@ -226,7 +228,7 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
 
 
 def _verdict(trial: Trial, controller: int) -> Verdict:
-    """Return the judge's verdict on the case's own plant."""
+    """Return the judge's verdict on the plant of the case."""
     assert trial.case is not None
     case = trial.case
     return verdict_of(case.problem, case.controllers[controller], case.simulation, case.judge)
@@ -237,8 +239,8 @@ class Best(NamedTuple):
         evaluated
     ones.
 
-    check    the result of a finer step for the nearest tuning, which is the chosen one if there is one
-    refused  the results for better tunings that meet every constraint only with the case's step
+    check    the result of a finer step for the nearest tuning, which is the chosen tuning if there is one
+    refused  the results for better tunings that meet every constraint only with the step of the case
     """
 
     chosen: Trial | None
@@ -272,7 +274,7 @@ def best_of(trials: Trials) -> Best:
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
-    """Return the tunings that no other beats. Some of the tried ones are evaluated for this purpose."""
+    """Return the tunings that are not beaten by another. Some of the tried tunings are evaluated further for this purpose."""
     aim = trials.aim
     if not aim.constraints:
         return []

@@ -1,4 +1,4 @@
-"""Tunes a case's controllers: the search, the choice, which is evaluated completely, its front, and its validation plants."""
+"""Tunes the controllers of a case: the search, the choice, which is evaluated completely, the front and the validation plants."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ DEFAULT_TRIALS = 384
 """Number of tunings tried for each controller: a spread of 128, a generation over the whole space, four around the best tuning,
 and three stars."""
 SEARCH_SHARE = 0.75
-"""Approximate fraction of a controller's time that the search takes. The front and the new plants take the rest."""
+"""Approximate fraction of the time for a controller that the search takes. The front and the new plants take the rest."""
 
 
 def tune(
@@ -63,14 +63,14 @@ def tune(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Find the settings of each controller that make one quantity small, or large, under constraints.
+    """Find the settings of each controller that minimise or maximise one quantity under constraints.
 
-    case        a case file or a bundled case's name, or a ``Case``, whose fields ``vary`` then names
+    case        a case file, the name of a bundled case, or a ``Case``, to whose fields ``vary`` then refers
     objective   a metric of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
     subject_to  such as "delay_margin_measured >= 0.02", "condition < 1", "delay_margin >= 0.01", "max_abs_u < 400"
     vary        "START:STOP" or "START:STOP:log" by path; by default the knobs of each scheme that the case contains
     controller  the name of the controller to tune; by default all
-    plants      number of plants, the case's own and others from its known set
+    plants      number of plants: the plant of the case and others from its known set
     quantile    quantile over the plants; 1 for the worst plant
     trials      number of tunings tried for each controller, by default 384; with more than three numbers 576, which is then the
                 smallest number allowed
@@ -109,7 +109,7 @@ class Tuner:
         return VariedCase(self.text, paths, tables)
 
     def space_of(self, controller: int) -> Space:
-        """Return the ranges of the scheme's own knobs. Raises InputError if it has none."""
+        """Return the ranges of the scheme's knobs. Raises InputError if the scheme has none."""
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
@@ -125,7 +125,7 @@ class Tuner:
         return of_knobs(knobs, tables[controller], controller)
 
     def count(self, space: Space) -> int:
-        """Return the number of tunings to try for a controller. Raises InputError for too few."""
+        """Return the number of tunings to try for a controller. Raises InputError if there are too few."""
         least = least_trials(len(space))
         return max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
 
@@ -152,7 +152,7 @@ class Tuner:
         )
 
     def _start(self, space: Space) -> Array | None:
-        """Return the case's own tuning (d,); None if one of its numbers is a default that the case does not state."""
+        """Return the tuning in the case (d,); None if one of its values is a default that the case does not state."""
         if self.text is None:
             return None
         found = [path.of(self.text.data()) for path in space.paths]
@@ -171,7 +171,7 @@ def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulati
 
 
 def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, progress: Progress | None) -> Tuning:
-    """Tune all requested controllers, one after the other."""
+    """Tune all requested controllers, one after another."""
     started = time.perf_counter()
     own = tuner.case.simulation
     if space is not None and own.tolerance is not None and any(path.keys[0] == "simulation" for path in space.paths):
@@ -206,7 +206,7 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
 
 
 def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[dict[int, Space], list[str]]:
-    """Return the ranges for each tuned controller, by its index, and sentences on omitted ones."""
+    """Return the ranges for each tuned controller, by its index, and sentences on the omitted controllers."""
     names = [one.name for one in tuner.case.controllers]
     if controller is not None and controller not in names:
         raise InputError(f"--controller must be one of the case's ({', '.join(names)}), got {validate.show(controller)}")
@@ -227,8 +227,8 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
 
 
 def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], list[str]]:
-    """Return the knobs of each controller that has some, and the omitted controllers. Raises InputError if none of them has
-    any."""
+    """Return the knobs of each controller that has some, and the omitted controllers. Raises InputError if no controller has
+    knobs."""
     found, left_out = dict[int, Space](), list[str]()
     for which in chosen:
         try:
@@ -241,7 +241,7 @@ def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], 
 
 
 RUNS_EACH_TRIAL = 5
-"""Number of runs per plant: one without a delay, and some with delays."""
+"""Number of runs per plant: one without a delay and several with delays."""
 PLANT = Estimate(memory=20e3, seconds=2e-3)
 """Seconds for a random plant, including the runs of its model and its ideal loop."""
 CERTIFYING_SECONDS = 0.1
@@ -284,7 +284,7 @@ def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
 
 
 def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
-    """Return sentences on the limits of the result."""
+    """Return sentences on the limitations of the result."""
     said, own = [], "the step" if tuner.case.simulation.tolerance is None else "the tolerance"
     if len(tuner.aim.family(tuner.case)) < tuner.aim.plants:
         said.append("only the case's own plant was used: it has no known set from which other values of theta could be drawn")
@@ -309,7 +309,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
 
 
 def _unmet(tuner: Tuner, one: Tuned) -> str:
-    """Return why no tuning was chosen: a constraint, or a plant that no tuning controls."""
+    """Return why no tuning was chosen: a constraint, or a plant that cannot be controlled by any tuning."""
     tunings, plants = validate.counted(one.trials, "tuning"), len(tuner.aim.family(tuner.case))
     if one.nearest.value is not None and np.isfinite(one.nearest.value):
         return f"none of {tunings} meets every constraint{f' at {finer(tuner.case.simulation)} as well' if one.refused else ''}"
@@ -332,7 +332,7 @@ def _compared_with_linear(one: Tuned) -> list[str]:
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:
-    """Return the TOML text with numbers replaced at some places."""
+    """Return the TOML text with some numbers replaced."""
     import tomlkit
 
     document = tomlkit.parse(text)

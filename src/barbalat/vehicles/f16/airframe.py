@@ -1,4 +1,4 @@
-"""A rigid aircraft of JSBSim, whose state can be set, whose rates can be read, and whose motion can be stepped. Units are feet
+"""A rigid aircraft in JSBSim, whose state can be set, whose rates can be read, and whose motion can be stepped. Units are feet
 and pounds, as in its tables."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jsbsim import FGFDMExec, FGPropertyNode
 
 RATES_BY, POSITIONS_BY = 4, 4
-"""JSBSim's numbers of its integrators: Adams-Bashforth of order 3, for both rotation and translation.
+"""JSBSim's codes for its integrators: Adams-Bashforth of order 3, for both rotation and translation.
 
 By default JSBSim uses Euler steps for the rotation. A test shows that results with half the step agree."""
 INTEGRATOR = "Adams-Bashforth of order 3"
@@ -55,8 +55,8 @@ CONDITIONS = (
     FlightCondition(altitude=0.0, mach=0.45),
     FlightCondition(altitude=30_000.0, mach=0.8),
 )
-"""Three conditions for comparison: that of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and a high and
-fast one, at which the airframe itself is unstable."""
+"""Three conditions for comparison: the condition of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and a
+high and fast condition, at which the airframe is unstable."""
 ABOVE_GROUND = 50_000.0
 """Height above the terrain [ft]. It keeps wheels and wings clear of the terrain and of ground effect, even at sea level."""
 
@@ -98,7 +98,7 @@ class Surfaces(NamedTuple):
 
 
 class Airframe:
-    """The F-16 at a condition. JSBSim's data are global, so a process can have only one; see ``isolated``."""
+    """The F-16 at a condition. JSBSim's data are global, so a process can have only one airframe (see ``isolated``)."""
 
     def __init__(self, condition: FlightCondition, step: float = STEP) -> None:
         self.condition, self.step = condition, step
@@ -136,7 +136,7 @@ class Airframe:
         return self._node(f"surfaces/{f16.SURFACES[place]}-rad")
 
     def seeing(self, states: Iterable[str], trimmed: Sequence[float]) -> Callable[[], list[float]]:
-        """Return a function that reads these angles and rates, minus their trim [deg, deg/s]."""
+        """Return a function that reads these angles and rates, minus their trim values [deg, deg/s]."""
         read = [(self._node(PROPERTIES[name]).get_double_value, at) for name, at in zip(states, trimmed, strict=True)]
         return lambda: [DEGREES * value() - at for value, at in read]
 

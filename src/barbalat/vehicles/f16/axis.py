@@ -1,6 +1,6 @@
-"""The problem of a trimmed aircraft that follows a rate command about one of its axes, in the form that schemes expect.
+"""The problem of a trimmed aircraft that follows a rate command about one of its axes, in the form that the schemes expect.
 
-x are deviations from trim [deg, deg/s], u is the surface's deviation from its trim [deg], and r is the commanded rate [deg/s].
+x are deviations from trim [deg, deg/s], u is the deviation of the surface from trim [deg], and r is the commanded rate [deg/s].
 Everything is computed from the linearised flight model. The reference model is the loop with linear-quadratic feedback.
 """
 
@@ -25,9 +25,9 @@ from barbalat.vehicles.f16.trim import Trim
 SAMPLE_TIME = 0.01
 """The controllers' sample time [s]."""
 COMMAND_STARTS = (1.0, 11.0, 21.0)
-"""Times at which commands begin [s]: one before the failure and two after it."""
+"""Times at which commands begin [s]: one command before the failure and two after it."""
 RESTING_SECONDS = 2.0
-"""Time between a command's two pulses [s]."""
+"""Time between the two pulses of a command [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Followed:
     pulse       duration of the command in each direction [s]
     crossover   crossover of the linear-quadratic loop [rad/s]
     met         typical magnitudes of the regressors 1 and x in such flights [deg, deg/s], by which adaptive gains are scaled
-    off         the uncertainty of the surface's trim [deg] and of the gains of x that the schemes know
+    off         the uncertainty of the surface trim [deg] and of the gains of x, which the schemes know
     equipment   the hardware between controller and aircraft
     """
 
@@ -61,7 +61,7 @@ class Followed:
 
     @property
     def command(self) -> Steps:
-        """The commanded rate, a pulse and its opposite every ten seconds."""
+        """The commanded rate: a pulse followed by its opposite, every ten seconds."""
         lags = (0.0, self.pulse, self.pulse + RESTING_SECONDS, 2 * self.pulse + RESTING_SECONDS)
         times = tuple(start + lag for start in COMMAND_STARTS for lag in lags)
         return Steps(times=times, values=(self.commanded, 0.0, -self.commanded, 0.0) * len(COMMAND_STARTS))
@@ -81,11 +81,11 @@ PITCH = Followed(
     attitude="theta",
     commanded=3.0,  # changes the load factor by about 0.7 g
     pulse=2.0,
-    # the pitch rate reaches 63 % of its command in 0.3 s; there the equipment's lag of 0.09 s costs 15 deg of phase
+    # the pitch rate reaches 63 % of its command in 0.3 s; there the equipment lag of 0.09 s costs 15 deg of phase
     crossover=3.0,
     met=(1.0, 3.0, 3.0),
-    # with half the elevator's effectiveness, trim is off by 0.6 deg and the gains by some tenths; with a centre of gravity 5 %
-    # of the chord further aft, trim is off by 1.3 deg and the gains by 0.35
+    # with half the elevator effectiveness, trim is off by 0.6 deg and the gains by a few tenths; with a centre of gravity 5 % of
+    # the chord further aft, trim is off by 1.3 deg and the gains by 0.35
     off=(10.0, 0.5, 0.5),
     equipment=Equipment(),
 )
@@ -100,13 +100,13 @@ ROLL = Followed(
     pulse=1.5,
     crossover=3.0,  # as in pitch; the bare roll mode is at 2.4 rad/s
     met=(1.0, 1.0, 20.0, 2.0),
-    # with half the ailerons' effectiveness, the gains are off by their own size, some hundredths for p and some tenths for beta;
-    # with 2000 lb off the middle, trim is off by 3 deg
+    # with half the aileron effectiveness, the gains are off by as much as their size, a few hundredths for p and a few tenths for
+    # beta; with 2000 lb off the middle, trim is off by 3 deg
     off=(10.0, 2.0, 0.2, 0.5),
-    equipment=Equipment(rate_limit=80.0, limit=21.5),  # of the ailerons: Stevens and Lewis, as above
+    equipment=Equipment(rate_limit=80.0, limit=21.5),  # data of the ailerons: Stevens and Lewis, as above
 )
 AXES = {one.name: one for one in (PITCH, ROLL)}
-"""The axes, by their names on the command line."""
+"""The axes by their names on the command line."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,7 +139,7 @@ class Axis:
 
     @property
     def surface_trim(self) -> float:
-        """The deflection of the axis's surface in trimmed flight [deg]."""
+        """The deflection of the control surface in trimmed flight [deg]."""
         return float(np.rad2deg(self.trim.surfaces[self.surface]))
 
     @cached_property
@@ -174,12 +174,12 @@ class Axis:
 
     @property
     def like(self) -> str:
-        """The condition on whose linear model the schemes' numbers were found, which is the axis's own."""
+        """The condition on whose linear model the parameters of the schemes were found: here, the condition of the axis."""
         return self.followed.name
 
     @property
     def sample_time(self) -> float:
-        """The flight computer's sample time [s]."""
+        """The sample time of the flight computer [s]."""
         return SAMPLE_TIME
 
     @property

@@ -1,4 +1,4 @@
-"""Random variations of the aircraft for which controllers are designed: mass, balance, derivatives, start, air and delay."""
+"""Random variations around the aircraft for which controllers are designed: mass, balance, derivatives, start, air and delay."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from barbalat.vehicles.f16.model import SCALED
 
 @dataclass(frozen=True, kw_only=True)
 class Dispersion:
-    """The differences of an aircraft, its start and its air from the nominal ones, during the whole flight.
+    """The deviations of an aircraft, its start and its air from nominal, during the whole flight.
 
-    load             weight in addition to the nominal one, at the ballast's position [lb]
+    load             additional weight at the position of the ballast [lb]
     ballast_aft      distance of ``f16.BALLAST_LB`` aft of its nominal position [in]
     effectiveness    factor of the effectiveness of the axis's surface
     lift, pitching_moment, pitch_damping, dihedral, roll_damping, weathercock  factors of the coefficients ``f16.SCALED``
-    speed            speed at the start, relative to the trimmed one
+    speed            speed at the start, relative to the trim speed
     attitude         error of angle of attack and pitch at the start [deg]
     gusts            standard deviation of gusts [ft/s], vertical if a pitch rate is followed, lateral for a roll rate
     delay            delay added between the commands and the actuator [s]
@@ -46,7 +46,7 @@ class Dispersion:
 
 NOMINAL = Dispersion()
 DRAWN = {
-    "load": Uniform(-1500.0, 3000.0),  # from burnt fuel to carried stores; the aircraft weighs 20,000 lb
+    "load": Uniform(-1500.0, 3000.0),  # between burnt fuel and carried stores; the aircraft weighs 20,000 lb
     "ballast_aft": Uniform(-28.0, 28.0),  # moves the centre of gravity by 2 % of the chord
     "effectiveness": Uniform(0.8, 1.2),
     "lift": Uniform(0.9, 1.1),
@@ -62,4 +62,4 @@ DRAWN = {
 }
 """The distribution of each number. Coefficients have the usual uncertainty of wind-tunnel data, a tenth to a third."""
 UNITS = {"load": "lb", "ballast_aft": "in", "attitude": "deg", "gusts": "ft/s", "delay": "s"}
-"""Units of these numbers. The others are factors of nominal values."""
+"""Units of these numbers. The other numbers are factors of nominal values."""

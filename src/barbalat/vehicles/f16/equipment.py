@@ -13,11 +13,11 @@ import numpy as np
 class Equipment:
     """The actuator of an axis's surface and the sensors of the feedback. The defaults are those of the elevator.
 
-    actuator_lag     lag of the first-order actuator [s], by default that of 20.2 rad/s
+    actuator_lag     lag of the first-order actuator [s], by default the lag for 20.2 rad/s
     rate_limit       largest rate of the surface [deg/s]
     limit            largest deflection on both sides [deg]
     sensor_lag       lag of each first-order sensor [s]
-    transport_delay  delay from the sample to the actuator's command [s], by default two samples of bus and computer
+    transport_delay  delay from the sample to the actuator's command [s], by default two samples, for bus and computer
 
     Source of the actuator: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after NASA TP-1538.
     """
@@ -35,7 +35,7 @@ class Equipment:
 
 
 class Actuator:
-    """The response of a surface from command to deflection, in steps of the aircraft's solver."""
+    """The response of a surface from command to deflection, in solver steps of the aircraft."""
 
     def __init__(self, equipment: Equipment, step: float, start: float) -> None:
         self.equipment, self.step, self.deflection = equipment, step, start
@@ -48,7 +48,7 @@ class Actuator:
         return round(delay / self.step)
 
     def delay_more(self, seconds: float) -> None:
-        """Delay commands by this time from now on. Until the first of them arrives, the last one is held."""
+        """Delay commands by this time from now on. Until the first delayed command arrives, the last one is held."""
         self._waiting.extendleft([self._waiting[0] if self._waiting else self.deflection] * self._steps(seconds))
 
     def run_away(self, seconds: float) -> None:

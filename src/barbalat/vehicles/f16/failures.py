@@ -14,11 +14,11 @@ FAILS_AT = 10.0
 class Failure:
     """A failure that acts from ``FAILS_AT`` on.
 
-    effectiveness  the aerodynamic tables read this multiple of the surface's deflection, including its trim
+    effectiveness  factor of the surface deflection, including trim, that the aerodynamic tables read
     ballast_aft    distance by which ``f16.BALLAST_LB`` moves aft [in]
     ballast_right  distance by which it moves to the right [in]
     delay          delay added between the commands and the actuator [s]
-    runs_away      time for which the surface moves to its negative end as fast as possible before it follows again [s]
+    runs_away      time for which the surface moves to its negative end as fast as possible before it obeys commands again [s]
     gusts          standard deviation of gusts [ft/s], vertical if a pitch rate is followed, lateral for a roll rate
     """
 

@@ -1,4 +1,4 @@
-"""One flight: its record at each sample, and its metrics."""
+"""A flight: its record at each sample, and its metrics."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTI
 
 
 def figures_of(followed: Followed) -> dict[str, str]:
-    """Return a flight's metrics with units. e is the followed rate minus the model's; travel is the distance that the surface
-    moves per second."""
+    """Return a flight's metrics with units. e is the controlled rate minus the model's rate; travel is the distance that the
+    surface moves per second."""
     surface = followed.surface
     return {
         "rms_e": "deg/s",
@@ -50,7 +50,7 @@ def figures_of(followed: Followed) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AxisFlight(Flight):
-    """A flight of one of the F-16's axes. Its record (K, 16) has a row for each sample; see ``columns_of``."""
+    """A flight of one axis of the F-16. Its record (K, 16) has a row for each sample (see ``columns_of``)."""
 
     followed: Followed
     timing: Timing = TIMING
@@ -65,12 +65,12 @@ class AxisFlight(Flight):
 
     @property
     def error(self) -> Array:
-        """The followed rate minus the model's, at the samples [deg/s]."""
+        """The controlled rate minus the model's rate, at the samples [deg/s]."""
         return np.asarray(self.record[:, RATE] - self.record[:, MODEL])
 
     @property
     def followed_by_judge(self) -> Judged:
-        """The rate and the surface that controls it, in the form for the judge."""
+        """The rate and the surface that controls it, in the form that the judge needs."""
         followed, record, limit = self.followed, self.record, self.followed.equipment.limit
         rate, model, command, surface, asked = (record[:, [place]] for place in (RATE, MODEL, COMMAND, SURFACE, COMMANDED))
         return Judged(
@@ -94,7 +94,8 @@ class AxisFlight(Flight):
 
     @property
     def attitude(self) -> Array:
-        """The attitude (K, 3, 3). The aircraft's pitch and yaw are about the axes right and down, opposite to those used here."""
+        """The attitude (K, 3, 3). The pitch and yaw of the aircraft are about the axes right and down, opposite to the axes used
+        here."""
         pitch = self.column("pitch")
         if self.followed.attitude == "theta":
             return attitudes(np.zeros(len(pitch)), -pitch, np.zeros(len(pitch)))

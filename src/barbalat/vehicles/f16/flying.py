@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from jsbsim import FGPropertyNode
 
 SUBSTEPS = range(round(SAMPLE_TIME / STEP))
-"""Number of the simulator's steps in a sample."""
+"""Number of simulator steps per sample."""
 
 
 def fly_once(
@@ -67,9 +67,9 @@ class _Aircraft:
     """The flying part of one axis: the airframe and the hardware between it and the controller.
 
     effectiveness  factor of the surface's effectiveness, after a dispersion and a failure
-    surface        the surface's deflection that the airframe's tables read [rad]
-    states         the sensors' inputs, as deviations from trim
-    hold           the controller that holds the pitch axis at trim while another axis is flown; None if pitch itself is flown
+    surface        surface deflection that the tables of the airframe read [rad]
+    states         inputs of the sensors, as deviations from trim
+    hold           the controller that holds the pitch axis at trim while another axis is flown; None if the pitch axis is flown
     place, ground  the distance north and east of the start, and the velocity in these directions [ft, ft/s]
     """
 
@@ -130,7 +130,7 @@ class _Aircraft:
         )  # fmt: skip
 
     def advance(self, command: float) -> None:
-        """Fly for one sample with this command of the surface."""
+        """Fly for one sample with this surface command."""
         for _ in SUBSTEPS:
             self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
             if self.hold is not None:
@@ -144,8 +144,8 @@ class _Aircraft:
 
 @dataclass(frozen=True, kw_only=True)
 class _PitchHold:
-    """The linear-quadratic feedback of the pitch axis, without lag. It is needed because the airframe itself may be unstable in
-    pitch, and the comparison is about another axis."""
+    """The linear-quadratic feedback of the pitch axis, without lag. It is needed because the airframe may be unstable in pitch
+    while the comparison concerns a different axis."""
 
     elevator: FGPropertyNode
     states: Callable[[], list[float]]
@@ -171,8 +171,8 @@ class _PitchHold:
 
 
 def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
-    """Return the air's velocity down and east at each sample: a dispersion's gusts during the whole flight, and a failure's gusts
-    from its time on."""
+    """Return the velocity of the air, down and east, at each sample: gusts of a dispersion during the whole flight, and gusts of
+    a failure from its time on."""
     seeds = SEED + 2 * dispersion.number, SEED + 2 * dispersion.number + 1
     failed, drawn = (
         gusts_met(deviation, axis.trim.speed, SAMPLE_TIME, samples, seed)
@@ -190,8 +190,8 @@ MOST_BANK, MOST_BETA = 90.0, 30.0
 
 
 def _lost(row: Array) -> str:
-    """Return why the aircraft is lost: it leaves the range of its tables, the limits of its structure, or the required attitude.
-    The text is empty if it is not lost."""
+    """Return why the aircraft is lost: it left the range of its tables, the limits of its structure, or the required attitude.
+    The text is empty if the aircraft is not lost."""
     if not np.isfinite(row[COMMAND]):
         return NO_NUMBER
     if not np.isfinite(row).all():
@@ -228,15 +228,15 @@ def gusts_met(deviation: float, speed: float, T: float, samples: int, seed: int 
     """Return gust velocities (samples,), T [s] apart, with this standard deviation and unit, for an aircraft with this airspeed
     [ft/s].
 
-    They are white noise of unit intensity through deviation sqrt(tau) (1 + sqrt(3) tau s)/(1 + tau s)^2 with tau = SCALE/speed,
-    exact at the samples, and stationary from the first one on.
+    They are white noise of unit intensity filtered by deviation sqrt(tau) (1 + sqrt(3) tau s)/(1 + tau s)^2 with tau =
+    SCALE/speed. They are exact at the samples and stationary from the first sample on.
     """
     return deviation * _of_one(speed, T, samples, seed)
 
 
 @lru_cache(maxsize=8)  # all flights of a draw have the same gusts
 def _of_one(speed: float, T: float, samples: int, seed: int) -> Array:
-    """Return gusts with a standard deviation of 1 (samples,)."""
+    """Return gusts (samples,) with a standard deviation of 1."""
     tau = TURBULENCE_LENGTH / speed
     A = np.array([[0.0, 1.0], [-1 / tau**2, -2 / tau]])
     C = np.sqrt(tau) * np.array([1 / tau**2, np.sqrt(3) / tau])

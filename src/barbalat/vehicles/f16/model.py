@@ -1,9 +1,10 @@
 """JSBSim's F-16 with surfaces that this program moves. The installed file is changed in memory and never saved.
 
-There are three changes. The aerodynamic tables read the deflections from our own properties (``surfaces/...``), so the actuator,
-its limits and the failures of a surface are modelled here and the file's own control system does not act on them. ``BALLAST_LB``
-of the empty weight becomes a separate mass at the same place, which moves to shift the centre of gravity. The coefficients of
-``SCALED`` are multiplied by our own properties (``scale/...``), which are one unless another aircraft is drawn.
+There are three changes. The aerodynamic tables read the deflections from properties of this program (``surfaces/...``), so the
+actuator, its limits and the failures of a surface are modelled here, and the control system in the file does not act on them.
+``BALLAST_LB`` of the empty weight becomes a separate mass at the same place, which can be moved to shift the centre of gravity.
+The coefficients of ``SCALED`` are multiplied by properties of this program (``scale/...``), which are one unless the aircraft is
+drawn at random.
 
 Nothing else is changed, neither the tables nor the engine. The leading-edge flaps keep the file's schedule, which jumps at
 5 deg of angle of attack.
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 NAME = "f16"
 SURFACES = ("elevator", "aileron", "rudder")
 BALLAST_LB = 2000.0
-"""The movable weight [lb]. It is a tenth of the aircraft's weight and about that of its two largest stores."""
+"""The movable weight [lb]. It is a tenth of the aircraft's weight, about the weight of its two largest stores."""
 BALLAST = 1
 """The ballast's index among the file's point masses. The pilot has index 0."""
 SCALED = {
@@ -42,7 +43,7 @@ SCALED = {
 REACHED_ALPHA = (-10.0, 45.0)
 """Angles of attack that the elevator's tables cover [deg]. Beyond them JSBSim holds the last value."""
 LIMIT_LOADS = (-4.0, 9.0)
-"""The load factor's limits in the file's own control system [g]."""
+"""The load factor limits of the control system in the file [g]."""
 
 
 def load(step: float) -> FGFDMExec:
@@ -60,7 +61,7 @@ def load(step: float) -> FGFDMExec:
                 f"JSBSim {jsbsim.__version__} does not load its own F-16: reinstall it, pip install 'barbalat[flight]'"
             )
     fdm.set_dt(step)
-    fdm["fcs/fbw-override"] = 1.0  # the file's own control system would move the flaperons
+    fdm["fcs/fbw-override"] = 1.0  # the control system in the file would move the flaperons
     fdm["gear/gear-cmd-norm"] = fdm["gear/gear-pos-norm"] = 0.0
     fdm["propulsion/fuel_freeze"] = 1.0
     return fdm
@@ -68,7 +69,7 @@ def load(step: float) -> FGFDMExec:
 
 @contextlib.contextmanager
 def _patched(root: Path) -> Iterator[Path]:
-    """Provide a folder of aircraft with the changed F-16 while it is loaded."""
+    """Provide a folder of aircraft that contains the changed F-16 while it is loaded."""
     original = root / "aircraft" / NAME
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made) / NAME

@@ -1,4 +1,4 @@
-"""The schemes that fly an axis of the F-16, and their numbers, which one rule found on the linearised aircraft."""
+"""The schemes that fly an axis of the F-16, and their parameters, which were found by one rule on the linearised aircraft."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH_RANGE = {"bandwidth": (0.5, 50.0)}
-"""Range of the bandwidth [rad/s], from one whose effect a flight of 15 s hardly shows to half a radian per sample."""
+"""Range of the bandwidth [rad/s], from a bandwidth whose effect is hardly visible in a flight of 15 s to half a radian per
+sample."""
 ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
 """Range of the frequency of the estimates [rad/s], up to a radian per sample."""
 SCHEMES: dict[str, Scheme] = {

@@ -1,4 +1,5 @@
-"""Finds level flight at a condition by Newton's method on the flight model's own rates, and linearises it by differences."""
+"""Finds level flight at a condition by Newton's method on the rates of the flight model, and linearises the model by
+differences."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ tables."""
 CRUISE_GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
 """The initial guess: alpha, elevator [rad] and throttle of an aircraft at cruise."""
 DIFFERENCE_STEP = 1e-4
-"""The step of the differences in angles and rates [rad, rad/s], and in the speed relative to itself. The tables are linear
-between points that are degrees apart, so a smaller step gives the same derivative. Rounding leaves nine digits."""
+"""The step of the differences in angles and rates [rad, rad/s], and in the speed, relative to the speed. The tables are linear
+between points that are degrees apart, so a smaller step gives the same derivative. Rounding errors leave nine digits."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,8 +30,8 @@ class Trim:
     speed               the airspeed [ft/s]
     alpha, elevator     angle of attack and elevator [rad]; a positive elevator pitches down, as in the tables
     throttle            the throttle, from 0 to 1
-    A                   (8, 8) matrix of the deviations of ``Motion``, in its order and units
-    B                   (8, 3) matrix of elevator, aileron and rudder [rad]
+    A                   (8, 8) matrix for the deviations of ``Motion``, in its order and units
+    B                   (8, 3) matrix for elevator, aileron and rudder [rad]
     """
 
     condition: FlightCondition
@@ -50,7 +51,7 @@ class Trim:
         return Surfaces(self.elevator)
 
     def modes(self) -> dict[str, list[complex]]:
-        """Return the eigenvalues [1/s] of the longitudinal and the lateral 4 x 4 part by the names of the modes."""
+        """Return the eigenvalues [1/s] of the longitudinal and the lateral 4 x 4 blocks, by the names of the modes."""
         pitching = _by_size(np.linalg.eigvals(self.A[:4, :4]))
         rolling = np.linalg.eigvals(self.A[4:, 4:])
         swinging = _by_size(rolling[rolling.imag != 0])
@@ -101,7 +102,7 @@ def _require_flyable(condition: FlightCondition, residual: float, alpha: float, 
 
 
 def _linearised(airframe: Airframe, motion: Motion, surfaces: Surfaces, throttle: float) -> tuple[Array, Array]:
-    """Return A and B as central differences of the rates."""
+    """Return A and B, computed by central differences of the rates."""
 
     def column(change: Array, turned: Array, size: float) -> Array:
         ends = []

@@ -1,4 +1,4 @@
-"""JSBSim's F-16 as two vehicles, which follow a pitch-rate or a roll-rate command in level flight."""
+"""JSBSim's F-16 as two vehicles, one for a pitch-rate and one for a roll-rate command in level flight."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ WIRE = tuple(
 
 
 CAMPAIGN_TIMING = Timing(duration=15.0, fails_at=5.0)
-"""The failure occurs when the first command is reversed. Another command follows."""
+"""The failure occurs when the first command is reversed. A further command follows."""
 RATES = {"p": "Roll rate", "q": "Pitch rate"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class F16(Vehicle[Axis, Step, AxisFlight]):
-    """One axis of the F-16. ``followed`` defines the rate that follows its command, and its surface."""
+    """One axis of the F-16. ``followed`` defines the rate that follows a command, and the control surface."""
 
     followed: Followed
 

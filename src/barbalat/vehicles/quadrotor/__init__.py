@@ -1,1 +1,1 @@
-"""A quadrotor in MuJoCo, with our own model of it, a geometric controller, and the project's schemes on each of its axes."""
+"""A quadrotor in MuJoCo, with its model, a geometric controller, and the schemes of this project on each of its axes."""

@@ -1,7 +1,7 @@
-"""The six axes on which schemes act, three of the attitude and three of the position, in the form for schemes.
+"""The six axes on which schemes act, three of the attitude and three of the position, in the form that schemes expect.
 
-The state of an axis is x = (e, e'), which is e_R [rad] and e_Omega [rad/s], or the error of position [m] and of velocity [m/s].
-u is an acceleration [rad/s^2] or [m/s^2]. The geometric controller's own feedback, -K x, is always active, and a scheme adds u to
+The state of an axis is x = (e, e'), which is e_R [rad] and e_Omega [rad/s], or the error of position [m] and of velocity [m/s]. u
+is an acceleration [rad/s^2] or [m/s^2]. The feedback -K x of the geometric controller is always active, and a scheme adds u to
 it. The scheme's plant is therefore x' = A_m x + b (theta'phi(x) + u) with A_m = A - b K, where theta is zero unless something
 fails. The only command is e = 0.
 """
@@ -24,27 +24,28 @@ from barbalat.vehicles.quadrotor.body import GRAVITY
 from barbalat.vehicles.quadrotor.hover import Hover
 
 PHASE = np.pi / 6
-"""Phase that the lag costs at the crossover of each loop [rad]. Half of the 65 deg of a double integrator with linear-quadratic
+"""Phase lost to the lag at the crossover of each loop [rad]. Half of the 65 deg of a double integrator with linear-quadratic
 feedback then remains for unmodelled effects."""
 CROSSOVER = 1.55
-"""Crossover frequency of that feedback divided by its natural frequency. At the crossover |sqrt(2) s + 1| = |s|^2."""
+"""Crossover frequency of the linear-quadratic feedback divided by its natural frequency. At the crossover |sqrt(2) s + 1| =
+|s|^2."""
 YAW_SHARE = 0.4
-"""Natural frequency of yaw, as a fraction of that of roll and pitch. Rotors yaw only by their drag, whose moment is a tenth of
-that of their lift."""
+"""Natural frequency of yaw, as a fraction of the natural frequency of roll and pitch. Rotors produce yaw only by drag, whose
+moment is a tenth of the moment of lift."""
 ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
-"""Sample times of the attitude's and the position's controllers [s]."""
+"""Sample times of the attitude and the position controllers [s]."""
 MOMENT_SHARE = 1 / 3
 """Moment limit of each of roll, pitch and yaw, as a fraction of the hover thrust. With all three at their limits, no rotor's
 thrust is below zero at hover."""
 ADDED_SHARE = 0.5
-"""The scheme's fraction of an axis's authority. The feedback has the rest, so neither limits the other and a predictor knows the
-limit of u. Half of the position's authority lifts another 35 % of the mass."""
+"""The scheme's fraction of an axis's authority. The feedback has the rest, so neither limits the other, and a predictor knows the
+limit on u. Half of the position authority lifts an additional 35 % of the mass."""
 MET_SHARE = 0.5
-"""The disturbance of an axis whose problem is simulated alone or exported, as a fraction of the scheme's limit. Without it the
-axis would stay at rest."""
+"""The disturbance of an axis whose problem is simulated alone or exported, as a fraction of the limit of the scheme. Without it
+the axis would stay at rest."""
 TILT = np.deg2rad(35.0)
-"""Largest tilt of the position control relative to the path's demand. It limits the acceleration to g times its tangent, and by
-the same amount up and down."""
+"""Largest tilt of the position control relative to the tilt that the path demands. It limits the acceleration to g times its
+tangent, horizontally, upwards and downwards."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,7 +55,7 @@ class Axis:
     A, b         the matrices of x = (e, e') for u
     frequency    the natural frequency of the feedback [rad/s]
     lag          the lag between u and its effect at low frequencies [s]
-    limit        the limit of u on both sides, which is also that of the feedback
+    limit        the limit on u on both sides, which is also the limit on the feedback
     size         the typical size of the errors
     like         the axis with the same linear model, on which settings are found: "roll", "yaw" or "forward"
     """
@@ -104,14 +105,14 @@ class Axis:
 
     @property
     def known_gain(self) -> None:
-        """None, because A_m already contains the geometric controller's feedback."""
+        """None, because A_m already contains the feedback of the geometric controller."""
 
     @property
     def theta_hat0(self) -> None:
         """None, because adaptive schemes begin at zero."""
 
     def feedback(self, errors: Array) -> float:
-        """Return -K x within its limit."""
+        """Return -K x, limited."""
         return self.limited(-float(self.gain @ errors))
 
     def limited(self, u: float) -> float:
@@ -148,9 +149,9 @@ class Axis:
 class Electronics:
     """The hardware between the vehicle and its controllers.
 
-    delay           delay from a sample to the motors' command [s]
+    delay           delay from a sample to the motor command [s]
     rate_lag        lag of the first-order rate sensors [s]
-    attitude_noise  standard deviation of white noise at the samples [rad]; so are the others [rad/s, m, m/s]
+    attitude_noise  standard deviation of white noise at the samples [rad]; likewise the others [rad/s, m, m/s]
     """
 
     delay: float = 0.005
@@ -163,7 +164,7 @@ class Electronics:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Axes:
-    """All six axes, designed as cascades. The position loop's lag is that of the attitude loop."""
+    """All six axes, designed as cascades. The lag of the position loop is the lag of the attitude loop."""
 
     hover: Hover
     electronics: Electronics = field(default_factory=Electronics)
@@ -188,7 +189,7 @@ class Axes:
     def position(self) -> tuple[Axis, ...]:
         """The axes of forward, left and up, in this order."""
         roll = self.attitude[0]
-        lag = float(roll.gain[1] / roll.gain[0])  # that of the attitude's closed loop, whatever its own lag is
+        lag = float(roll.gain[1] / roll.gain[0])  # lag of the closed attitude loop
         limit = ADDED_SHARE * GRAVITY * np.tan(TILT)
         frequency = PHASE / (CROSSOVER * lag)
         return tuple(

@@ -1,4 +1,4 @@
-"""A quadrotor of one kilogram: its numbers, and its model in MuJoCo's file format."""
+"""A quadrotor of one kilogram: its parameters, and its model in MuJoCo's file format."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from barbalat.validate import InputError, Vector
 INTEGRATOR = "RK4"
 """The integrator. MuJoCo's default, Euler steps, lets the energy drift; a test compares both."""
 STEP = 1 / 400
-"""The step [s], which is the sample time of the attitude's controllers. A test shows that half of it gives the same motion."""
+"""The step [s], which is the sample time of the attitude controllers. A test shows that half of it gives the same motion."""
 AIR_DENSITY = 1.225
-"""Density of air [kg/m^3]. MuJoCo's drag is that of a box with the body's mass and inertia, quadratic in the speed through the
-air."""
+"""Density of air [kg/m^3]. MuJoCo models the drag of a box with the mass and inertia of the body, quadratic in the airspeed."""
 SPINS = (1, -1, 1, -1)
 """Sense of the rotors' drag torque about the upward axis, in the order front left, rear left, rear right, front right."""
 PLACES = ((1, 1), (-1, 1), (-1, -1), (1, -1))
@@ -34,11 +33,11 @@ class Quadrotor:
 
     mass       the mass [kg]
     inertia    the moments of inertia about the forward, left and upward axes [kg m^2]
-    reach      a rotor's distance from the centre, both forward or back and left or right [m]
+    reach      distance of a rotor from the centre, both forward or back and left or right [m]
     thrust     the largest thrust of a rotor [N]; the smallest is zero
-    torque     a rotor's drag torque divided by its thrust [m]
+    torque     drag torque of a rotor divided by its thrust [m]
     motor_lag  the first-order lag of the thrust [s]; identified values are between 0.02 and 0.07 s
-    centre     the centre of gravity's distance forward and left of the rotors' middle [m]
+    centre     distance of the centre of gravity forward and left of the middle of the rotors [m]
     """
 
     mass: float = 1.0

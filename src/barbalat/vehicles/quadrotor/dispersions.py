@@ -83,7 +83,7 @@ class Dispersion:
         return found
 
     def electronics(self, nominal: Electronics) -> Electronics:
-        """Return the drawn sensors and delay, which vary around the nominal ones."""
+        """Return the drawn sensors and delay, which vary around the nominal values."""
         return replace(
             nominal,
             delay=nominal.delay + self.delay,
@@ -100,7 +100,7 @@ DRAWN = {
     "mass": Uniform(0.9, 1.15),  # another battery, a camera
     "roll_inertia": Uniform(0.8, 1.2),  # identified by a swing test or from a drawing
     "pitch_inertia": Uniform(0.8, 1.2),
-    "centre_forward": Uniform(-0.005, 0.005),  # a battery with a third of the mass, mounted 1.5 cm off its place
+    "centre_forward": Uniform(-0.005, 0.005),  # a battery with a third of the mass, mounted 1.5 cm off its nominal place
     "centre_left": Uniform(-0.005, 0.005),
     "reach": Uniform(0.98, 1.02),  # arms that fold
     "drag_torque": Uniform(0.7, 1.3),  # the propeller parameter that is known least accurately
@@ -111,11 +111,11 @@ DRAWN = {
     "rotor_3": Uniform(0.95, 1.05),
     "rotor_4": Uniform(0.95, 1.05),
     "noise": Uniform(0.5, 2.0),  # frames shake differently
-    "rate_lag": Uniform(0.0, 0.004),  # a low-pass filter of 40 Hz at most
-    "delay": Uniform(0.0, 0.005),  # none to two samples of a busy computer
-    "wind": Uniform(0.0, 4.0),  # calm to a gentle breeze, Beaufort 3
+    "rate_lag": Uniform(0.0, 0.004),  # a low-pass filter of at least 40 Hz
+    "delay": Uniform(0.0, 0.005),  # up to two samples on a busy computer
+    "wind": Uniform(0.0, 4.0),  # from calm to a gentle breeze, Beaufort 3
     "wind_from": Uniform(0.0, 360.0),
-    "start_forward": Uniform(-0.2, 0.2),  # put down by hand
+    "start_forward": Uniform(-0.2, 0.2),  # the vehicle is put down by hand
     "start_left": Uniform(-0.2, 0.2),
     "heading": Uniform(-10.0, 10.0),
 }
@@ -126,4 +126,4 @@ UNITS = {
     "wind": "m/s",
     **dict.fromkeys(("wind_from", "heading"), "deg"),
 }
-"""Units of these numbers. The others are factors of nominal values."""
+"""Units of these numbers. The other numbers are factors of nominal values."""

@@ -16,9 +16,9 @@ class Failure:
     slung          the attached mass
     effectiveness  factor of the front left rotor's thrust and torque
     wind           mean of a wind from the left [m/s]
-    motor_lag      lag of the motors that replaces the vehicle's own [s]
+    motor_lag      motor lag that replaces that of the vehicle [s]
     delay          delay added between the commands and the motors [s]
-    stale          whether the laws, which already run on the sloping ground, are not reset when they take over control
+    stale          whether the reset of the laws is omitted at take-over, although they were already running on the sloping ground
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""One flight of a quadrotor: its record, and its metrics."""
+"""A flight of a quadrotor: its record and its metrics."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""The metrics of a flight with units. e is the distance from the commanded position, sinks the largest distance below it, travel
-the average change of the four thrusts per second, and limited the fraction of the time for which some rotor is at an end of its
-range."""
+"""The metrics of a flight with units. e is the distance from the commanded position, ``sinks`` the largest distance below it,
+``travel`` the average change of the four thrusts per second, and ``limited`` the fraction of the time for which any rotor is at
+an end of its range."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class QuadrotorFlight(Flight):
-    """A quadrotor's flight. Its record (K, 18) has a row for each sample of position; see ``COLUMNS``.
+    """The flight of a quadrotor. Its record (K, 18) has a row for each position sample (see ``COLUMNS``).
 
-    agreement  the agreement of the exported C of all axes with the simulation; None if no C flew
+    agreement  how the exported C of all axes agrees with the simulation; None if no C flew
     """
 
     failure: Failure

@@ -51,7 +51,7 @@ def fly_all(
 class _Vehicle:
     """A vehicle in flight.
 
-    stale   whether the laws are not reset when they take over control
+    stale   whether the reset of the laws is omitted when they take over control
     k       the index of the next sample
     record  rows of ``flight.COLUMNS``
     lost    the reason for the loss, empty as long as the vehicle is not lost
@@ -142,7 +142,7 @@ class _Vehicle:
 
 
 def _lost(row: list[float], motion: Motion) -> str:
-    """Return why the vehicle is lost: it strays, tips over or comes down. The text is empty if it is not lost."""
+    """Return why the vehicle is lost: it strayed, tipped over or came down. The text is empty if the vehicle is not lost."""
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
     if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > LARGEST_DISTANCE:
@@ -155,8 +155,8 @@ def _lost(row: list[float], motion: Motion) -> str:
 
 
 GUSTS_SHARE = 0.1
-"""Standard deviation of gusts along the wind divided by its mean. It is the value of MIL-F-8785C (3.7.3) for vertical gusts near
-the ground. The value there for gusts along the wind is 1.9 times as large at a height of 10 m."""
+"""Standard deviation of gusts along the wind divided by its mean. This is the value of MIL-F-8785C (3.7.3) for vertical gusts
+near the ground; at a height of 10 m its value for gusts along the wind is 1.9 times as large."""
 GUST_LENGTH = 68.0
 """Scale of gusts along the wind at a height of 10 m [m], from the same section."""
 
@@ -206,7 +206,7 @@ SEED = 2010
 
 
 class Sensing:
-    """The sensors, from motions to measurements, sample by sample. Copies are independent."""
+    """The sensors, which turn motions into measurements sample by sample. Copies are independent."""
 
     def __init__(self, electronics: Electronics, samples: int, number: int) -> None:
         from scipy.spatial.transform import Rotation

@@ -19,7 +19,7 @@ LEAST_THRUST = 0.2 * GRAVITY
 
 
 class AttitudeCommand(NamedTuple):
-    """The commanded R_d, Omega_d and its derivative, both about the commanded axes."""
+    """The commanded R_d, and Omega_d and its derivative about the commanded axes."""
 
     attitude: Array  # (3, 3)
     rates: Array  # (3,) [rad/s]
@@ -27,7 +27,7 @@ class AttitudeCommand(NamedTuple):
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return a x b for two (3,). NumPy's own function takes ten times as long."""
+    """Return the vector product a x b, (3,). NumPy's function takes ten times as long."""
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
@@ -48,7 +48,7 @@ def carried(attitude: Array, rates: Array, command: AttitudeCommand) -> Array:
 
 
 def turned(attitude: Array, angles: Array) -> Array:
-    """Return R exp(angles^) by Rodrigues' formula to the fifth order. The angles of one sample are some hundredths."""
+    """Return R exp(angles^) by Rodrigues' formula to the fifth order. The angles in one sample are a few hundredths."""
     x, y, z = angles.tolist()
     square = x * x + y * y + z * z
     sine, cosine = 1 - square / 6, 0.5 - square / 24
@@ -57,8 +57,8 @@ def turned(attitude: Array, angles: Array) -> Array:
 
 
 def commanded_attitude(wanted: Array) -> Array:
-    """Return R_d (3, 3), whose third axis is that of the wanted thrust (3,) [m/s^2] and whose first axis points as far forward as
-    possible."""
+    """Return R_d (3, 3), whose third axis is the direction of the wanted thrust (3,) [m/s^2] and whose first axis points as far
+    forward as possible."""
     up = wanted / np.sqrt(wanted @ wanted)
     left = np.array([0.0, up[2], -up[1]])  # up x forward
     left /= np.sqrt(left @ left)

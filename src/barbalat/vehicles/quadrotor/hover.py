@@ -1,4 +1,4 @@
-"""Finds hover by Newton's method on the flight model's own accelerations, and linearises it by differences."""
+"""Finds hover by Newton's method on the accelerations of the flight model, and linearises the model by differences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion, Simulator
 HOVER_HEIGHT = 2.0
 """Height of the hover [m], clear of the ground. Nothing else depends on it."""
 DIFFERENCE_STEP = 1e-4
-"""The step of every variable [m, rad, m/s, rad/s, N]. The second-order term is drag, 1e-8 N, and rounding leaves nine digits."""
+"""The step of every variable [m, rad, m/s, rad/s, N]. The second-order term is drag, 1e-8 N, and rounding errors leave nine
+digits."""
 LARGEST_RESIDUAL = 1e-9
 """Largest remaining acceleration at hover [m/s^2, rad/s^2]."""
 
@@ -25,8 +26,8 @@ class Hover:
     """Hover and its linear model.
 
     thrusts  (4,) the rotors' thrusts [N]
-    A        (12, 12) matrix of the deviations of position, rotation vector, velocity and body rates [m, rad, s]
-    B        (12, 4) matrix of the rotors' thrusts [N]
+    A        (12, 12) matrix for the deviations of position, rotation vector, velocity and body rates [m, rad, s]
+    B        (12, 4) matrix for the rotor thrusts [N]
     """
 
     vehicle: Quadrotor
@@ -36,17 +37,18 @@ class Hover:
 
     @property
     def effect(self) -> Array:
-        """The effect (4, 4) of the thrusts on the upward acceleration [m/s^2] and on the three angular ones [rad/s^2]."""
+        """The effect (4, 4) of the thrusts on the upward acceleration [m/s^2] and on the three angular accelerations
+        [rad/s^2]."""
         return np.asarray(self.B[8:12])
 
     @property
     def mixer(self) -> Array:
-        """The matrix (4, 4) from these four accelerations to thrusts in addition to those at hover [N]."""
+        """The matrix (4, 4) from these four accelerations to thrusts in addition to the hover thrusts [N]."""
         return np.linalg.inv(self.effect)
 
 
 def hovering(vehicle: Quadrotor) -> Hover:
-    """Return the hover of a vehicle. Raises InputError if the rotors cannot hold it."""
+    """Return the hover of a vehicle. Raises InputError if the rotors cannot hold the vehicle."""
     simulator = Simulator(vehicle)
 
     def accelerations(change: Array, thrusts: Array) -> Array:
@@ -55,7 +57,7 @@ def hovering(vehicle: Quadrotor) -> Hover:
         return simulator.accelerations
 
     thrusts = np.zeros(ROTORS)
-    for _ in range(2):  # the accelerations are linear in the thrusts, so one step converges and the other confirms it
+    for _ in range(2):  # the accelerations are linear in the thrusts, so one step converges and the next confirms it
         B = _differences(partial(_of_thrusts, accelerations, thrusts), ROTORS)
         thrusts = thrusts - np.linalg.pinv(B) @ accelerations(np.zeros(12), thrusts)
     left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())

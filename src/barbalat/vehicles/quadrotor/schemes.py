@@ -1,6 +1,6 @@
-"""The project's schemes as additions to a geometric controller, axis by axis, with numbers that one rule found.
+"""The schemes of this project as additions to a geometric controller, axis by axis, with parameters found by one rule.
 
-The numbers are in units of the axis, so one range suits all axes.
+The parameters are in units of the axis, so that one range suits all axes.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def _integral(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
-    """Make an H-infinity controller on the integral's output, as on the PI's output of the F-16, with the same protection against
-    windup."""
+    """Make an H-infinity controller on the integral's output, as for the F-16 on the output of the PI controller, with the same
+    windup protection."""
     linear = hinf_feedback(
         axis.linear_problem.known,
         unmodelled_delay=axis.lag / (2 * numbers["bandwidth"]),
@@ -46,15 +46,16 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH = {"bandwidth": (0.02, 4.0)}
-"""Range of the bandwidth in units of the inverse lag of the axis, from a value whose effect a flight hardly shows to four times
-the limit of a loop with one integrator and that lag."""
+"""Range of the bandwidth in units of the inverse lag of the axis, from a value whose effect is hardly visible in a flight to four
+times the limit for a loop with one integrator and that lag."""
 DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
-"""The same for H-infinity, from the smallest bandwidth at which every axis has a design. For a longer delay, no controller around
-the feedback loop meets the weights."""
+"""Range of the bandwidth for H-infinity, from the smallest value at which a design exists for every axis. For a longer delay, the
+weights cannot be met by any controller around the feedback loop."""
 CORNER = {"corner": (0.01, 2.0)}
-"""Range of the corner relative to the axis's natural frequency."""
+"""Range of the corner relative to the natural frequency of the axis."""
 ADAPTATION = {"adaptation": (0.03, 30.0)}
-"""Range of the frequency of the estimates relative to the axis's natural frequency, up to half a radian per sample and more."""
+"""Range of the frequency of the estimates relative to the natural frequency of the axis, up to half a radian per sample or
+more."""
 SCHEMES: dict[str, Scheme] = {
     "geometric": Scheme(_geometric, {}, counterpart="lqr"),
     "geometric-integral": Scheme(_integral, CORNER, counterpart="linear"),

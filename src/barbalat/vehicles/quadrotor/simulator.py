@@ -12,24 +12,26 @@ from barbalat.vehicles.quadrotor.body import INTEGRATOR, SLOPE, STEP, Quadrotor,
 
 ROTORS = 4
 BODY_COORDINATES = 7
-"""Number of entries of a free body's place: three of its position and four of its quaternion."""
+"""Number of coordinates of a free body: three for its position and four for its quaternion."""
 
 
 def _unheard(_: str) -> None:
-    """Ignore MuJoCo's warnings, which it would write to a file here. They concern NaNs, which a flight checks itself."""
+    """Ignore MuJoCo's warnings, which would otherwise be written to a file. They concern NaNs, for which flights are checked
+    anyway."""
 
 
 class Motion(NamedTuple):
-    """The motion of a rigid body. All but its rates are in fixed axes that point forward, left and up at the start."""
+    """The motion of a rigid body. All quantities except the rates are in fixed axes that point forward, left and up at the
+    start."""
 
     position: Array  # (3,) [m]
-    attitude: Array  # (3, 3), its columns the body's axes
+    attitude: Array  # (3, 3), whose columns are the body's axes
     velocity: Array  # (3,) [m/s]
     rates: Array  # (3,) [rad/s], about the body's axes
 
 
 class Simulator:
-    """One quadrotor, at rest on the ground with its rotors still."""
+    """A quadrotor, at rest on the ground with stopped rotors."""
 
     def __init__(self, vehicle: Quadrotor, *, step: float = STEP, integrator: str = INTEGRATOR) -> None:
         require_extra("mujoco", "flight", "a flight model")
@@ -56,7 +58,7 @@ class Simulator:
         self.mujoco.mj_forward(self.model, data)
 
     def stand(self, forward: float, left: float, heading: float) -> None:
-        """Place the vehicle at rest elsewhere on the ground, which rises to the left, and turn it about the ground's normal
+        """Place the vehicle at rest elsewhere on the ground, which rises to the left, and turn it about the normal of the ground
         [m, m, deg]."""
         data, slope, turn = self.data, np.deg2rad(SLOPE), np.deg2rad(heading) / 2
         data.qpos[:3] += forward, left, left * np.tan(slope)
@@ -71,7 +73,8 @@ class Simulator:
         return found
 
     def advance(self, commands: Array, steps: int = 1) -> None:
-        """Advance by this number of steps with these commanded thrusts (4,) [N]. A rotor's thrust is limited to its range."""
+        """Advance by this number of steps with these commanded thrusts (4,) [N]. The thrust of a rotor is limited to its
+        range."""
         self.data.ctrl[:] = commands
         self.mujoco.mj_step(self.model, self.data, steps)
 
@@ -93,7 +96,7 @@ class Simulator:
         self.mujoco.mju_rotVecQuat(turning := np.empty(3), before.qvel[3:6], before.qpos[3:BODY_COORDINATES])
         self.mujoco.mju_rotVecQuat(
             self.data.qvel[6:9], -turning, before.qpos[3:BODY_COORDINATES]
-        )  # the cable does not turn with the vehicle
+        )  # and does not turn with the vehicle
         self.mujoco.mj_forward(self.model, self.data)
 
     def weaken(self, rotor: int, effectiveness: float) -> None:

@@ -28,7 +28,8 @@ with up to 2.2 m/s and 3 m/s^2."""
 
 
 class Path(NamedTuple):
-    """The path at the samples, (K, 3) each, and the commanded attitude's rates and their derivatives, which follow from it."""
+    """The path at the samples, each (K, 3), and the rates of the commanded attitude and their derivatives, which follow from the
+    path."""
 
     position: Array  # [m]
     velocity: Array  # [m/s]

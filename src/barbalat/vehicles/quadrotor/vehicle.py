@@ -47,7 +47,7 @@ def _thrust(flight: QuadrotorFlight) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
-    """The quadrotor. The schemes act on all six axes, a user's own controllers on roll, pitch and yaw."""
+    """The quadrotor. Schemes act on all six axes, controllers of a user on roll, pitch and yaw."""
 
     simulator = "mujoco"
     dispersion = Dispersion
