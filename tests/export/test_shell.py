@@ -258,6 +258,21 @@ def test_an_export_with_a_shell_passes_its_own_test(scheme, shell, tmp_path) -> 
 
 
 @needs_gcc
+@pytest.mark.parametrize("jitter", [1e-3, 0.25, 0.3, 0.45, 0.499, 0.4999999])
+@pytest.mark.parametrize("float32", [False, True])
+@pytest.mark.short(kept=lambda jitter, float32: (jitter, float32) in ((0.3, True), (0.499, False)))
+def test_an_export_passes_its_own_test_with_any_jitter(jitter, float32, tmp_path) -> None:
+    """The self-test once took 2.25 sample times for a wrong time. In float32, 0.4999999 leaves no wrong time between two
+    multiples."""
+    for longest in (0.0, 0.05):
+        limits = {"rate": {"command": 3.0, "x_1": 50.0}, "stuck": {"x_2": 0.04}}
+        shell = Shell(**limits, longest_outage=longest, fallback="fade", fade=0.2, jitter=jitter)
+        write(tmp_path, files(*surrounded("Mrac-state-midpoint", shell), SIMULATION, float32=float32))
+        done = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O1")
+        assert done.returncode == 0, done.stdout
+
+
+@needs_gcc
 @pytest.mark.parametrize("rate", [200.0, 2000.0])
 def test_a_rate_as_large_as_the_range_passes_the_self_test(rate, tmp_path) -> None:
     """Chosen samples once had a last good command out of its range, which the C takes for a corrupted state."""

@@ -11,6 +11,7 @@ import numpy as np
 from barbalat.export.contents import Contents
 from barbalat.export.evidence import digests_of
 from barbalat.export.shell import counters
+from barbalat.export.shell_selftest import wrong_time
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import Around, Kept, Taken
 from barbalat.loop.packing import flatten, map_arrays, unflatten
@@ -20,8 +21,6 @@ from barbalat.validate import Array
 
 GOOD, MISS, WRONG = 0, 1, 2
 """A good sample, a lost one, and a good one at a wrong time."""
-WRONG_SAMPLES = 2.25
-"""The time of a wrong call in sample times, beyond every band: three samples have begun in it."""
 STAYS = -1
 """The value for a count that a step of the script does not set."""
 OTHER_FADE = 5
@@ -35,7 +34,8 @@ def outage_tests(printed: Printed) -> str:
     if around is None or around.longest is None:
         return ""
     script = list(_script(around))
-    rows, outages = _run(contents, around, script)
+    time, begun = (0.0, 1) if around.band is None else wrong_time(printed, 2)
+    rows, outages = _run(contents, around, script, begun)
     steps = [
         (kind, at, outage, left, after)
         for (kind, outage, left), at, after in zip(script, _places(contents, script), outages, strict=True)
@@ -53,7 +53,7 @@ def outage_tests(printed: Printed) -> str:
         counts=", ".join(f"({printed.real}){text}" for text in own),
         number=len(own),
         other=OTHER_FADE,
-        wrong=c99.constant(WRONG_SAMPLES, contents.real),
+        wrong=c99.constant(time, contents.real),
     )
 
 
@@ -97,8 +97,9 @@ def _places(contents: Contents, script: list[tuple[int, int, int]]) -> list[int]
     return [int(one) - 1 for one in np.cumsum(steps)]
 
 
-def _run(contents: Contents, around: Around, script: list[tuple[int, int, int]]) -> tuple[Array, list[int]]:
-    """(K, n) the kept values after each step, computed by the list and the simulation's shell, and the outages."""
+def _run(contents: Contents, around: Around, script: list[tuple[int, int, int]], begun: int) -> tuple[Array, list[int]]:
+    """(K, n) the kept values after each step, computed by the list and the simulation's shell, and the outages; in the time of a
+    wrong call this number of samples has ``begun``."""
     layout, state, rows, outages = contents.layout, contents.initial, [], []
     kept: Kept = around.initial(np.zeros(contents.sizes[0]), contents.sizes[2])
     last_y = list(layout.measured.rows)
@@ -109,16 +110,18 @@ def _run(contents: Contents, around: Around, script: list[tuple[int, int, int]])
             kept = kept._replace(fade_left=np.array([float(left)]), fade=whole)
         y = state[last_y] if kind == MISS else contents.vectors.measured[at]
         after = contents.evaluated(state, y, contents.vectors.commands[at], 0.0 if kind == GOOD else contents.lost)
-        state, kept = surrounded(contents, around, (state, after, y), kept, kind)
+        state, kept = surrounded(contents, around, (state, after, y), kept, kind, begun if kind == WRONG else 1)
         u, more = state[list(layout.u.rows)], (*kept.repeats, *kept.age, *kept.advanced, *kept.fade, *kept.paused)
         rows.append([*state[layout.rows], *u, *kept.bump, *kept.outage, *kept.fade_left, *more])
         outages.append(int(kept.outage[0]))
     return np.array(rows, dtype=float), outages
 
 
-def surrounded(contents: Contents, around: Around, flat: tuple[Array, Array, Array], kept: Any, kind: int) -> tuple[Array, Any]:
+def surrounded(
+    contents: Contents, around: Around, flat: tuple[Array, Array, Array], kept: Any, kind: int, elapsed: int = 1
+) -> tuple[Array, Any]:
     """The shell's transition for a sample with a measurement, from one flat state to the next, and the values that the shell
-    keeps."""
+    keeps; ``elapsed`` samples have begun since the last call."""
     numbers, template = contents.real.numbers, initial_acting(contents.loop)
     if (fixed := around.baseline) is not None:  # a gain in 64 bits would make the product one of 64 bits
         around = replace(around, baseline=replace(fixed, K=fixed.K.astype(numbers), k_r=fixed.k_r.astype(numbers)))
@@ -131,7 +134,7 @@ def surrounded(contents: Contents, around: Around, flat: tuple[Array, Array, Arr
     wrong = one if kind == WRONG else zero
     taken = Taken(
         y=flat[2].astype(numbers), r=now.held.r, freeze=zero if kind == GOOD else one, begun=begun,
-        fresh=zero if kind == MISS else one, elapsed=one + wrong * 2, due=one, wrong_time=wrong, **rest,
+        fresh=zero if kind == MISS else one, elapsed=elapsed * one, due=one, wrong_time=wrong, **rest,
     )  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):  # for entries that are not selected
         acted = around.put_out(taken, before, now)

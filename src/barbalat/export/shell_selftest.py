@@ -25,10 +25,9 @@ def shell_tests(printed: Printed) -> str:
         return ""
     tests = [*_ranges(printed), *_rates(printed), *_stuck(printed), *(_OUTAGE if around.longest is not None else [])]
     if around.band is not None:
-        near = ROUNDINGS_BEYOND * roundings(printed) * around.T < (around.T / 2 - around.band) / 2
         tests += [
             *_TIMER,
-            *(_JUST_BEYOND if near else []),
+            *(_BEYOND_BAND if leaves_gaps(printed) else []),
             *(_ages("{x}", "MEASUREMENT_LOST", "age", "measurement") if around.rated else []),
             *(_ages("r", "COMMAND_LOST", "command_outage", "command") if around.command_rated else []),
             *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else []),
@@ -44,19 +43,33 @@ ROUNDINGS_BEYOND = 16
 """Distance beyond the edge of the band, in the rounding errors that the edge allows, at which a time is certainly outside."""
 
 
+def leaves_gaps(printed: Printed) -> bool:
+    """Whether times outside the bands of two successive multiples of the sample time are certain to exist between them."""
+    around = printed.contents.around
+    assert around is not None and around.band is not None
+    return ROUNDINGS_BEYOND * roundings(printed) * around.T < (around.T / 2 - around.band) / 2
+
+
+def wrong_time(printed: Printed, whole: int) -> tuple[float, int]:
+    """A time in sample times that is outside every band, and the number of samples that have begun in it: halfway between two
+    multiples, the ``whole`` one and the next. If their bands leave no gap, it is less than half a sample time."""
+    return (whole + 0.5, whole + 1) if leaves_gaps(printed) else (0.25, 1)
+
+
 def _filled(printed: Printed, lines: list[str]) -> list[str]:
     around = printed.contents.around
     assert around is not None
     band = 0.0 if around.band is None else around.band
     off, (late, reported) = _off(band, around.T), jitter(printed)
     several, number = (around.longest or 0) >= 2, printed.contents.real.numbers
+    half, begun = (1.5, 2) if around.band is None else wrong_time(printed, 1)
     calls = "{M}_MISSED_CALLS" if several else "({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)"
     names = {
         "n": printed.name, "M": printed.macro, "real": printed.real, "x": printed.measured, "fallen": fallen(printed, "last"),
         "alone": alone_of(printed),
         "jitter": late, "jittered": reported,
         "edge": printed.number(float(np.nextafter(number(around.T + band), number(1e9)))),
-        "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T + off),
+        "half": printed.number(half * around.T), "begun": begun, "three": printed.number(3 * around.T + off),
         "beyond": printed.number(around.T + band + min(0.1 * band, (around.T / 2 - band) / 2)),
         "just_beyond": printed.number(around.T + band + ROUNDINGS_BEYOND * roundings(printed) * around.T),
         "held": printed.contents.layout.measured.name, "most": MOST_COUNTED, "suffix": printed.contents.real.suffix,
@@ -156,12 +169,12 @@ def _ages(member: str, lost: str, count: str, what: str) -> list[str]:
     """The tests of the age of the last good measurement or command: at wrong times, after a long time, and sample by sample."""
     return [
         f"{{n}}_init(&c); (void)replay(&c, 4); in = sample(4); in.{member}[0] = nothing / nothing; in.sample_time = {{half}};",
-        f"require({{n}}_step(&c, &in, &out) == ({{M}}_WRONG_SAMPLE_TIME | {{M}}_{lost} | {{M}}_FALLBACK) && c.{count} == 2L,",
-        f'    "the age of the last good {what} differs");',
-        f"in.sample_time = ({{real}})1000000 * {{M}}_SAMPLE_TIME; (void){{n}}_step(&c, &in, &out); k = c.{count};",
-        f'require(k >= 1000002L && k <= 1000003L, "the age of a {what} after a long time differs");',
+        f"require({{n}}_step(&c, &in, &out) == ({{M}}_WRONG_SAMPLE_TIME | {{M}}_{lost} | {{M}}_FALLBACK)",
+        f'        && c.{count} == {{begun}}L, "the age of the last good {what} differs");',
+        f"in.sample_time = ({{real}})1000000 * {{M}}_SAMPLE_TIME; (void){{n}}_step(&c, &in, &out); k = c.{count} - {{begun}}L;",
+        f'require(k >= 1000000L && k <= 1000001L, "the age of a {what} after a long time differs");',
         "in.sample_time = 0; (void){n}_step(&c, &in, &out);",
-        f'require(c.{count} == k + 1L, "the age of a {what} after a time of zero differs");',
+        f'require(c.{count} == k + {{begun}}L + 1L, "the age of a {what} after a time of zero differs");',
         "in.sample_time = 1e12{suffix} * {M}_SAMPLE_TIME; (void){n}_step(&c, &in, &out);",
         f'require(c.{count} == {{most}}L, "the age of a {what} is counted too far");',
         f"c.{count} = 5L; in.sample_time = {{M}}_SAMPLE_TIME; (void){{n}}_step(&c, &in, &out);",
@@ -229,8 +242,6 @@ _TIMER = [
     'require(same(c.{held}, in.{x}, {M}_MEASURED), "a good measurement at a wrong time is not held");',
     "{n}_init(&other); (void)replay(&other, 4); in.freeze = {lost}; (void){n}_step(&other, &in, &expected);",
     'require(same_state(&c, &other), "the law learns at a wrong time");',
-    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {beyond};",
-    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time beyond the band is accepted");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = 0;",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time of zero between two calls is accepted");',
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4); in.sample_time = {three};",
@@ -239,7 +250,9 @@ _TIMER = [
     "(void){n}_step(&other, &none, &expected); (void){n}_step(&other, &none, &expected); (void){n}_step(&other, &in, &expected);",
     'require({several} == 0 || same_state(&c, &other), "missed calls do not count as misses");',
 ]
-_JUST_BEYOND = [
+_BEYOND_BAND = [
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {beyond};",
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time beyond the band is accepted");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {just_beyond};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time just beyond the band is accepted");',
 ]
