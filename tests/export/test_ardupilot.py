@@ -318,6 +318,86 @@ def test_a_shells_timer_is_given_the_time_between_two_updates(tmp_path) -> None:
     assert "takes over, whichever `fallback`" in (tmp_path / "ARDUPILOT.md").read_text()
 
 
+STUCK = (
+    """\
+#include "AC_CustomControl_Pitch.h"
+#define CHECK(x) if (!(x)) { std::printf("%s at sample %d\\n", #x, k); return 1; }
+
+struct Open : AC_CustomControl_Pitch {
+    using AC_CustomControl_Pitch::AC_CustomControl_Pitch;
+    void set(int fade) { _axis.value = 1; _fade.value = int16_t(fade); }
+    const pitch_controller &inside() const { return _controller; }
+};
+
+"""
+    + VEHICLE
+    + """\
+    made.state = AP_Motors::SpoolState::THROTTLE_UNLIMITED;
+    Open backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
+    backend.set(100);
+    static pitch_controller alone; /* the C without ArduPilot */
+    pitch_input in;
+    pitch_output result;
+    const uint64_t period = uint64_t(PITCH_SAMPLE_TIME * 1e6f + 0.5f);
+    int handed = 0;
+    float learnt = 0.0f, before = 0.0f;
+    for (int k = 0; k < 1000; ++k) {
+        AP_HAL::micros64() += period;
+        if (k < 100 || (k >= 400 && k < 700)) { /* else the sensor is stuck */
+            view.attitude.angles.y = 0.2f + 0.05f * std::sin(0.1f * float(k));
+            view.gyro.y = 0.3f * std::cos(0.1f * float(k));
+        }
+        made.pitch = 0.25f + 0.05f * std::sin(0.05f * float(k)); /* the main controller's */
+        in.x[0] = 0.25f - wrap_PI(0.25f - view.attitude.angles.y);
+        in.x[PITCH_MEASURED - 1] = PITCH_MEASURED == 2 ? view.gyro.y : in.x[0];
+        in.sample_time = PITCH_SAMPLE_TIME; in.r[0] = 0.25f; in.freeze = 0;
+        if (k == 0) {
+            const float u_now[1] = {made.pitch};
+            pitch_init(&alone);
+            CHECK(pitch_start(&alone, START u_now, 100, 0) == PITCH_OK)
+        }
+        const unsigned status = pitch_step(&alone, &in, &result);
+        const float out = backend.update().y;
+        const bool acts = out == made.pitch;
+        if (k < 400) { CHECK(acts == ((status & PITCH_FALLBACK) != 0u || k == 0)) }
+        if (k >= 1 && acts) {
+            ++handed;
+            learnt = handed == 1 ? backend.inside().theta_hat[0] : learnt;
+            CHECK(backend.inside().theta_hat[0] == learnt || k >= 700)
+        }
+        if (k == 400) { /* the value changes: the controller starts at this sample, from the main controller's output */
+            CHECK(handed > 270 && std::fabs(out - made.pitch) < 1e-5f)
+            CHECK(backend.inside().theta_hat[0] == learnt && learnt != 0.0f && backend.inside().fade_left == 99)
+        }
+        if (k > 400 && k < 700) { /* and acts without another start, until its fade ends */
+            CHECK(!acts && std::fabs(out - before) < 0.02f && backend.inside().fade_left == (k < 500 ? 499 - k : 0))
+        }
+        if (k >= 730) { CHECK(acts) } /* stuck again */
+        before = out;
+    }
+    return 0;
+}
+"""
+)
+
+
+@needs_gxx
+@pytest.mark.parametrize(
+    ("beginning", "jitter", "start"), [("Mrac-state-euler", 0.1, "in.x,"), ("MracOutput-output-euler", 0.0, "")]
+)
+@pytest.mark.short(kept=lambda beginning, jitter, start: jitter > 0)
+def test_a_stuck_sensor_leaves_the_axis_to_the_main_controller_until_its_value_changes(
+    beginning, jitter, start, tmp_path
+) -> None:
+    """A new start after each outage would accept the stuck value again."""
+    shell = Shell(stuck={"x_1": 0.2}, range={"command": [-2.0, 2.0]}, longest_outage=0.05, fallback="hold", fade=1.0)
+    problem, controller = surrounded(beginning, replace(shell, jitter=jitter) if jitter else shell)
+    export_controller(problem, controller, SIMULATION, out=tmp_path, target="ardupilot", name="pitch")
+    main = STUCK.replace("START", start)
+    told = compile_and_run(main if start else main.replace("in.x[", "in.y["), tmp_path)
+    assert told.count("the main controller acts") == 1
+
+
 @pytest.mark.parametrize(
     ("name", "labels", "axis"),
     [

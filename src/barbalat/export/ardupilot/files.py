@@ -11,6 +11,7 @@ from barbalat.export.c99.files import sources
 from barbalat.export.layout import distinct, prefix_of
 from barbalat.export.log import logged
 from barbalat.export.parameters import Parameter
+from barbalat.export.shell import counters
 from barbalat.export.target import Request
 from barbalat.export.texts import Printed, filled, indented, readable
 from barbalat.validate import InputError
@@ -56,9 +57,8 @@ def files(asked: Request) -> dict[str, str]:
     )
     _require_axis(printed)
     names = parameters(printed)
-    measured, state = printed.contents.sizes[0], printed.contents.measures_state
+    measured = printed.contents.sizes[0]
     timed = printed.contents.around is not None and printed.contents.around.band is not None
-    ends = printed.contents.around is not None and printed.contents.around.longest is not None
     given = {
         "origin": printed.origin,
         "warning": f"\n**{readable(asked.warning())}**\n" if asked.warning() else "",
@@ -68,9 +68,8 @@ def files(asked: Request) -> dict[str, str]:
         "measured": printed.measured,
         "read": "_measure(x, r);",
         "axis": _axis(printed),
-        "handed": filled("ardupilot_handed.txt", name=name, macro=printed.macro) if ends else "",
-        "outage": OUTAGE if ends else "",
-        "start_given": "x, " if state else "",
+        **_handing_over(printed),
+        "start_given": "x, " if printed.contents.measures_state else "",
         "timer": indented(TIMED if timed else ["in.sample_time = _period;"]),
         "timed": "The time between two updates is measured, as the shell requires."
         if timed
@@ -86,6 +85,34 @@ def files(asked: Request) -> dict[str, str]:
         f"AC_CustomControl_{given['kind']}.h": filled("ardupilot.h", **given),
         f"AC_CustomControl_{given['kind']}.cpp": filled("ardupilot.cpp", **given),
         "ARDUPILOT.md": filled("ardupilot.md", **given),
+    }
+
+
+def _handing_over(printed: Printed) -> dict[str, str]:
+    """The parts of the files for an outage, during which the main controller acts; plain ones without a longest outage."""
+    name, macro, around = printed.name, printed.macro, printed.contents.around
+    parts = {"first": "const bool first", "turned": "turned", "freeze": "0", "status": "const unsigned status", "again": ""}
+    if around is None or around.longest is None:
+        return parts | {"handed": "", "outage": ""}
+    counts = len(around.repeats)
+    kept = [f"const long repeats[{counts}] = {{{', '.join(f'_controller.{one}' for one in counters(around))}}};"]
+    restored = [f"_controller.{one} = {one}; // a stuck channel remains one" for one in counters(around)]
+    again = filled(
+        "ardupilot_again.txt",
+        name=name,
+        macro=macro,
+        start_given="x, " if printed.contents.measures_state else "",
+        kept=indented(kept if counts else [], 8),
+        restored=indented(restored, 12),
+    )
+    return {
+        "first": "bool first",
+        "turned": "(turned && !_waiting)",
+        "freeze": "_waiting ? 1 : 0",
+        "status": "unsigned status",
+        "again": again,
+        "handed": filled("ardupilot_handed.txt", name=name, macro=macro),
+        "outage": OUTAGE,
     }
 
 
@@ -158,7 +185,9 @@ AXES = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "headin
 OUTAGE = """
 If an outage exceeds the case's `longest_outage`, the main controller takes over, whichever `fallback` the case has: a working
 controller is available, which is better than a held or fading torque, or a baseline on an old measurement. A message says so
-once in each engagement. The next update starts again with the estimates kept, without a bump.
+once in each engagement. The controller continues to check the samples, with its estimates frozen. It acts again from the first
+sample on whose measurement, command and result it accepts, with the estimates kept and without a bump. A sensor that remains
+stuck, or a bad value that persists, therefore leaves the axis to the main controller.
 """
 ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "deg/s": DEGREES}
 """Units of a case's labels and their factors relative to ArduPilot's rad and rad/s, which a case without labels uses."""

@@ -46,7 +46,8 @@ AC_CustomControl_${kind}::AC_CustomControl_${kind}(AC_CustomControl& frontend, A
                                                    AC_AttitudeControl*& att_control, AP_MotorsMulticopter*& motors, float dt) :
     AC_CustomControl_Backend(frontend, ahrs, att_control, motors, dt),
     _starting(true),
-    _keeping(false),
+    _waiting(false),
+    _told(false),
     _logged(0),
     _at(0.0f),
     _command(0.0f),
@@ -113,10 +114,10 @@ Vector3f AC_CustomControl_${kind}::update(void)
     ${name}_input in;
     ${name}_output result;
     const bool turned = ${read}
-${applied}    const bool first = _starting || turned;
+${applied}    ${first} = _starting || ${turned};
     if (first) {
         const float u_now[${macro}_INPUTS] = {turned ? _u : *_axis_of(out) * scale};
-        if (${name}_start(&_controller, ${start_given}u_now, _fade.get(), _keeping || turned ? 1 : 0) != ${macro}_OK) {
+        if (${name}_start(&_controller, ${start_given}u_now, _fade.get(), turned ? 1 : 0) != ${macro}_OK) {
             _starting = true;
             return out;
         }
@@ -126,16 +127,16 @@ ${timer}    for (int i = 0; i < ${macro}_MEASURED; ++i) {
         in.${measured}[i] = x[i];
     }
     in.r[0] = r[0];
-    in.freeze = 0;
-    const unsigned status = ${name}_step(&_controller, &in, &result);
-    if (++_logged >= 8) {
+    in.freeze = ${freeze};
+    ${status} = ${name}_step(&_controller, &in, &result);
+${again}    if (++_logged >= 8) {
         _logged = 0;
         AP::logger().Write("BBLT", "TimeUS,Sta,Y,R,U,ULim", "QIffff", AP_HAL::micros64(), uint32_t(status), double(x[0]),
                            double(r[0]), double(result.u[0]), double(result.u_limited[0]));
         ${name}_log inside;
         ${name}_read_log(&_controller, &inside);
 ${lines}    }
-    if ((status & (${macro}_STATE_REFUSED | ${macro}_RESULT_REFUSED)) != 0u) {
+${handed}    if ((status & (${macro}_STATE_REFUSED | ${macro}_RESULT_REFUSED)) != 0u) {
         reset();
         return out;
     }
@@ -143,7 +144,7 @@ ${lines}    }
         _starting = true; // a lost first sample or command: nothing has begun
         return out;
     }
-${handed}    _u = result.u_limited[0];
+    _u = result.u_limited[0];
     *_axis_of(out) = _u / scale;
     return out;
 }
@@ -152,7 +153,8 @@ ${handed}    _u = result.u_limited[0];
 void AC_CustomControl_${kind}::reset(void)
 {
     _starting = true;
-    _keeping = false;
+    _waiting = false;
+    _told = false;
     _last = 0;
 }
 

@@ -27,7 +27,8 @@ protected:
 
     ${name}_controller _controller;
     bool _starting; // whether the next update starts the controller
-    bool _keeping; // whether this start keeps the estimates, as after an outage
+    bool _waiting; // whether the main controller acts until an outage ends
+    bool _told; // whether an outage has been reported in this engagement
     uint8_t _logged; // updates since the last line of the log
     float _at; // [rad] the last angle, in the command's turn
     float _command; // [rad] the last command, continued beyond half a turn
