@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from barbalat import Mrac, Sampled, Simulation, simulate
+from barbalat.cases.load import bundled
 from barbalat.cli import main
 from barbalat.commands.run import show_exported
 from barbalat.export import in_the_loop
@@ -97,7 +98,7 @@ def test_what_is_counted_is_said(capsys) -> None:
     found = simulate_export(problem, controller, simulation).refused
     assert max(run.missed.missed, run.missed.commands) < found < run.missed.missed + run.missed.commands
     show_exported({controller.name: {"equal": True, "refused": found, "difference": ""}})
-    told = f"bit for bit; at {found} samples a measurement, a command or a result was lost or refused"
+    told = f"bit for bit; a measurement, a command or a result was lost or rejected at {found} samples"
     assert told in " ".join(capsys.readouterr().out.split())
 
 
@@ -113,3 +114,15 @@ def test_command(tmp_path, capsys, monkeypatch) -> None:
     assert "install a C compiler" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     assert "C compiler" in refusal(lambda: simulate_export(STATE, Mrac(gamma=1.0), SIMULATION))
+
+
+def test_a_controller_that_cannot_be_compared_is_a_failure(tmp_path, capsys) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(
+        f"{bundled()['first-order'].read_text('utf-8')}\n[shell]\nrange = {{ x_1 = [-1e-6, 1e-6] }}\n", encoding="utf-8"
+    )
+    assert main(["run", str(case), "--sil", "--no-plots", "--json"]) == 1
+    (found,) = json.loads(capsys.readouterr().out)["software_in_the_loop"].values()
+    assert found["equal"] is None and "shell.range.x_1 refuses the case's own run" in found["difference"]
+    show_exported({"MRAC": found})
+    assert "MRAC: not compared: shell.range.x_1" in " ".join(capsys.readouterr().out.split())
