@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -111,6 +113,7 @@ DELETED = (
     "    c->fade = {M}_FADE;",
     "    c->fade_left = {M}_FADE;",
     "    c->matching = 1;",
+    "            before.held_baseline[i] = c->held_baseline[i]; /* the baseline's state may be the cause */",
 )
 """Lines of the fallback and of the return, without which the self-test must fail."""
 
@@ -128,3 +131,66 @@ def test_the_self_test_finds_each_line_of_the_fallback_that_is_missing(tmp_path)
         if run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w").returncode != 1:
             survived.append(line)
     assert survived == []
+
+
+CORRUPTED = """\
+#include "controller.h"
+#include <stdio.h>
+#include <string.h>
+
+/* Good samples, and before the 101st a corrupted number of the state: the statuses from there on. */
+int main(void)
+{
+    static {name}_controller c;
+    {name}_input in;
+    {name}_output out;
+    int k;
+    {name}_init(&c);
+    memset(&in, 0, sizeof in);
+    in.sample_time = {macro}_SAMPLE_TIME;
+    for (k = 0; k < 200; ++k) {
+        if (k == 100) { {poked}; }
+        (void){name}_step(&c, &in, &out);
+        if (k >= 100) { printf("%u\\n", out.status); }
+    }
+    return 0;
+}
+"""
+
+
+def statuses(made: dict[str, str], poked: str, folder) -> list[int]:
+    names = {"{name}": "mrac", "{macro}": "MRAC", "{poked}": poked}
+    text = CORRUPTED
+    for name, value in names.items():
+        text = text.replace(name, value)
+    write(folder, {**made, "main.c": text})
+    command = ["gcc", *ISO, *STRICT, "main.c", "controller.c", "-o", "main", "-lm"]
+    subprocess.run(command, cwd=folder, check=True, timeout=60)
+    return [
+        int(line) for line in subprocess.run(["./main"], cwd=folder, capture_output=True, text=True, check=True).stdout.split()
+    ]
+
+
+@needs_gcc
+@pytest.mark.parametrize("share", [0.3, 1.0, -1.0])
+def test_a_corrupted_integrator_does_not_reject_every_result_for_ever(share, tmp_path) -> None:
+    """K_i xi is out of range although xi is in range. The baseline's state is held during an outage, but not after ten rejected
+    results, so the controller returns."""
+    made = files(replace(problem("lqi"), faults=()), SCHEMES["mrac"], RUN)
+    found = statuses(made, f"c.held_baseline[0] = {share} * MRAC_RANGE", tmp_path)
+    refused = [one for one in found if one & 8]
+    assert len(refused) == 10 and found[10:] == [0] * 90
+
+
+@needs_gcc
+def test_a_corrupted_last_command_outside_its_range_is_a_bad_state_even_without_a_rate(tmp_path) -> None:
+    posed = replace(problem("state"), faults=(), shell=Shell(range={"command": [-1.5, 1.5]}, longest_outage=OUT))
+    made = files(posed, SCHEMES["mrac"], RUN)
+    assert statuses(made, "c.held_r[0] = 1.5", tmp_path)[0] == 0
+    assert statuses(made, "c.held_r[0] = 1.6", tmp_path)[:2] == [4, 0]
+    source, survived = made["controller.c"], []
+    for test in re.findall(r"^        && c->held_r\[0\].*$", source, re.MULTILINE):
+        write(tmp_path, made | {"controller.c": source.replace(f"{test}\n", "")})
+        if run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w").returncode != 1:
+            survived.append(test)
+    assert survived == [] and source.count("        && c->held_r[0]") == 2

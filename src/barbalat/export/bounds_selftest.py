@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from barbalat.export.recovery_selftest import leads_out_of_range, poked_parts
-from barbalat.export.shell import counted_misses, counters, members
+from barbalat.export.shell import counted_misses, counters, held_in_range, members
 from barbalat.export.shell_selftest import MOST_MADE_UP, jitter
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED
@@ -49,16 +49,16 @@ def _numbers(printed: Printed) -> Iterator[str]:
 
 
 def _last_good(printed: Printed) -> Iterator[str]:
-    """Each entry of the last good measurement and command, if a rate is compared with it, at both ends of its range and just
-    beyond them."""
+    """Each checked entry of the last good measurement and command, at both ends of its range and just beyond them."""
     around, layout, numbers = printed.contents.around, printed.contents.layout, printed.contents.real.numbers
     if around is None:
         return
-    for part, rated, ranged, low, high in (
-        (layout.measured, around.rated, around.ranged, around.low, around.high),
-        (layout.r, around.command_rated, around.command_ranged, around.command_low, around.command_high),
+    checked = held_in_range(printed.contents)
+    for part, low, high in (
+        (layout.measured, around.low, around.high),
+        (layout.r, around.command_low, around.command_high),
     ):
-        for i in ranged if rated else ():
+        for i in checked[part.name]:
             for end, far in ((numbers(low[i]), -np.inf), (numbers(high[i]), np.inf)):
                 for value, bad in ((end, 0), (np.nextafter(end, numbers(far)), 1)):
                     if abs(end) <= printed.contents.range:

@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.export.contents import Contents
 from barbalat.export.layout import StatePart
-from barbalat.export.shell import counted_misses
+from barbalat.export.shell import counted_misses, held_in_range
 from barbalat.export.shell_selftest import alone_of, fallen
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED, Around
@@ -32,13 +32,15 @@ def _ends(around: Around | None) -> bool:
     return around is not None and around.longest is not None
 
 
-def checked_values(contents: Contents) -> list[StatePart | None]:
-    """The stored last good values from which rates are checked. If one of them is out of range, the state is rejected, and
-    otherwise every new value would exceed the rate."""
+def checked_values(contents: Contents) -> list[StatePart]:
+    """The stored last good values that have a range or from which rates are checked. If one of them is out of range, the state is
+    rejected, and otherwise every new value would exceed the rate."""
     around, layout = contents.around, contents.layout
     if around is None:
         return []
-    return [*([layout.measured] if around.rated else []), *([layout.r] if around.command_rated else [])]
+    checked = held_in_range(contents)
+    pairs = (layout.measured, around.rated), (layout.r, around.command_rated)
+    return [part for part, rated in pairs if rated or checked[part.name]]
 
 
 def _given(printed: Printed) -> str:
@@ -48,9 +50,8 @@ def _given(printed: Printed) -> str:
 def poked_parts(contents: Contents, *, kept: bool) -> list[StatePart]:
     """Parts of the state whose values at the end of the range give a result out of range; learnt values are omitted if they
     are ``kept``."""
-    layout, around = contents.layout, contents.around
-    spared = [layout.theta_hat, layout.started, layout.measured, layout.part("held.baseline")]
-    spared += [layout.r] if around is not None and around.command_rated else []  # otherwise the command would exceed its rate
+    layout = contents.layout
+    spared = [layout.theta_hat, layout.started, layout.measured, layout.part("held.baseline"), *checked_values(contents)]
     learnt = [part for part in layout.parts if kept and not contents.learnt.isdisjoint(part.rows)]
     return [part for part in layout.parts if part not in (*spared, *learnt)]
 
@@ -138,7 +139,8 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
     ends, longest = _ends(around), None if around is None else around.longest
     aged = [name for name in counted_misses(around) if name != "outage"]
     status = "({M}_RESULT_REFUSED | {M}_FALLBACK)" if ends else "{M}_RESULT_REFUSED"
-    others = [part for part in layout.parts if part not in (layout.u, layout.part("held.baseline"))]
+    own = layout.part("held.baseline")
+    others = [part for part in layout.parts if part != layout.u and (part != own or not kept)]
     same = "\n        && ".join(f"same(c.{part.name}, other.{part.name}, {part.size})" for part in others)
     at_rest = [
         "c.fade = 5L; c.fade_left = 3L; c.matching = 1; before = c; before.refused = 1;"
@@ -158,6 +160,7 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
         "{n}_init(&c); (void)replay(&c, 4); in = sample(4);",
         *(f"for (i = 0; i < {part.size}; ++i) {{{{ c.{part.name}[i] = {{M}}_RANGE; }}}}" for part in poked),
         *(first if kept else ["c.refused = {M}_REFUSALS - 1;"]),
+        *([] if kept or own is None else [f"for (i = 0; i < {own.size}; ++i) {{{{ c.{own.name}[i] = {{M}}_RANGE; }}}}"]),
         *(
             ["c.outage = {M}_LONGEST_OUTAGE; c.fade = 0L; c.fade_left = 0L; c.matching = 0;"]
             if ends

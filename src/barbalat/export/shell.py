@@ -89,19 +89,41 @@ def usable(printed: Printed) -> list[str]:
 
 
 def _held_in_range(printed: Printed) -> list[str]:
-    """Tests of the last good measurement and command, if there are any: if one were corrupted, every good value would count as
-    too fast."""
-    around, layout, always = printed.contents.around, printed.contents.layout, in_own_range(printed.contents)
+    """Tests of the last good measurement and command: a corrupted one would be used in place of a lost one, and where a rate is
+    limited every good value would count as too fast."""
+    around, layout, checked = printed.contents.around, printed.contents.layout, held_in_range(printed.contents)
     assert around is not None
     found = []
-    for part, there, count, tests in (
-        (layout.measured, around.rated, "age", in_ranges(printed, f"c->{layout.measured.name}")),
-        (layout.r, around.command_rated, "command_outage", _command_ranges(printed, f"c->{layout.r.name}")),
+    for part, rated, count, low, high in (
+        (layout.measured, around.rated, "age", around.low, around.high),
+        (layout.r, around.command_rated, "command_outage", around.command_low, around.command_high),
     ):
-        if part.name in always:
+        tests = _ranges(printed, f"c->{part.name}", checked[part.name], low, high)
+        if part.name in in_own_range(printed.contents) or not rated:
             found += tests
-        elif there and tests:
+        elif tests:
             found.append(f"(c->{count} >= {MOST_COUNTED}L || ({(chr(10) + 12 * ' ' + '&& ').join(tests)}))")
+    return found
+
+
+def held_in_range(contents: Contents) -> dict[str, tuple[int, ...]]:
+    """The entries of the last good measurement and command, by the names of these, that are checked against their channels'
+    ranges: those that are within them even before the first good value. Where a rate is limited, the age of the last good value
+    shows whether there is one, and all entries with a range are checked."""
+    around = contents.around
+    if around is None:
+        return {}
+    rest, of_x = contents.at_start
+    found = {}
+    for part, rated, ranged, low, high in (
+        (contents.layout.measured, around.rated, around.ranged, around.low, around.high),
+        (contents.layout.r, around.command_rated, around.command_ranged, around.command_low, around.command_high),
+    ):
+        rows = list(part.rows)
+        initial = [contents.initial[rows], np.where(of_x[rows].any(axis=1), low, rest[rows])]  # a start copies a good measurement
+        within = np.all([(low <= values) & (values <= high) for values in initial], axis=0)
+        set_later = [row in contents.starts for row in rows]
+        found[part.name] = tuple(i for i in ranged if rated or (within[i] and not set_later[i]))
     return found
 
 
@@ -112,15 +134,16 @@ def in_own_range(contents: Contents) -> set[str]:
     if around is None:
         return set()
     rest, of_x = contents.at_start
-    found = set()
-    for part, rated, low, high in (
-        (contents.layout.measured, around.rated, around.low, around.high),
-        (contents.layout.r, around.command_rated, around.command_low, around.command_high),
+    found, checked = set(), held_in_range(contents)
+    for part, low, high in (
+        (contents.layout.measured, around.low, around.high),
+        (contents.layout.r, around.command_low, around.command_high),
     ):
         rows = list(part.rows)
         initial = [contents.initial[rows], *([] if of_x[rows].any() else [rest[rows]])]  # a start copies a measurement in range
         within = all((low <= values).all() and (values <= high).all() for values in initial)
-        if rated and within and (np.abs([low, high]) <= contents.range).all():
+        every = len(checked[part.name]) == part.size
+        if every and within and (np.abs([low, high]) <= contents.range).all():
             found.add(part.name)
     return found
 
@@ -443,7 +466,13 @@ def _refuse(printed: Printed, *, timed: bool) -> str:
     falls_back = [f"fall_back({_before(around)}c);" if _falls(around) else "hold(c);"]
     counted = [f"if ({good}) {{", *(f"    {line}" for line in _one_more("outage")), "}"] * ends + _one_more("age") * rated
     kept = ["paused"] if "paused" in members(around) else []
+    own = printed.contents.layout.part("held.baseline") if _before(around) else None
+    at_rest = []
+    if own is not None:
+        at_rest = [f"for (i = 0; i < {own.size} && c->refused >= {macro}_REFUSALS; ++i) {{"]
+        at_rest += [f"    before.{own.name}[i] = c->{own.name}[i]; /* the baseline's state may be the cause */", "}"]
     return _REFUSE.format(
+        at_rest=indented(at_rest, 8),
         limited=indented(limited, 8),
         **_names(printed),
         about=_REFUSED_ENDS if ends else _REFUSED,
@@ -544,6 +573,7 @@ def shell_readme(printed: Printed) -> str:
             "baseline": "only the baseline acts, on the last good measurement and with its states held; u changes to its control "
             f"over {counted(round(around.fade), 'sample')}",
         }[around.fallback]
+        rested = " and the baseline's initial states" if printed.contents.layout.part("held.baseline") and _before(around) else ""
         told.append(
             f"*The longest outage*: after {around.longest:.0f} consecutive misses {acts}, and the status has {macro}_FALLBACK. "
             f"The next good sample begins with the u applied at that time; the difference from the controller's own u fades "
@@ -551,7 +581,7 @@ def shell_readme(printed: Printed) -> str:
             f"A sample that would lead out of range ({macro}_RESULT_REFUSED) is a miss, too. If it is beyond the longest outage, "
             "the controller also begins again at it, as by a start that keeps the estimates and with u within its limits, so "
             f"that the next good sample can end the outage; from the {REFUSALS}th such good sample in a row on with the initial "
-            "estimates, and the fallback continues from a u of zero."
+            f"estimates{rested}, and the fallback continues from a u of zero."
         )
     if around.band is not None:
         told.append(
@@ -815,7 +845,7 @@ _REFUSE = """\
         for (i = 0; i < {macro}_INPUTS && c->refused >= {macro}_REFUSALS; ++i) {{
             c->last_u[i] = {zero};
         }}
-{falls_back}{limited}{undone}        for (i = 0; i < {macro}_INPUTS; ++i) {{
+{at_rest}{falls_back}{limited}{undone}        for (i = 0; i < {macro}_INPUTS; ++i) {{
             c->last_u[i] = c->{u}[i];
         }}
     }}

@@ -19,7 +19,7 @@ from barbalat.export.equivalence import CASES, MORE_CASES, Interval, Prover
 from barbalat.export.evaluation import evaluate, values
 from barbalat.export.mutants import Judge, Mutant, mutants
 from barbalat.export.parameters import Parameter
-from barbalat.export.shell import in_own_range
+from barbalat.export.shell import held_in_range, in_own_range
 from barbalat.export.source import ESTIMATE_TOLERANCE
 from barbalat.loop.true_values import estimate_set
 from barbalat.lowering.operations import sources
@@ -227,7 +227,7 @@ class _Search:
         good = (np.abs(columns) <= contents.range).all(axis=0) & (np.abs(after) <= contents.range).all(axis=0)
         good &= contents.takes(columns[self.ends[2] : -1])
         if contents.around is not None:  # only columns that the case's shell accepts
-            around, held_in_range = contents.around, in_own_range(contents)
+            around, checked, always = contents.around, held_in_range(contents), in_own_range(contents)
             for ends, part, limits in (
                 (self.ends[:2], contents.layout.measured, (around.low, around.high, around.rate)),
                 (self.ends[1:], contents.layout.r, (around.command_low, around.command_high, around.command_rate)),
@@ -235,8 +235,9 @@ class _Search:
                 now, last = columns[slice(*ends)], columns[[self.place[row] for row in part.rows]]
                 low, high, rate = (limit[:, None] for limit in limits)
                 good &= ((now >= low) & (now <= high) & (np.abs(now - last) <= rate * (1 - TOLERATED))).all(axis=0)
-                if part.name in held_in_range:
-                    good &= ((last >= low) & (last <= high)).all(axis=0)
+                if part.name in always or not np.isfinite(rate).any():
+                    at = list(checked[part.name])
+                    good &= ((last[at] >= low[at]) & (last[at] <= high[at])).all(axis=0)
         if contents.checked_limits is not None:
             at = [self.place[row] for row in contents.layout.theta_hat.rows]
             low, high = (
