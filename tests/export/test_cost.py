@@ -166,9 +166,9 @@ def test_the_cycles_are_those_of_arms_table() -> None:
         assert flight._cycles(4, name, operands, taken=taken) == wanted, name
 
 
-def test_the_guide_names_all_that_costs_more_than_before() -> None:
-    shown, guide = _shown(), (flight.PAGE.parent / "flight.md").read_text(encoding="utf-8")
+def test_the_notebook_names_all_laws_that_cost_more_than_before() -> None:
+    shown, notebook = _shown(), (flight.PAGE.parents[1] / "laboratory/lost-samples.md").read_text(encoding="utf-8")
     assert [name for name, cycles in BEFORE.items() if shown[name][3] > cycles] == list(LAWS)
     assert {name for name, cycles in BEFORE.items() if shown[name][2] > cycles} <= LAWS.keys()
     more = " and ".join(str(shown[name][0] - before) for name, before in LAWS.items())
-    assert f"even with a shell, except for the piecewise-constant laws, which need {more} more operations" in guide
+    assert f"even with a shell, except for the piecewise-constant laws, which need {more} more operations" in notebook
