@@ -1,4 +1,4 @@
-"""A certificate in five lines: the condition, the bound, the margin, the largest gain and step, the assumptions."""
+"""A certificate in five lines: the condition, the bound, the margin, the largest gain and step, and the assumptions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from barbalat.pictures.symbols import held
 
 
 class Line(NamedTuple):
-    """One of a certificate's five lines: its subject, its text, and its kind."""
+    """One of the five lines of a certificate: its subject, its text and its kind."""
 
     label: str
     text: str
@@ -21,7 +21,7 @@ class Line(NamedTuple):
 
 
 def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """The five lines, after the lines on simulations that were requested: the measured margins and the run."""
+    """The five lines, preceded by lines on requested simulations: the measured margins and the run."""
     gain, simulated = certificate.values.get("gamma_float32"), certificate.simulated
     leading = [] if simulated is None else [
         Line("measured", simulated.margins, "estimate"), Line("simulated", simulated.run, "estimate")
@@ -31,7 +31,7 @@ def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[L
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """The five lines: condition, bound, margin, the largest gain and step, and the assumptions with those that fail."""
+    """The five lines: condition, bound, margin, the largest gain and step, and the assumptions, with those that fail."""
     if certificate.failure:
         why = f"not known: {certificate.failure}"
         rest = [Line(label, "not known", "does not apply") for label in ("bound of e", "margin", "gain, step", "assumed")]
@@ -81,7 +81,7 @@ def _bound(certificate: Certificate) -> Line:
 
 
 LINEAR = "linear, without limits"
-"""The note on a margin of a linear loop."""
+"""The note for a margin of a linear loop."""
 
 
 def _margin(certificate: Certificate) -> Line:
@@ -100,7 +100,7 @@ def _margin(certificate: Certificate) -> Line:
     elif adapting is not None and margin is not None and margin.applies:
         lost = adapting.why.startswith(UNSTABLE_WITH_LAW)
         parts.append(f"adapting: none, since {UNSTABLE_WITH_LAW}" if lost else "adapting: not known")
-    if margin is not None and margin.applies:  # a single margin needs no distinction
+    if margin is not None and margin.applies:  # with a single margin, no distinction is needed
         at_theta = " at theta" if parts and margin.rest is None else ""
         frozen = " with frozen estimates" if adapting is not None and margin.rest is not None else ""
         parts.insert(0, f"{_delay(margin.value)}{frozen}{at_theta}{_at_rest(margin)}")
@@ -149,7 +149,7 @@ def _limits(certificate: Certificate, dt: float | None) -> Line:
 
 
 def _span(certificate: Certificate, key: str) -> list[float]:
-    """The smallest tolerated value, and the value beyond which oscillations are expected, as far as they are known."""
+    """The smallest tolerated value, and the value beyond which oscillations are expected, as far as known."""
     values = (certificate.values.get(name) for name in (key, f"{key}_at_model"))
     return [value for value in values if value is not None]
 
@@ -164,8 +164,8 @@ NOT_THE_PLANT = "the simulated plant differs from the design's, see the notes"
 
 
 def _assumed(column: Column, certificate: Certificate) -> Line:
-    """Return the line on the assumptions of the values and of Table 1's cells: for a scheme without a bound, the assumptions are
-    in the cells."""
+    """Return the line on the assumptions of the values and of the cells of Table 1; for a scheme without a bound, the assumptions
+    are in the cells."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)

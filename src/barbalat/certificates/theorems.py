@@ -1,4 +1,4 @@
-"""The missing theorems for which there is no bound of e: the sentences in certificates and
+"""The missing theorems because of which there is no bound on e: the sentences in certificates and
 docs/reference/missing-theorems.md."""
 
 from __future__ import annotations

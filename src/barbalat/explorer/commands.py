@@ -1,4 +1,4 @@
-"""The commands and disturbances of a page: formulas as a module, records as points, and all others as runs of equal rows."""
+"""The commands and disturbances of a page: formulas as a module, records as points, and all others as sequences of equal rows."""
 
 from __future__ import annotations
 
@@ -24,22 +24,21 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_RUNS = 20_000
-"""Largest number of runs of equal rows in a page: some 500 kB."""
+"""Largest number of sequences of equal rows in a page: about 500 kB."""
 MOST_POINTS = 20_000
-"""Largest number of points of a record in a page: some 430 kB."""
+"""Largest number of points of a record in a page: about 430 kB."""
 GRID_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 10.0)
-"""Steps that a page offers if signals jump, as multiples of the case's step: the jumps' positions in the grid are tabulated
-for each."""
+"""Steps that a page offers if signals jump, as multiples of the step of the case; the positions of the jumps in the grid are
+tabulated for each."""
 HORIZON_FACTORS = (0.5, 2.0, 0.25, 0.75, 1.5, 0.1, 3.0, 5.0)
-"""Horizons that it offers at the case's own step, as multiples of the case's horizon."""
+"""Horizons that a page offers at the step of the case, as multiples of the horizon of the case."""
 MOST_GRID_BYTES = 250_000
-"""Largest size of these tables, which are made in the above order, without the table of the case's own step. In a page they
+"""Largest size of these tables, which are made in the above order, without the table for the step of the case. In a page they
 take a third more."""
 
 
 def is_formula(signal: Signal) -> bool:
-    """Whether a page's module computes the signal. This requires a formula of t and of the signal's own numbers, without
-    jumps."""
+    """Whether a page's module computes the signal. This requires a formula in t and the numbers of the signal, without jumps."""
     if not isinstance(signal, Continuous) or isinstance(signal, InterpolatedSignal):
         return False
     try:
@@ -78,8 +77,8 @@ def breaks_anywhere(signals: Sequence[Signal]) -> bool:
 
 
 def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
-    """Return a module whose blocks compute the formulas' values at the time in a row, and the formulas' numbers, which are its
-    parameters."""
+    """Return a module whose blocks compute the values of the formulas at the time in a row, and the numbers of the formulas,
+    which are its parameters."""
     import casadi as ca
 
     smooth = tuple(signal for signal in signals if is_formula(signal))
@@ -107,8 +106,8 @@ class Grid:
 
     cuts    (K, 3) the breaks inside steps: the step, the position within it, the time [s]
     starts  rows at which the values of the signals that are not computed change
-    values  (len(starts), nodes * signals) their values from each of these rows on
-    last    (signals,) their values at t_end
+    values  (len(starts), nodes * signals) values of these signals from each of these rows on
+    last    (signals,) values of these signals at t_end
     """
 
     simulation: Simulation
@@ -166,7 +165,7 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
     Raises InputError if the run's own grid has too many rows.
     """
-    simulation = replace(simulation, solver=RK4)  # RK4's nodes include those of all methods
+    simulation = replace(simulation, solver=RK4)  # the nodes of RK4 include the nodes of all methods
     own = Grid.of(signals, simulation, whole=whole)
     found, room = [own], MOST_GRID_BYTES
     for other in _runs_offered(simulation):
@@ -181,10 +180,10 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
 
 def _runs_offered(simulation: Simulation) -> Iterator[Simulation]:
-    """Yield the run with other steps and with other horizons, as far as the step divides the horizon."""
+    """Yield the run with different steps and with different horizons, as far as the step divides the horizon."""
     steps = [(factor * simulation.dt, simulation.t_end) for factor in GRID_FACTORS]
     for dt, t_end in [*steps, *((simulation.dt, factor * simulation.t_end) for factor in HORIZON_FACTORS)]:
         try:
             yield replace(simulation, dt=float(f"{dt:.12g}"), t_end=float(f"{t_end:.12g}"))
-        except InputError:  # not a whole number of steps
+        except InputError:  # the horizon is not a whole number of steps
             continue

@@ -33,18 +33,19 @@ TAYLOR_TERMS = 4
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """The numbers of a module for one controller: A_m, b, the filter's A, B and C, and the known set's bounds, in this order."""
+    """The numbers of a module for one controller: A_m, b, A, B and C of the filter, and the bounds of the known set, in this
+    order."""
 
     index: int
 
     def parts(self, case: Case) -> list[Array] | None:
-        """Return these arrays, or None if the condition has no meaning: for a different scheme or plant, or without projection
+        """Return these arrays, or None if the condition has no meaning, as for a different scheme or plant or without projection
         onto a box."""
         problem = case.problem
         if not isinstance(problem, Problem):
             return None
         equations = case.controllers[self.index].bind(problem.known)
-        # Theorem 1 is about this scheme's own C(s) and x_hat; only a box has bounds as separate numbers
+        # Theorem 1 is about C(s) and x_hat of this scheme; only a box has bounds as separate numbers
         if not isinstance(equations, Equations) or not isinstance(known_set := equations.estimate_set, ParameterBox):
             return None
         plain = problem.known.inputs == 1 and not problem.known.matched.gain_unknown
@@ -54,7 +55,7 @@ class Filtered:
     def read(self, cases: Sequence[Case]) -> Numbers:
         """Read the numbers of several cases.
 
-        Raises InputError if a case has none.
+        Raises InputError if a case has no such numbers.
         """
         columns = []
         for case in cases:
@@ -69,7 +70,7 @@ class Filtered:
 
 
 def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> dict[str, Any] | None:
-    """Return the condition for a page's JSON. It names the sliders whose effect cannot be reproduced; if one of them is moved,
+    """Return the condition for a page's JSON. It names the sliders whose effect cannot be reproduced; if such a slider is moved,
     there is no estimate."""
     target = Filtered(index)
     parts = target.parts(case)
@@ -93,7 +94,7 @@ def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> d
 
 
 def _module(shapes: Sequence[tuple[int, ...]]) -> bytes:
-    """Return a module that makes steps of x' = A_m x - b C z, z' = A z. Its accumulators are the integrals of |x_i|, and its last
+    """Return a module that integrates x' = A_m x - b C z, z' = A z. Its accumulators are the integrals of |x_i|, and its last
     parameter is the step [s]."""
     import casadi as ca
 

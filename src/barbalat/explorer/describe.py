@@ -44,12 +44,12 @@ from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import InputError
 
 MOST_STEPS = 10_000_000
-"""Largest number of steps of a run in a page. They take some seconds."""
+"""Largest number of steps of a run in a page. Such a run takes a few seconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A case in the form for its page.
+    """A case in the form that its page needs.
 
     toggles  the controllers whose projection can be switched
     """
@@ -122,7 +122,8 @@ class Described:
         }  # fmt: skip
 
     def slots(self) -> list[FieldPath]:
-        """Return the numbers that the page inserts into a copied case file: the sliders', horizon and step, and the delay."""
+        """Return the numbers that the page inserts into a copied case file: those of the sliders, horizon and step, and the
+        delay."""
         own = [FieldPath(("simulation", key)) for key in GRID_KEYS]
         return [
             *(one.number.path for one in self.sliders),
@@ -131,7 +132,7 @@ class Described:
         ]
 
     def _noise(self) -> dict[str, Any] | None:
-        """Return the noise's settings, with the seed as digits, because numbers of a page have only 53 bits."""
+        """Return the noise settings, with the seed as digits, because numbers in a page have only 53 bits."""
         noise, channels = self.case.problem.noise, self.case.problem.measured
         if noise is None:
             return None
@@ -139,7 +140,7 @@ class Described:
         return {"module": module, "seed": str(noise.seed), "channels": channels, "sample_time": noise.sample_time}
 
     def _delay(self) -> dict[str, Any]:
-        """Return the delay's settings. It has a slider if the delay is a number of the case."""
+        """Return the delay settings. The delay has a slider if it is a number of the case."""
         own = self.case.problem.delay
         tried = own + self.case.simulation.dt
         try:
@@ -233,7 +234,7 @@ SYMBOLS = {
     "jitter": ("tolerated jitter, as a share of a sample", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
     "quantization": ("resolution", ""),
 }  # fmt: skip
-"""Symbol and unit of numbers whose key does not determine them."""
+"""Symbol and unit of numbers for which the key does not determine them."""
 
 
 def label(path: FieldPath) -> str:
@@ -255,8 +256,8 @@ def group(path: FieldPath) -> tuple[Key, ...]:
 
 
 def outputs(case: Case, members: Members) -> dict[str, Any]:
-    """Return the data on one controller's outputs: sizes, rows of states and accumulators, and panels. ``members`` are those of
-    its module."""
+    """Return the data on one controller's outputs: sizes, rows of states and accumulators, and panels. ``members`` are the
+    members of its module."""
     loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
     assert isinstance(accumulators, Accumulators)
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
@@ -301,8 +302,8 @@ def _further_entries(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
 
 
 def numbers_handed(target: Target) -> int:
-    """Return the number of the module's parameters up to the step. The delay's weights, which depend on the solver, follow
-    it."""
+    """Return the number of module parameters up to the step. The weights of the delay, which depend on the solver, follow the
+    step."""
     weights = target.family.reader.weights
     return len(target.base.parameters) - (0 if weights is None else int(weights.first.size))
 
@@ -333,17 +334,18 @@ def _weights_module(tableau: Tableau) -> bytes:
 # of a window with an exit, by the rules of ``run.engine.stability_label``.
 
 MOST_STATES = 40
-"""Largest number of states of a loop whose spectrum is computed after every run. Some dozens cost less than drawing."""
+"""Largest number of states of a loop whose spectrum is computed after every run. Computing it for a few dozen states takes less
+time than drawing."""
 
 
 WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECES, "every": WATCH_EVERY}
-"""The division of a run into windows and their evaluation: see ``run.engine.stability_label``."""
+"""How a run is divided into windows and how these are evaluated; see ``run.engine.stability_label``."""
 
 
 def judged(target: Target) -> bool:
     """Whether a page judges the step.
 
-    Only ``barbalat run`` judges large loops, and laws that take explicit steps from sample to sample.
+    Large loops, and laws that take explicit steps from sample to sample, are judged only by ``barbalat run``.
     """
     reader = target.family.reader
     equations = reader.loop.equations
@@ -351,8 +353,8 @@ def judged(target: Target) -> bool:
 
 
 def spectrum_of(target: Target) -> dict[str, Any] | None:
-    """Return the module of the spectrum, or None if the page does not judge the step. Its rows are a state with signals and
-    noise, and its parameters are those of the run."""
+    """Return the module of the spectrum, or None if the page does not judge the step. A row of the module is a state with signals
+    and noise, and its parameters are those of the run."""
     import casadi as ca
 
     if not judged(target):

@@ -32,7 +32,7 @@ from barbalat.study.fixed_steps import fixed_steps
 from barbalat.validate import InputError
 
 FRAME_HEIGHT = 900
-"""Height of a page in a notebook's cell, in CSS pixels."""
+"""Height of a page in a notebook cell, in CSS pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +97,8 @@ class Explorer:
 def explore(problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation) -> Explorer:
     """Return a page that simulates these controllers on the problem, with a slider for each number.
 
-    Its runs use no fused multiply-adds; ``Simulation(fused=False)`` gives the same results, bit for bit. If the simulation has a
-    tolerance, they take the longest fixed step at which the errors and controls of the given controllers are within the
+    The runs of the page use no fused multiply-adds; ``Simulation(fused=False)`` gives bit-identical results. If the simulation
+    has a tolerance, the runs take the longest fixed step at which the errors and controls of the given controllers are within the
     tolerance.
     """
     validate.instance("problem", problem, TrackingProblem)
@@ -112,7 +112,7 @@ TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quant
 
 
 def section(case: Case) -> str:
-    """Return the certificates as HTML: a note on the case to which they belong, and a folded part for each controller."""
+    """Return the certificates as HTML: a note on the case to which they belong, and a collapsed section for each controller."""
     found = certified_case(case.problem, case.controllers, case.simulation).certificates
     parts = [
         f'<details><summary>{escape(name)}</summary><div class="wide" tabindex="0" role="region" '

@@ -30,11 +30,11 @@ from barbalat.protocols import Signal
 
 ENTRY = "barbalat_uniform"
 DRAWN = ("share", "burst", "size", "times", "time", "seed")
-"""Settings of a fault that determine its signal. The time of a jitter is also a number of the loop."""
+"""Settings of a fault that determine its signal. The time of a jitter fault is also a number of the loop."""
 SEEDS = 100
 """Number of seeds, from 0 on, that a slider offers."""
 LARGEST_EXACT_SEED = 2**53
-"""Largest whole number up to which a page's numbers represent every whole number."""
+"""Largest whole number up to which the numbers of a page represent every integer."""
 
 
 def fault_of(signal: Signal) -> dict[str, Any] | None:
@@ -48,7 +48,7 @@ def fault_of(signal: Signal) -> dict[str, Any] | None:
 
 
 def drawn_by(path: FieldPath, signals: Sequence[Signal]) -> tuple[int, list[Key]] | None:
-    """Return the signal to which a number belongs, and its keys there; None if the number determines no fault."""
+    """Return the signal to which a number belongs, and the keys of the number in it; None if the number determines no fault."""
     first, *keys = path.keys
     if first != "faults" or keys[1] not in DRAWN:
         return None
@@ -56,7 +56,8 @@ def drawn_by(path: FieldPath, signals: Sequence[Signal]) -> tuple[int, list[Key]
 
 
 def seeds(faults: Sequence[Fault]) -> Iterator[Number]:
-    """Yield the seeds of the faults with the values of their sliders, except seeds that a page's numbers cannot represent."""
+    """Yield the seeds of the faults with the values of their sliders, except seeds that the numbers of a page cannot
+    represent."""
     for i, fault in enumerate(faults):
         drawn = fault.share is not None or isinstance(fault, (Spike, Jitter))
         if drawn and fault.seed <= LARGEST_EXACT_SEED:
@@ -117,7 +118,7 @@ def uniform_module() -> bytes:
 
 
 def _mixed(name: str, given: str) -> list[str]:
-    """Return the lines that compute SplitMix64's output function of a value, under the name ``name``."""
+    """Return the lines that compute the output function of SplitMix64 for a value, under the name ``name``."""
     (first, second, third), (one, two) = SHIFTS, FACTORS
     return [
         f"  %{name}.a = lshr i64 {given}, {first}",

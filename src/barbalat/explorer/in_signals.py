@@ -25,9 +25,10 @@ class InSignals:
     """The effect of a number on the signals.
 
     places  indices of the number among the numbers of the smooth signals
-    scales  indices, among the other signals, of those whose every value is the number, its negative, or zero
-    grids   a grid for each value of the number, at the case's own step and horizon, if these signals depend on it otherwise
-    drawn   the fault's signal and the keys in it, if the number determines a fault
+    scales  indices of the other signals all of whose values are the number, its negative, or zero
+    grids   a grid for each value of the number, at the step and horizon of the case, if the other signals depend on the number in
+            a different way
+    drawn   the signal of the fault and the keys in it, if the number determines a fault
     """
 
     places: list[int]
@@ -38,14 +39,14 @@ class InSignals:
 
 @dataclass(frozen=True, eq=False)
 class SignalSearch:
-    """Finds the effect from cases with other values of the number."""
+    """Finds the effect from cases with different values of the number."""
 
     case: Case
     at: At
 
     def of(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """Return the number and its effect, or None if a page cannot reproduce it. The number has fewer values if grids, of at
-        most ``room`` bytes together, depend on it."""
+        """Return the number and its effect, or None if a page cannot reproduce it. The number has fewer values if grids depend on
+        it; together these take at most ``room`` bytes."""
         if (drawn := drawn_by(number.path, self.case.problem.signals)) is not None:
             return number, InSignals([], [], drawn=drawn)
         found = self._moved(number)
@@ -72,7 +73,7 @@ class SignalSearch:
         return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
 
     def _gridded(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """Return the number with those values for which signals that jump have a grid like the case's own, and the grids."""
+        """Return the number with those values for which signals that jump have a grid like that of the case, and the grids."""
         simulation, whole = self.case.simulation, self.case.problem.delay > 0
         given, grids = list[float](), list[Grid]()
         own = self.case.problem.signals
@@ -95,8 +96,8 @@ class SignalSearch:
         return replace(number, values=np.array([given[i] for i in fits])), InSignals([], [], [grids[i] for i in fits])
 
     def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
-        """Return which of the signals that are stored as rows are always the number times -1, 0 or 1; None if one depends on it
-        otherwise."""
+        """Return which of the signals that are stored as rows are always the number times -1, 0 or 1; None if a signal depends on
+        the number in a different way."""
         rough = [tuple(signal for signal in one if not is_computed(signal)) for one in signals]
         moved = [i for i in range(len(rough[0])) if not all(identical(one[i], rough[0][i]) for one in rough)]
         if not moved:

@@ -1,4 +1,4 @@
-"""A page's data for the judge's verdict: the rows that its kernels keep, and the numbers of the judge's rules."""
+"""The data of a page for the judge's verdict: the rows that its kernels keep, and the numbers in the judge's rules."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from barbalat.signals.smooth import Clock
 
 
 def rules(case: Case) -> dict[str, Any]:
-    """Return the rules under the names of ``templates/judge.js``, with the case's bands and the signals that are clocks."""
+    """Return the rules under the names of ``templates/judge.js``, with the bands of the case and the signals that are clocks."""
     judge, beside = case.judge, Uncommanded.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),

@@ -11,10 +11,10 @@ from barbalat.papers.claim import Claim
 
 @dataclass(frozen=True, kw_only=True)
 class FigureGoal:
-    """A goal for the largest entry of a controller's metric over every step: it is compared with a bound, or with a fraction of a
-    different metric.
+    """A goal for the largest entry of a controller's metric over every step, which is compared with a bound or with a fraction of
+    a different metric.
 
-    share_of  None for a bound; "start" for the same metric of the lesson's first run; or another controller's name
+    share_of  None for a bound; "start" for the same metric of the lesson's first run; or the name of a different controller
     """
 
     controller: str
@@ -31,7 +31,7 @@ class FigureGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class BoundedGoal:
-    """The goal that the controller's run does not diverge."""
+    """The goal that the run of a controller does not diverge."""
 
     controller: str
 
@@ -41,7 +41,7 @@ class BoundedGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class SettingGoal:
-    """A goal for a number of the case, which is named by its place."""
+    """A goal for a number of the case, which is named by its path."""
 
     path: str
     relation: Literal["<=", ">="]
@@ -53,7 +53,7 @@ class SettingGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class UnprojectedGoal:
-    """The goal that the controller's projection stays switched off."""
+    """The goal that the projection of a controller stays switched off."""
 
     controller: str
 
@@ -74,8 +74,8 @@ class Lesson:
     """The setup, the text and the checks of a lesson.
 
     shown       the names of the controllers that are simulated
-    numbers     changed numbers, by their places
-    projection  by controller, where it differs from that of the case
+    numbers     changed numbers, by path
+    projection  projection by controller, where it differs from the case
     goal        the goal in words
     checks      the conditions of the goal
     example     numbers that reach the goal from the start; a page shows them on request
@@ -94,7 +94,7 @@ class Lesson:
     projection: Mapping[str, bool] = field(default_factory=dict)
 
     def as_data(self, names: Sequence[str], claims: Sequence[Claim]) -> dict[str, Any]:
-        """Return the data for a page of controllers with these names. ``claims`` are those that were measured, if any."""
+        """Return the data for a page of controllers with these names. ``claims`` are the measured claims, if any."""
         return {
             "key": self.key, "title": self.title, "text": self.text, "goal": self.goal,
             "numbers": dict(self.numbers), "example": dict(self.example),

@@ -22,9 +22,9 @@ PAPER = "jafari_2013"
 PAPER_CASE = "paper"
 """The bundled case of these lessons."""
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
-"""Variation of an estimate [1/s]: that of one sweep of the box per second, there and back, and that caused by the command."""
+"""Variation of an estimate [1/s]: for one sweep of the box per second, there and back, and as caused by the command."""
 QUIET_GAIN = 300.0
-"""Gain of L1-AC. It is far below the gain at which the loop oscillates with the paper's step, so the solver has no visible
+"""Gain of L1-AC. It is far below the gain at which the loop oscillates with the paper's step, so that the solver has no visible
 effect."""
 
 ON_THE_PAPER_S_EXAMPLE = (
@@ -170,7 +170,7 @@ PAGES = {"explorer.html": ON_THE_PAPER_S_EXAMPLE, "explorer-delay.html": WITH_A_
 
 
 def late(text: str) -> str:
-    """Return the example's text with an input delay, and with a longer step, which is sufficient without fast adaptation."""
+    """Return the text of the example with an input delay and a longer step, which is sufficient without fast adaptation."""
     changed = text.replace('name = "Section V"', 'name = "Section V with an input delay"', 1).replace("dt = 1e-4", "dt = 1e-3", 1)
     return changed.replace("[reference_model]", "[plant.input]\ndelay = 0.01\n\n[reference_model]", 1)
 
@@ -182,7 +182,7 @@ def explorer(file: str) -> Explorer:
 
 
 def contents(file: str) -> PageContents:
-    """Return the content of the page with this name before anything is measured. Another process can make it."""
+    """Return the content of the page with this name before anything is measured. A different process can make it."""
     return explorer(file).contents
 
 

@@ -25,9 +25,9 @@ MOST_SHARED_BYTES = 150_000
 MOST_NUMBERS = 80
 """Largest number of sliders of a page."""
 GRID_KEYS = ("t_end", "dt")
-"""Keys of the simulation. The page has sliders of its own for them."""
+"""Keys of the simulation. The page has separate sliders for them."""
 DELAY_PATH = FieldPath(("plant", "input", "delay"))
-"""The delay, for which the page also has a slider of its own. It sets a module's delay in whole steps."""
+"""The delay, for which the page also has a separate slider. It sets the delay of a module in whole steps."""
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
 """The parts of a case in the order in which their numbers get sliders. Within a part, single numbers precede entries of vectors.
 If two numbers change the same row of a module, the later one has fewer values."""
@@ -46,7 +46,7 @@ class Variant:
 class Slider:
     """A number, its effect on each variant and on the signals.
 
-    apart  numbers that must not be moved together with this one, because a row depends on both although each alone leaves it
+    apart  numbers that must not be moved together with this one, because a row depends on both although each alone leaves the row
            unchanged, as in products with a zero
     """
 
@@ -56,7 +56,7 @@ class Slider:
     apart: frozenset[FieldPath] = frozenset()
 
     def excludes(self, other: Slider) -> bool:
-        """Whether the two cannot be moved together. If both change a row of a variant, that would need a table of all pairs."""
+        """Whether the two cannot be moved together. If both change a row of a variant, a table of all pairs would be needed."""
         if other.number.path in self.apart:
             return True
         rows = any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
@@ -73,7 +73,7 @@ class Slider:
 
     @property
     def bytes(self) -> int:
-        """The size of the slider's tables in the page."""
+        """The size of the tables of the slider in the page."""
         tables = sum(effect.table.nbytes for effect in self.effects if effect.table is not None)
         return int(tables + sum(grid.bytes for grid in self.signals.grids or ()))
 
@@ -150,7 +150,7 @@ class Sliders:
         for switched in (False, True) if self.toggles else (False,):
             try:
                 case = self._case(numbers, self.toggles if switched else ())
-            except InputError:  # together they give an invalid case, and the error of the copied case explains why
+            except InputError:  # together these values give an invalid case; the error of the copied case explains why
                 return Outcome.NO_CASE
             for k, variant in enumerate(self.variants):
                 effects = [(slider.effects[k], value, place) for slider, (value, place) in moved]
@@ -195,10 +195,10 @@ class Sliders:
         return self._cases[key]
 
     def _case(self, numbers: Mapping[FieldPath, float], toggled: tuple[int, ...]) -> Case:
-        """Return the case with other numbers.
+        """Return the case with different numbers.
 
-        Raises InputError if its known set makes the estimates start at the set's centre instead. Such a start depends on all
-        bounds at once, so that no slider of a single bound could tabulate it.
+        Raises InputError if the known set makes the estimates start at the centre of the set instead. Such a start depends on all
+        bounds at once, so it cannot be tabulated for the slider of a single bound.
         """
         case = self.source.at(numbers, toggled)
         if any(path.keys[0] == "uncertainty" for path in numbers) and not _alike(_starts(case), self._starts[bool(toggled)]):
@@ -207,12 +207,12 @@ class Sliders:
 
     @cached_property
     def _starts(self) -> tuple[list[Array], list[Array]]:
-        """The initial estimates of the case itself, and those with the projections switched."""
+        """The initial estimates of the case, and those with the projections switched."""
         return _starts(self.case), _starts(self.source.at({}, self.toggles))
 
     @cached_property
     def _cases(self) -> dict[tuple[bool, FieldPath, float], Case]:
-        """The cases that have been built. They are kept because the same ones are read for several purposes."""
+        """The cases that have been built. They are kept because each is read for several purposes."""
         return {}
 
 
@@ -243,10 +243,10 @@ Place = tuple[float, int]
 """A value of a slider, and its index among the tabulated values, if any."""
 NEAR_SHARES = (0.04, 0.12)
 """Smallest and largest distance, as a fraction of the slider's length, by which a slider is moved up or down together with
-others. Each slider uses a different value in between, so two numbers that enter as a difference do not move equally. This close
-to the case all pairs should be valid."""
+others. Each slider uses a different value in between, so that two numbers that enter as a difference do not move equally. So
+close to the case, all pairs should be valid."""
 FAR_SHARES = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
-"""Limits of further distances to one side. They differ because some pairs change a last bit only at some values."""
+"""Limits of further distances to one side. They differ because some pairs change the last bit only at some values."""
 GOLDEN_RATIO = 0.6180339887498949
 """The fractional parts of its multiples are spread evenly, however many are taken."""
 TRIED_TURNS = 1 + len(FAR_SHARES)
@@ -255,9 +255,9 @@ TRIED_TURNS = 1 + len(FAR_SHARES)
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
     """Return the places tried for the k-th slider.
 
-    In the first turn these are one value to either side of the case's own, near it; in later turns one value farther away,
-    different from earlier ones if possible. A number that is not ``handed`` affects only the signals. Many of these may exclude
-    each other, and each is tried once.
+    In the first turn, these are one value to either side of the value in the case, near it; in later turns, one value farther
+    away, different from earlier values if possible. A number that is not ``handed`` affects only the signals. Many of these may
+    exclude each other, and each is tried once.
 
     copied  whether any value can be used, not only the tabulated ones
     handed  whether modules receive anything that follows from the number
@@ -275,15 +275,15 @@ def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: boo
     return [(float(value), int(np.searchsorted(number.values, value))) for value in values]
 
 
-# A setting tries all pairs among its numbers at once, so some dozens of settings suffice for hundreds of pairs; nothing is
-# random. If a setting fails, the smallest set of numbers that fails is searched for.
+# A setting tries all pairs among its numbers at once, so a few dozen settings suffice for hundreds of pairs; nothing is random.
+# If a setting fails, the smallest failing set of numbers is sought.
 
 Move = tuple[int, int]
 """The index of a number, numbered from 0, and the index of its trial value."""
 
 
 class Outcome(Enum):
-    """The result of a setting in which some numbers are moved and the others are the case's."""
+    """The result of a setting in which some numbers are moved and the others are as in the case."""
 
     FITS = auto()
     DIFFERS = auto()
@@ -292,8 +292,8 @@ class Outcome(Enum):
 
 @dataclass(eq=False)
 class Together:
-    """The knowledge about combinations of the numbers. Two numbers that one search found incompatible remain incompatible in the
-    next search, which uses other values.
+    """What is known about combinations of the numbers. Two numbers that one search found incompatible remain incompatible in the
+    next search, which uses different values.
 
     kinds    (N,) the kind of each number. Numbers of one kind belong to one vector or matrix, which constructors take as a
              whole. If an entry of one must not be moved with an entry of another, the same is assumed of all pairs of their
@@ -313,7 +313,7 @@ class Together:
             self._part(int(one), int(two))
 
     def search(self, moves: Sequence[Move], *, everywhere: bool) -> None:
-        """Try every pair of these moves. If cases should be valid ``everywhere``, two moves that give no valid case are
+        """Try every pair of these moves. If cases should be valid ``everywhere``, two moves that give an invalid case are
         incompatible."""
         seen = Search(self, moves).seen()
         if everywhere:
@@ -384,11 +384,12 @@ class Search:
         return setting
 
     def _smallest(self, setting: Sequence[int]) -> list[int]:
-        """Return a minimal set of a failing setting's moves that fail together: without any one of them the set does not fail."""
+        """Return a minimal set of moves of a failing setting that fail together: without any one of them, the set does not
+        fail."""
         needed: list[int] = []
         others = list(setting)
         while not needed or self._of(needed) is Outcome.FITS:
-            fits, too_many = 0, len(others)  # numbers of other moves, in addition to those that are needed
+            fits, too_many = 0, len(others)  # indices of the other moves, besides those that are needed
             while too_many - fits > 1:
                 middle = (fits + too_many) // 2
                 fits, too_many = (middle, too_many) if self._of(needed + others[:middle]) is Outcome.FITS else (fits, middle)

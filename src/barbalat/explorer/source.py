@@ -1,4 +1,5 @@
-"""The source of an explorer's case, from which it is also written out again: a case file's text, or Python objects."""
+"""The source of the case of an explorer, from which the case is also written out again: the text of a case file, or Python
+objects."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ OWN_NOTE = "# some controllers of the page are in a separate file: --controllers
 
 
 class Source(ABC):
-    """A case that can be built with other numbers, always without fused multiply-adds."""
+    """A case that can be built with different numbers, always without fused multiply-adds."""
 
     @abstractmethod
     def numbers(self) -> Iterator[tuple[FieldPath, float]]:
@@ -33,8 +34,8 @@ class Source(ABC):
 
     @abstractmethod
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        """Return the case with other numbers and with the projection of some controllers switched. Raises InputError if the case
-        is not valid."""
+        """Return the case with different numbers and with the projection of some controllers switched. Raises InputError if the
+        case is not valid."""
 
     @abstractmethod
     def projected(self, i: int) -> bool:
@@ -47,12 +48,12 @@ class Source(ABC):
 
     @abstractmethod
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment] | None:
-        """Return the text of a case file with placeholders for these numbers and switches; None if there is no such text."""
+        """Return the text of a case file with placeholders for these numbers and switches; None if the case has no file."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextSource(Source):
-    """The text of a case file. Controllers from the user's own file follow those of the text and have no numbers in it."""
+    """The text of a case file. Controllers from the user's file follow those of the text and have no numbers in it."""
 
     text: CaseText
 

@@ -20,14 +20,14 @@ MOST_PAGES = 6
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """A worst member with its page. The page is None if there cannot be one, and the row gives the reason."""
+    """A worst member with its page. The page is None if it cannot be made; the row gives the reason."""
 
     row: WorstMember
     page: str | None
 
 
 def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
-    """Yield for each controller the member that diverged first or, if none did, the one with the largest error."""
+    """Yield, for each controller, the member that diverged first or, if none diverged, the member with the largest error."""
     for i, name in enumerate(found.controllers[:MOST_PAGES]):
         judged = [figure for figure in ("diverged_at", "max_abs_e[0]") if name in found.evidence.metrics.get(figure, {})]
         if not judged:

@@ -1,1 +1,1 @@
-"""Simulated controllers as source code for a flight computer, printed from a slice of the operations that were simulated."""
+"""Simulated controllers as source code for a flight computer, printed from a slice of the simulated operations."""

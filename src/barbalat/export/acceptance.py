@@ -1,7 +1,8 @@
-"""The admissible values of a case's parameters, as conditions that C can check.
+"""The admissible values of the parameters of a case, as conditions that C code can check.
 
-They are found by trying values: the ends of the interval that the case accepts for each number, at several points. All numbers
-differ between these points, which distinguishes a constant bound from a different number that has the same value in this case.
+The conditions are found by trying the ends of the interval that the case accepts for each number, at several points. All numbers
+differ between these points, which distinguishes a constant bound from another number that happens to have the same value in this
+case.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from barbalat.open_numbers.path import FieldPath
 from barbalat.validate import Array
 
 Entry = int | float
-"""A number of the case, by its index, or a constant."""
+"""A number of the case, given by its index, or a constant."""
 Accepts = Callable[[Array], bool]
 """Whether the case accepts these values of all numbers, (p,)."""
 
@@ -43,11 +44,11 @@ class Order:
         return self.low, self.high
 
     def placed(self, at: Callable[[Entry], Entry]) -> Order:
-        """The condition with other entries."""
+        """The condition with different entries."""
         return Order(at(self.low), at(self.high), self.strict)
 
     def holds(self, values: Array) -> Array:
-        """(K,) whether columns of numbers, (P, K), satisfy it."""
+        """(K,) whether columns of numbers, (P, K), satisfy the condition."""
         low, high = (of(one, values) for one in self.entries)
         return np.asarray(low < high if self.strict else low <= high)
 
@@ -63,7 +64,7 @@ class Order:
         return f"{text(self.high)} >{equal} {text(self.low)}"
 
     def of_number(self, i: int, name: Text) -> str:
-        """The bound of the i-th number in words: "<= upper"."""
+        """The bound on the i-th number in words: "<= upper"."""
         equal = "" if self.strict else "="
         return f"<{equal} {name(self.high)}" if is_number(i, self.low) else f">{equal} {name(self.low)}"
 
@@ -88,15 +89,15 @@ class Apart:
 
     @property
     def always(self) -> bool:
-        """Whether one of its constants differs, so it holds for all values of the others."""
+        """Whether one of its constants differs, so that the condition holds for all values of the other entries."""
         return any(not isinstance(one, int) and one != self.value for one in self.numbers)
 
     def placed(self, at: Callable[[Entry], Entry]) -> Apart:
-        """The condition with other entries."""
+        """The condition with different entries."""
         return Apart(tuple(map(at, self.numbers)), self.value)
 
     def holds(self, values: Array) -> Array:
-        """(K,) whether columns of numbers, (P, K), satisfy it."""
+        """(K,) whether columns of numbers, (P, K), satisfy the condition."""
         return np.any([np.asarray(of(one, values) != self.value) for one in self.numbers], axis=0)
 
     def around(self, _i: int, _values: Array) -> tuple[float, float]:
@@ -108,7 +109,7 @@ class Apart:
         return " || ".join(f"{text(one)} != {text(self.value)}" for one in self.numbers)
 
     def of_number(self, i: int, name: Text) -> str:
-        """The bound of the number in words, such as "!= 0 where num[1] = 0"."""
+        """The bound on the number in words, such as "!= 0 where num[1] = 0"."""
         others = " and ".join(f"{name(one)} = {name(self.value)}" for one in self.numbers if not is_number(i, one))
         return f"!= {name(self.value)}" + (f" where {others}" if others else "")
 
@@ -121,7 +122,7 @@ class Apart:
 
 @dataclass(frozen=True)
 class Norm:
-    """sqrt(weight) |values - centre|_2 <= radius, up to rounding: a ball of estimates, or a covariance's Frobenius norm."""
+    """sqrt(weight) |values - centre|_2 <= radius, up to rounding: a ball of estimates, or the Frobenius norm of a covariance."""
 
     values: tuple[Entry, ...]
     centre: tuple[Entry, ...]
@@ -134,11 +135,11 @@ class Norm:
         return (*self.values, *self.centre, self.radius)
 
     def placed(self, at: Callable[[Entry], Entry]) -> Norm:
-        """The condition with other entries."""
+        """The condition with different entries."""
         return Norm(tuple(map(at, self.values)), tuple(map(at, self.centre)), at(self.radius), self.weight)
 
     def holds(self, values: Array) -> Array:
-        """(K,) whether columns of numbers, (P, K), satisfy it."""
+        """(K,) whether columns of numbers, (P, K), satisfy the condition."""
         squares = sum((of(a, values) - of(b, values)) ** 2 for a, b in self._pairs)
         return np.asarray(np.sqrt(self.weight * squares) <= of(self.radius, values))
 
@@ -160,7 +161,7 @@ class Norm:
         return f"{weighted} <= {text(self.radius)} * {text(self.radius)} * {allowed}"
 
     def of_number(self, i: int, name: Text) -> str:
-        """The bound of the i-th number in words."""
+        """The bound on the i-th number in words."""
         return f">= {self._norm(name)}" if is_number(i, self.radius) else f"{self._norm(name)} <= {name(self.radius)}"
 
     def in_words(self, name: Text) -> str:
@@ -178,7 +179,7 @@ class Norm:
 
 
 ROUNDINGS = 64
-"""Number of rounding errors that the test of a norm allows."""
+"""Number of rounding errors that the test of a norm tolerates."""
 Condition = Order | Apart | Norm
 
 
@@ -198,9 +199,9 @@ def numbers(condition: Condition) -> set[int]:
 
 
 def placed(conditions: Sequence[Condition], at: Callable[[int], Entry]) -> tuple[Condition, ...]:
-    """The conditions with other indices, or with constants, for their numbers.
+    """The conditions with different indices, or with constants, for their numbers.
 
-    Conditions without a number, and those that the constants always satisfy, are omitted.
+    Conditions without a number, and conditions that the constants always satisfy, are omitted.
     """
     found = (one.placed(lambda entry: at(entry) if isinstance(entry, int) else entry) for one in conditions)
     return tuple(one for one in found if numbers(one) and not (isinstance(one, Apart) and one.always))
@@ -217,28 +218,28 @@ class NotFoundError(Exception):
 CLOSE = 1e-9
 """Relative distance from a bound at which a value counts as just inside or just outside."""
 MOST_SQUARE = 1e4
-"""Largest weight of a norm that is sought: each large number is near a whole one."""
+"""Largest weight of a norm that is sought: large numbers are all close to integers."""
 NEAREST = 1e-20
 """Size of a value that counts as just inside a bound of zero."""
 FAR = 1e3
-"""Smallest factor by which the value farthest from the case's own exceeds it."""
+"""Smallest ratio of the farthest tried value to the value in the case."""
 FARTHEST = 1e6
-"""Smallest size of the value farthest from the case's own."""
+"""Smallest size of the tried value that is farthest from the value in the case."""
 MOVED = (0.3, -0.3, 0.05, -0.05, 1e-3, -1e-3)
 """Relative changes of a number that are tried for a different point, the largest ones first."""
 POINTS = 2
 """Number of points at which bounds are compared, apart from the case itself."""
 ROUNDS = 2
-"""Number of times that each number is moved: an estimate between two equal bounds can move only after the bounds."""
+"""Number of times that each number is moved: an estimate between two equal bounds can move only after the bounds have moved."""
 
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
     """A search for the conditions of these numbers.
 
-    paths    of the numbers, with their values in the case, (p,)
-    accepts  whether the case accepts other values of them
-    norms    balls that the case is known to contain, tried if no other condition fits
+    paths    paths of the numbers, with their values in the case, (p,)
+    accepts  whether the case accepts given values of these numbers
+    norms    balls that the case is known to contain, which are tried if no other condition fits
     """
 
     paths: tuple[FieldPath, ...]
@@ -247,7 +248,7 @@ class Acceptance:
     norms: tuple[Norm, ...] = ()
 
     def conditions(self) -> tuple[Condition, ...]:
-        """All conditions; NotFoundError if a number has a bound of an unknown kind."""
+        """All conditions; raises NotFoundError if a number has a bound of an unknown kind."""
         found: dict[Condition, None] = {}
         lost: set[int] = set()
         for i in range(len(self.paths)):
@@ -267,7 +268,7 @@ class Acceptance:
 
     @cached_property
     def points(self) -> list[Array]:
-        """Accepted values at which all numbers differ as far as the case allows, and last the case's own."""
+        """Accepted values at which all numbers differ as far as the case allows, the values of the case come last."""
         random = np.random.default_rng(0)
         return [*(self._moved(random) for _ in range(POINTS)), self.values]
 
@@ -292,7 +293,8 @@ class Acceptance:
         return not self._takes(point, i, self._far(i, side))
 
     def _end(self, i: int, side: int) -> Condition | None:
-        """The condition that ends the interval that the case accepts for a number; None if there is none or it is unknown."""
+        """The condition that ends the interval that the case accepts for a number; None if there is no end or its condition is
+        unknown."""
         first = self.points[0]
         if not self._is_bounded(first, i, side):
             return None
@@ -314,7 +316,7 @@ class Acceptance:
         return [0.0, *others, 1.0, -1.0]
 
     def _ends_at(self, point: Array, i: int, side: int, end: float) -> bool:
-        """Whether values just beyond this one are rejected, and those just before it are accepted."""
+        """Whether values just beyond this one are rejected, and values just before it are accepted."""
         own = float(point[i])
         if side * (end - own) < 0:
             return False
@@ -332,7 +334,7 @@ class Acceptance:
         return Order(i, entry, strict) if side > 0 else Order(entry, i, strict)
 
     def _empties(self, point: Array, i: int, entry: Entry) -> bool:
-        """Whether this value makes the whole list of the i-th number zero, which has a condition of its own."""
+        """Whether this value makes the whole list of the i-th number zero, which has a separate condition."""
         others = [j for j in self._list(i) if j != i]
         return len(others) > 0 and float(of(entry, point)) == 0.0 and not point[others].any()
 
@@ -340,14 +342,14 @@ class Acceptance:
         return all(self._ends_at(point, i, side, norm.around(i, point)[side > 0]) for point in self.points)
 
     def _searched(self, point: Array, i: int, side: int) -> float:
-        """The last accepted value, or the first rejected one if that is the shorter number."""
+        """The last accepted value, or the first rejected value if that is the shorter number."""
         inside, beyond = float(point[i]), self._far(i, side)
         while (middle := inside / 2 + beyond / 2) not in (inside, beyond):
             inside, beyond = (middle, beyond) if self._takes(point, i, middle) else (inside, middle)
         return beyond if len(repr(beyond)) < len(repr(inside)) / 2 else inside  # 1.0, not 0.9999999999999999
 
     def _norms(self, i: int, end: float) -> Iterator[Norm]:
-        """Norms of numbers or of whole lists that may have this bound, with other numbers as their largest values."""
+        """Norms of numbers or of whole lists that may have this bound, with other numbers as their limits."""
         first = self.points[0].copy()
         first[i] = end
         for j in range(len(self.paths)):
@@ -359,13 +361,14 @@ class Acceptance:
                     yield Norm(tuple(group), (0.0,) * len(group), radius, float(round(square)))
 
     def _list(self, i: int) -> list[int]:
-        """The numbers of the list that contains the i-th one, or that one alone."""
+        """The numbers of the list that contains the i-th number, or that number alone."""
         parent = self.paths[i].keys[:-1]
         whole = [j for j, path in enumerate(self.paths) if isinstance(path.keys[-1], int) and path.keys[:-1] == parent]
         return whole if i in whole else [i]
 
     def _above_zero(self, norm: Norm) -> Order | None:
-        """The sign of a radius, which a test of squares does not determine; 0 is tried with the values at the centre."""
+        """The condition on the sign of a radius, which a test of squares does not determine; 0 is tried with the values at the
+        centre."""
         there = self.values.copy()
         for value, centre in zip(norm.values, norm.centre, strict=True):
             if isinstance(value, int):
@@ -375,7 +378,7 @@ class Acceptance:
         return Order(0.0, norm.radius, strict=not self._takes(there, norm.radius, 0.0))
 
     def _not_both(self, orders: Sequence[Order]) -> Iterator[Order]:
-        """Pairs of numbers on either side of a constant, of which only one may equal it: limits of the control."""
+        """Pairs of numbers on either side of a constant of which only one may equal it, as for control limits."""
         below = [one for one in orders if isinstance(one.low, int) and not isinstance(one.high, int) and not one.strict]
         above = [one for one in orders if isinstance(one.high, int) and not isinstance(one.low, int) and not one.strict]
         for a in below:

@@ -1,4 +1,5 @@
-"""The self-test of bounds: numbers and counts of the state, times between two calls, and the control after rejected results."""
+"""The self-test of bounds on numbers and counters of the state, on times between two calls, and on the control after rejected
+results."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED
 
 COMPARED = "age", "command_outage"
-"""The counts that determine whether a rate is compared with the last good measurement and command."""
+"""The counters that determine whether rates are checked against the last good measurement and command."""
 
 
 def bounds_tests(printed: Printed) -> str:
@@ -34,7 +35,7 @@ def bounds_tests(printed: Printed) -> str:
 
 
 def _numbers(printed: Printed) -> Iterator[str]:
-    """Each number of the state is checked at both ends and for NaN, even when no rate is compared with it any more."""
+    """Test that each number of the state is checked at both ends and for NaN, even when rates are no longer compared with it."""
     forgotten = "".join(f" c.{name} = {MOST_COUNTED}L;" for name in counted_misses(printed.contents.around) if name in COMPARED)
     layout, sizes = printed.contents.layout, {"last_u": printed.contents.sizes[2], "bump": printed.contents.sizes[2]}
     for name, size in ({part.name: part.size for part in layout.parts if part.size} | sizes).items():
@@ -67,7 +68,7 @@ def _last_good(printed: Printed) -> Iterator[str]:
 
 
 def _counts(printed: Printed) -> Iterator[str]:
-    """Each count is accepted at both ends of its range and rejected beyond them, and it stays at the upper end."""
+    """Test that each counter is accepted at both ends of its range, is rejected beyond them, and stays at the upper end."""
     around = printed.contents.around
     most = members(around)
     most |= {} if around is None else dict(zip(counters(around), (one for _, one in around.repeats), strict=True))
@@ -85,7 +86,7 @@ def _counts(printed: Printed) -> Iterator[str]:
 
 
 def _forgotten(printed: Printed) -> list[str]:
-    """A reset clears every count."""
+    """Test that a reset clears every counter."""
     around, name = printed.contents.around, printed.name
     after = {one: MOST_COUNTED if one in COMPARED else 0 for one in (*members(around), *counters(around))}
     lines = [*(f"c.{one} = 1L;" for one in after), f"{name}_reset(&c);"]
@@ -93,7 +94,8 @@ def _forgotten(printed: Printed) -> list[str]:
 
 
 def _beyond_limits(printed: Printed) -> Iterator[str]:
-    """After a result out of range beyond the longest outage, u is within the limits, however far the last u exceeded them."""
+    """Test that, after a result out of range beyond the longest outage, u is within the limits, however far the last u exceeded
+    them."""
     poked = poked_parts(printed.contents, kept=True)
     if not printed.limits() or not leads_out_of_range(printed.contents, [part.rows for part in poked])[0]:
         return
@@ -111,7 +113,7 @@ def _beyond_limits(printed: Printed) -> Iterator[str]:
 
 
 def _undone(printed: Printed) -> Iterator[str]:
-    """The test of a measurement for which the result of the baseline itself is out of range: only the counts change."""
+    """The test of a measurement for which even the result of the baseline is out of range: only the counters change."""
     contents, around = printed.contents, printed.contents.around
     assert around is not None
     if around.baseline is None:

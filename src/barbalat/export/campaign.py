@@ -1,4 +1,4 @@
-"""Runs the compiled C with random faults, to find the growth of the error and the longest tolerated outage."""
+"""Runs the compiled C with random faults, to find how the error grows and the longest tolerated outage."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
 
 DRAWS = 8
-"""Number of draws of each kind of random faults, and at most of phases of regular outages."""
+"""Number of draws for each kind of random faults, and largest number of phases of regular outages."""
 STARTS = 4
 """Number of instants, drawn in the second quarter of the run, at which outages are tried."""
 TOLERATED = 2.0
-"""An outage is tolerated if no component's largest error exceeds this multiple of that of the run without faults."""
+"""An outage is tolerated if the largest error of every component is below this multiple of that in the run without faults."""
 LOST_SHARES = (0.01, 0.1, 0.5)
 BURST_SHARE, BURST_SAMPLES = 0.1, 10
 
@@ -39,9 +39,9 @@ class Degradation:
     faults   in words
     draws    number of runs, each with different draws
     missed   the mean fraction of samples that the C missed or rejected
-    beyond   the largest fraction of the time in which some |e| exceeded its largest value without faults
-    worst    the largest |e| of each component over all runs; None if one diverged
-    lost     runs that diverged
+    beyond   the largest fraction of the time for which any |e_i| exceeded its fault-free maximum
+    worst    the largest |e| of each component over all runs; None if a run diverged
+    lost     number of runs that diverged
     classes  number of runs in each class of the judge: lost, limit cycle, off, follows; empty classes are omitted
     """
 
@@ -63,13 +63,13 @@ class Degradation:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """The results of a controller's C with faults; errors are components of x - x_m or y - y_m.
+    """The results of the C code of a controller with faults; errors are components of x - x_m or y - y_m.
 
     nominal  the largest |e| of each component without faults
-    verdict  the judge's class of that run, and its ``sentence``
-    missed   the fraction of its samples that the shell rejected
-    longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, since it is found by bisection
-             and a longer outage may be tolerated as well
+    verdict  the judge's class of the run without faults; ``sentence`` puts it in words
+    missed   the fraction of samples in that run that the shell rejected
+    longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, because it is found by bisection
+             and a longer outage may be tolerated too
     most     the longest outage that was tried, in samples
     """
 
@@ -114,11 +114,11 @@ def export_campaign(
     judge: Judge | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Run the export of a sampled controller with faults: the case's own faults, drawn again for each run, and lost
+    """Run the export of a sampled controller with faults: the faults of the case, drawn again for each run, and lost
     measurements.
 
-    Every run has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each is judged
-    as ``simulate`` judges a run, by ``judge``. InputError as for ``simulate_export``, and if the run without faults diverges.
+    Every run has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each run is judged
+    by ``judge``, as ``simulate`` does. Raises InputError as ``simulate_export`` does, and if the run without faults diverges.
     """
     judge = (Judge() if judge is None else judge).named(problem)
     quiet = replace(problem, faults=())  # type: ignore[type-var]
@@ -172,7 +172,7 @@ EXPECTED_FLIGHTS = 40
 
 
 def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
-    """Faults by name: those of the case, and lost measurements, which every controller eventually encounters."""
+    """Faults by name: the faults of the case, and lost measurements, which every controller eventually encounters."""
     found: dict[str, tuple[Fault, ...]] = {"the case's own": tuple(own)} if own else {}
     found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
     words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
@@ -181,7 +181,7 @@ def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Regular(Dropout):
-    """Outages in a regular sequence: of every ``lost`` + 1 samples one is measured, the one of number ``first`` and so on."""
+    """Outages in a regular sequence: one of every ``lost`` + 1 samples is measured, beginning with sample ``first``."""
 
     T: float
     lost: int
@@ -198,7 +198,7 @@ def _drawn(faults: tuple[Fault, ...], k: int) -> tuple[Fault, ...]:
 
 
 class _Flights:
-    """Flights of one export; those with faults of the same kinds share a kernel and a library."""
+    """Flights of one export; flights with the same kinds of faults share a kernel and a library."""
 
     def __init__(self, problem: TrackingProblem, exported: Exported, T: float, judge: Judge) -> None:
         self.problem, self.exported, self.simulation, self.T, self.judge = problem, exported, exported.simulation, T, judge
@@ -249,7 +249,7 @@ class _Flights:
         return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost, classes=classes)
 
     def _beyond(self, batch: Batch) -> float:
-        """The fraction of the recorded intervals in which some |e| was larger than without faults, or missing."""
+        """The fraction of the recorded intervals in which any |e_i| was larger than without faults, or missing."""
         blocks = batch.blocks(self.simulation)
         low, high = (blocks.figure("e", side)[:, :, 0] for side in ("min", "max"))
         within = (np.maximum(-low, high) <= self.nominal).all(axis=1)

@@ -17,13 +17,14 @@ COMPILERS = ("cc", "gcc", "clang")
 CHOICE = "CC"
 """The environment variable that selects another compiler with its options, as in make."""
 COMPILING_SECONDS = 600
-"""Largest time for a compiler, which needs a second for every few thousand operations."""
+"""Time limit for a compiler [s]. A compiler needs about a second for every few thousand operations."""
 FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
 """Options as in the export's README, for a library."""
 
 
 def require_compiler(purpose: str = "the exported C must run on this machine", remedy: str = "") -> list[str]:
-    """The command of a C compiler, from CC if that is set; raises InputError, stating the purpose, if this machine has none."""
+    """The command of a C compiler, from CC if that is set; raises InputError, stating the purpose, if this machine has no
+    compiler."""
     chosen = _chosen()
     names = [chosen[0]] if chosen else list(COMPILERS)
     found = next(filter(None, map(shutil.which, names)), None)
@@ -49,7 +50,7 @@ def _chosen() -> list[str]:
 
 
 def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: str, ending: str = ".so") -> bytes:
-    """Sources by their names, compiled to one library; raises InputError if the compiler fails."""
+    """Compile sources, given by name, to a library; raises InputError if the compiler fails."""
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made)
         for name, text in texts.items():

@@ -38,29 +38,30 @@ from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
 
 VECTORS = 1000
-"""Samples that an export's self-test replays: some 100 kB of C for a small controller."""
+"""Number of samples that the self-test of an export replays; about 100 kB of C for a small controller."""
 FEWEST_VECTORS = 10
-"""Least number of samples: the self-test rejects the ninth one and continues with the next."""
+"""Least number of samples: the self-test lets the ninth sample be rejected and continues with the next one."""
 LEAST_RANGE = 1e6
 """Range of a state or an input, unless the simulation requires a larger one."""
 PARAMETER_FACTOR = 1e3
-"""Least factor by which a parameter may exceed the largest one of the case."""
+"""Smallest admissible ratio of a parameter to the largest parameter of the case."""
 MOST_PARAMETER = 1e36
 """Largest size of a number of 32 bits."""
 RANGE_FACTOR = 10.0
-"""Ratio of the stated range to the largest number of the simulation."""
+"""Ratio of the stated range to the largest number in the simulation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
     """One sampled controller of one problem, prepared for export.
 
-    program  the controller's whole list, as the simulation runs it
+    program  the whole operation list of the controller, as the simulation runs it
     layout   the parts of its state that the export keeps
-    vectors  samples of the simulation, which must be reproduced bit for bit
-    largest  the largest number of the state, of the measurement and of the command in the whole run, also under the case's faults
+    vectors  samples of the simulation that must be reproduced bit for bit
+    largest  the largest number of the state, of the measurement and of the command in the whole run, including the run with the
+             faults of the case
     opened   the numbers of the list that are parameters; None if all are compiled in
-    around   the case's shell, which is not part of the list; None without one
+    around   the shell of the case, which is not part of the list; None without a shell
     """
 
     problem: TrackingProblem
@@ -78,7 +79,7 @@ class Contents:
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real, *, opened: Opened | None = None
     ) -> Contents:
-        """Raise InputError for a continuous controller, and for one that diverges before the vectors end."""
+        """Raise InputError for a continuous controller, and for a controller that diverges before the vectors end."""
         surrounded, problem = problem, problem.nominal
         loop = ClosedLoop.of(problem, controller)
         require_sampled(controller.name, sampled=loop.sampled)
@@ -94,7 +95,7 @@ class Contents:
             )
         if around is not None:
             measured, commands = (part.astype(real.numbers).astype(float) for part in (vectors.measured, vectors.commands))
-            around.require_taken(measured, commands, surrounded)  # as the export reads them: in 32 bits a settled output repeats
+            around.require_taken(measured, commands, surrounded)  # rounded as in the export: settled outputs may repeat
         layout, kept = Layout.of(program, loop), largest_numbers(surrounded, controller, simulation)
         of_shell = kept[vectors.states.shape[1] :]
         parts = vectors.states[:, layout.rows], vectors.measured, vectors.commands, kept[layout.rows], of_shell
@@ -109,11 +110,11 @@ class Contents:
 
     @cached_property
     def step(self) -> Program:
-        """The slice of the simulated list that computes everything that is kept, one sample later."""
+        """The slice of the simulated list that computes everything that is kept from one sample to the next."""
         return self._with_each_parameter_once(sliced(self.program, self.layout.rows))
 
     def _with_each_parameter_once(self, program: Program) -> Program:
-        """The program in which a parameter that occurs several times in the equations is read from its first place."""
+        """The program in which a parameter that occurs several times in the equations is read only from its first place."""
         if self.opened is None:
             return program
         first: dict[int, int] = {}
@@ -133,7 +134,7 @@ class Contents:
 
     @property
     def measures_state(self) -> bool:
-        """Whether a start receives a measurement from which the state follows, directly or by an observer."""
+        """Whether a start receives a measurement that determines the state, directly or by an observer."""
         return self.loop.measured_outputs == 0
 
     @property
@@ -149,7 +150,7 @@ class Contents:
 
     @cached_property
     def range(self) -> float:
-        """The limit, a power of ten, beyond which no entry of the state, of the measurement or of the command is accepted."""
+        """The limit, a power of ten, beyond which entries of the state, of the measurement or of the command are rejected."""
         return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(RANGE_FACTOR * self.largest, 1.0)))))
 
     @cached_property
@@ -159,8 +160,8 @@ class Contents:
 
     @property
     def checked_limits(self) -> tuple[Array, Array] | None:
-        """``limits`` without those that are parameters. The law returns a state beyond such limits to the set, so it is not
-        rejected."""
+        """``limits`` without those that are parameters. The law returns a state beyond such limits to the set, so such a state is
+        not rejected."""
         if self.limits is None or self.opened is None:
             return self.limits
         (low, high), (low_is_open, high_is_open) = self.limits, self.opened.open_limits
@@ -189,7 +190,7 @@ class Contents:
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
-        """The case's conditions on these parameters, by their indices."""
+        """The conditions of the case on these parameters, by parameter index."""
         if self.opened is None:
             return ()
         place, every = {one: i for i, one in enumerate(self.parameters)}, self.opened.parameters
@@ -232,7 +233,7 @@ class Contents:
     @cached_property
     def _all_starts(self) -> dict[int, int]:
         assert self.opened is not None
-        first = self.loop.size - len(self.initial)  # the controller's state is last in the loop's
+        first = self.loop.size - len(self.initial)  # the controller's state comes last in the state of the loop
         return {row - first: k for row, k in self.opened.starts.items() if row - first in set(self.layout.rows)}
 
     def fed(self, entry: int) -> Parameter | float:
@@ -243,7 +244,7 @@ class Contents:
 
     @property
     def saturation(self) -> Array | None:
-        """(2, m) lower and upper limits of the actuators, infinite without one; None if no actuator has any."""
+        """(2, m) lower and upper limits of the actuators, infinite without a limit; None if no actuator has limits."""
         given = [path.saturation for path in self.problem.plant.paths]
         if all(limits is None for limits in given):
             return None
@@ -267,8 +268,8 @@ class Contents:
 
     @cached_property
     def at_start(self) -> tuple[Array, Array]:
-        """(S,) and (S, n): the initial state is the first plus the second times the measured state; the latter is zero for
-        entries that are not copied from the state."""
+        """(S,) and (S, n): the initial state is the vector plus the matrix times the measured state. Rows of the matrix are zero
+        for entries that are not copied from the state."""
         own = np.zeros((len(self.initial), self.sizes[0]))
         if not isinstance(self.problem, Problem):
             return self.initial, own
@@ -288,11 +289,12 @@ class Contents:
 
     @property
     def lost(self) -> float:
-        """The value of the freeze switch at a lost sample: with an observer it differs from that for frozen estimates only."""
+        """The value of the freeze switch at a lost sample: with an observer, it differs from the value that only freezes the
+        estimates."""
         return 1.0 if self.loop.observer is None else LOST
 
     def evaluated(self, state: Array, y: Array, r: Array, freeze: float = 0.0) -> Array:
-        """The flat state one sample later, (S,), computed by the list in the target's numbers; zero for entries that are not
+        """The flat state one sample later, (S,), computed by the list in the target's number type; zero for entries that are not
         kept."""
         after = np.zeros_like(self.initial)
         after[self.layout.rows] = evaluate(self.step, self.inputs(state, y, r, freeze), self.real)
@@ -303,7 +305,7 @@ class Contents:
     ) -> Inputs:
         """The inputs of the step's list: flat states (S,), measurements and commands, or columns of them, (S, K).
 
-        parameters  in their order; by default those of the case
+        parameters  in order; by default those of the case
         """
         given: dict[tuple[int, int], Any] = {(STATE, row): state[row] for row in self.layout.rows} | {(FREEZE, 0): freeze}
         given |= {(MEASURED, i): value for i, value in enumerate(y)} | {(COMMAND, i): value for i, value in enumerate(r)}
@@ -317,7 +319,8 @@ class Contents:
         return given
 
     def replayed(self) -> Contents:
-        """A copy with separate test vectors, for other numbers or operations, which receives the simulation's measurements."""
+        """A copy with separate test vectors, for different numbers or operations, which receives the measurements of the
+        simulation."""
         states = self._compiled() if self.real is DOUBLE else self._evaluated()
         if not np.isfinite(states).all():
             raise InputError(f"{self.controller.name} exceeds the range of float32 on this case; export it in float64")
@@ -348,7 +351,8 @@ class Contents:
 
 
 PROBED_STATES = 4
-"""Number of states at which entries at rest are identified; it is unlikely that an entry rests at all of them by chance."""
+"""Number of states used to identify entries that do not change. It is unlikely that an entry stays unchanged at all of them by
+chance."""
 
 
 def is_explicit(contents: Contents) -> bool:

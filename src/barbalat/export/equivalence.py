@@ -1,10 +1,10 @@
-"""Proofs that a mutant of an exported list is equivalent: for every admissible state and input its results equal the list's,
-bit for bit.
+"""Proofs that a mutant of an exported list is equivalent: for every admissible state and input its results are bit-identical to
+those of the list.
 
 Both lists are evaluated for all numbers at once: each value is a term with the interval that contains it. Rounding is monotone,
-so the ends of an operation's interval are the rounded ends. If a comparison is undecided, both outcomes and equality are
-followed, each with its implications for the two numbers. A mutant is proven equivalent if its outputs are the list's own terms in
-every case.
+so the ends of the interval of an operation are the rounded ends. If a comparison is undecided, all outcomes (less, greater,
+equal) are followed, each with its implications for the two numbers. A mutant is proven equivalent if its outputs are the terms of
+the list in every case.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.run.kernel.sampled_controller import STATE
 
 CASES, MORE_CASES = 30, 100
-"""The budget of a proof for one mutant, in cases: in the first pass, and in the second pass for mutants that no search has
-detected."""
+"""The budget of a proof for one mutant, in cases: in the first pass, and in the second pass for mutants that are still
+undetected."""
 MOST = 1e30
 """Assumed largest size of an intermediate number if no bound is proved for all of them: far beyond the range of accepted
 results."""
 ASSUMED = f", provided that all intermediate results are numbers of at most {MOST:g}"
-"""The end of the description of a proof that needs this assumption."""
+"""The words that end the description of a proof that needs this assumption."""
 WORK = 1_000_000
 """Largest total number of operations in the cases of all proofs of one export, in each of the two passes."""
 SHARE = 40
@@ -39,8 +39,8 @@ NARROWS = 8
 """Number of bottleneck operations (through which the whole effect of a fault passes) that are compared before the outputs,
 because their proofs have few cases."""
 NEAR = (0, 3, 6)
-"""Number of operations after a comparison among which choices are sought; the cases are first divided by the conditions of
-these choices."""
+"""Number of operations after a comparison among which choices are sought; cases are first divided by the conditions of these
+choices."""
 
 
 class Interval(NamedTuple):
@@ -68,7 +68,7 @@ Note = tuple[int, Term, Interval | Truth | tuple[Term, Term]]
 
 @dataclass(frozen=True)
 class Assumed:
-    """A case: intervals of terms by number, the outcomes of comparisons "a < b", and the terms that equal another one bit for
+    """A case: intervals of terms by number, the outcomes of comparisons "a < b", and the terms that equal another term bit for
     bit."""
 
     within: dict[Term, Interval] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class Prover:
     """The terms of one list, whose outputs are these ``rows`` of the state.
 
     inputs   the intervals of the list's inputs, by (argument, component)
-    ordered  pairs of inputs of which the first is at most the second
+    ordered  pairs of inputs whose first member is at most the second
     """
 
     program: Program
@@ -102,7 +102,7 @@ class Prover:
         """A phrase with the number of cases of the proof; empty if there is no proof within the budget."""
         if mutant.operation is None:
             return self._keeps(mutant)
-        with np.errstate(all="ignore"):  # a number beyond the target's range is infinite, as in C
+        with np.errstate(all="ignore"):  # a number beyond the range of the target is infinite, as in C
             return self._proof(mutant)
 
     def _proof(self, mutant: Mutant) -> str:
@@ -133,7 +133,7 @@ class Prover:
         return sorted(found)
 
     def _narrows(self, touched: list[int]) -> list[int]:
-        """The first operations through which the whole effect of ``touched[0]`` passes: if they are equal, so are the outputs."""
+        """The first operations through which the whole effect of ``touched[0]`` passes; if they are equal, so are the outputs."""
         operations, stored = self.program.operations, set(self.program.outputs[0])
         last = {j: i for i in touched for j in operations[i].operands}
         found, end = list[int](), touched[0]
@@ -146,7 +146,8 @@ class Prover:
         return found
 
     def _keeps(self, mutant: Mutant) -> str:
-        """The reason if a mutant that does not store a row is equivalent: the value to be stored equals the loaded one."""
+        """The reason why a mutant that does not store a row is equivalent, if it is: the value to be stored equals the loaded
+        value."""
         operations, stored = self.program.operations, self.program.outputs[0][list(self.rows).index(mutant.place)]
         loads = [i for i, op in enumerate(operations) if op.name == "input" and op.source == (STATE, mutant.place)]
         if not loads:
@@ -187,7 +188,7 @@ class Prover:
         return Assumed(less=less)
 
     def _needed(self, mutant: Mutant, output: int) -> list[int]:
-        """The places of the operations on which an output depends, with its own last."""
+        """The positions of the operations on which an output depends, with the output last."""
         alive, operations = {output}, self.program.operations
         for i in range(output, -1, -1):
             if i in alive:
@@ -197,7 +198,7 @@ class Prover:
         return sorted(alive)
 
     def _changed(self, pair: tuple[Term, Term]) -> set[Term]:
-        """The terms that a comparison narrows in a case, and the conditions, 1 or 0, of those that are choices."""
+        """The terms that a comparison narrows in a case, and the conditions, 1 or 0, of terms that are choices."""
         found = {term for term in pair if term not in self.constants} or set(pair)
         return found | {self.names[term][1] for term in found if self.names[term][0] == "choice"}  # type: ignore[misc]
 
@@ -233,7 +234,8 @@ class Prover:
         return made
 
     def rounded(self, number: float) -> float:
-        """A sum, product or quotient of two numbers of the target: of 24 bits correctly, after it was rounded to 53."""
+        """A sum, product or quotient of two numbers in the target's precision; with 24 bits it is still correctly rounded after a
+        first rounding to 53 bits."""
         return number if self.real is DOUBLE else float(self.real.numbers(number))
 
     def _next(self, number: float, towards: float) -> float:
@@ -249,14 +251,14 @@ def _with(case: Assumed, within: dict[Term, Interval], less: dict[tuple[Term, Te
 
 
 class _Contradiction(Exception):
-    """A case's interval for a number contradicts the values from which it is computed."""
+    """The interval of a number in a case contradicts the values from which the number is computed."""
 
 
 class _Walk:
     """Both lists in one case. A number is a term; a truth value is True, False, or None with the comparison on which it
     depends.
 
-    plain, other  the terms of the list and, where the mutant's may differ, those of the mutant, by their places
+    plain, other  the terms of the list and, where the mutant's may differ, those of the mutant, by their positions
     whole         the walk of the case that contains this one; values that do not depend on ``changed`` terms are taken from it
     """
 
@@ -275,7 +277,7 @@ class _Walk:
         self._notes: dict[int, list[Note]] = {}
 
     def run(self, needed: list[int]) -> tuple[int, int] | None:
-        """None if the last value is equal; otherwise an undecided comparison, or (-1, -1) if there is none left."""
+        """None if the last value is equal; otherwise an undecided comparison, or (-1, -1) if none is left."""
         plain, other, whole = self.plain, self.other, self.whole
         if whole is None:
             for i in needed:
@@ -325,7 +327,7 @@ class _Walk:
         self._noted.append((kind, term, what))
 
     def _depends(self, term: Term) -> bool:
-        """Whether this term is a changed one or is computed from one."""
+        """Whether this term is changed or computed from a changed term."""
         known, parts_of, waiting = self._dependent, self.prover.parts, [term]
         while term not in known:
             parts = parts_of[waiting[-1]]
@@ -357,7 +359,8 @@ class _Walk:
         return next((found for choice in inner if (found := self._guard(choice)) is not None), None)
 
     def _guard(self, term: Term) -> tuple[int, int] | None:
-        """The comparison on which a choice depends; if one of its sides is a choice itself, that of the side comes first."""
+        """The comparison on which a choice depends; if one of its sides is also a choice, the comparison of that choice comes
+        first."""
         name, parts = self.names[term][0], self.prover.parts[term]
         if term in self.of_open:
             inner = (self._guard(choice) for side in self.of_open[term] for choice in self._choices(side, self.near))
@@ -518,13 +521,13 @@ class _Walk:
         return self._is(name, *x, within=self._range(name, x, within, sure))
 
     def _positive(self, term: Term) -> bool:
-        """Whether the sign is never negative, as for squares, magnitudes, and their sums and products."""
+        """Whether the sign is never negative, as for squares and magnitudes and for their sums and products."""
         if (found := self._positives.get(term)) is None:
             name, x = self.names[term][0], self.prover.parts[term]
             if name in ("add", "mul"):
                 found = (name == "mul" and x[0] == x[1]) or all(map(self._positive, x))
             else:
-                found = name == "fabs" or self.interval(term).low > 0  # except a square root: that of -0.0 is -0.0
+                found = name == "fabs" or self.interval(term).low > 0  # except square roots: the root of -0.0 is -0.0
             self._positives[term] = found
         return found
 
@@ -575,7 +578,8 @@ class _Walk:
         return Interval(least, max(ends), none or not (sure or (name == "mul" and min(a.low, b.low) > 0)))
 
     def _is_relative_size(self, one: Term, root: Term) -> bool:
-        """Whether this is 1/y and sqrt(w) with w >= y*y and y > 0, so that the product is at least 1 up to four roundings."""
+        """Whether these are 1/y and sqrt(w) with w >= y*y and y > 0, so that their product is at least 1 up to four rounding
+        errors."""
         if self.names[one][0] != "div" or self.names[root][0] != "sqrt":
             return False
         (unit, y), (w,) = self.prover.parts[one], self.prover.parts[root]

@@ -1,4 +1,4 @@
-"""An operation list evaluated in a target's own numbers, for many columns of inputs at once."""
+"""Evaluates an operation list in the number type of a target, for many columns of inputs at once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.validate import Array
 
 Inputs = Mapping[tuple[int, int], Any]
-"""The inputs of a list by (argument, component), each one number or one for each column."""
+"""The inputs of a list by (argument, component), each a single number or one for each column."""
 
 
 def _lookup(x: Array, table: tuple[float, ...]) -> Array:
@@ -34,7 +34,7 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
     "exponent": lambda x: np.frexp(np.abs(x))[1] - 1, "significand": lambda x: 2 * np.frexp(np.abs(x))[0],
     "pow2": np.exp2,
 }  # fmt: skip
-"""Operations with a unique rounding by IEEE 754, and those on the bits of a normal number."""
+"""Operations with a unique rounding by IEEE 754, and operations on the bits of a normal number."""
 
 
 def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
@@ -47,7 +47,7 @@ def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
 
 
 def values(program: Program, inputs: Inputs, real: Real) -> list[Any]:
-    """The value of each operation: an array of numbers or of truth values, or a single one if it does not depend on the
+    """The value of each operation: an array of numbers or of truth values, or a single value if it does not depend on the
     columns."""
     found: list[Any] = []
     with np.errstate(all="ignore"):
@@ -57,7 +57,7 @@ def values(program: Program, inputs: Inputs, real: Real) -> list[Any]:
 
 
 def value(op: Operation, x: Sequence[Any], inputs: Inputs, real: Real) -> Any:
-    """The value of one operation from those of its operands."""
+    """The value of an operation from the values of its operands."""
     numbers = real.numbers
     if (made := _NUMBERS.get(op.name)) is not None:
         return _number(made(*[_number(one, real) for one in x]), real)
@@ -81,7 +81,7 @@ def _number(x: Any, real: Real) -> Any:
 
 
 def _called(name: str, arguments: list[Any], real: Real) -> Any:
-    """A function, evaluated by its own list, or by the list for rare arguments where the usual one requests it."""
+    """A function, evaluated by its operation list, or by the list for rare arguments where the usual list requests it."""
     made, inputs = function(name, real.format), {(i, 0): value for i, value in enumerate(arguments)}
     usual = values(made.usual, inputs, real)
     found = usual[made.usual.outputs[0][0]]

@@ -1,4 +1,4 @@
-"""The evidence for an export's test vectors, in its self-test and its README: chosen samples, digests, and detected and
+"""The evidence for the test vectors of an export, in its self-test and README: chosen samples, digests, and detected and
 undetected mutants."""
 
 from __future__ import annotations
@@ -73,12 +73,13 @@ def number_rows(printed: Printed, values: Array) -> str:
 
 
 def digests(printed: Printed) -> str:
-    """The digest of the state after each sample of the simulation, as in the C."""
+    """The digest of the state after each sample of the simulation, as in the C code."""
     return digests_of(printed, printed.contents.vectors.states[:, printed.contents.layout.rows])
 
 
 def digests_of(printed: Printed, rows: Array) -> str:
-    """The digest of each row of numbers (K, n), as in the C: its bits in sequence, multiplied by PRIME each time."""
+    """The digest of each row of numbers (K, n), as in the C code: the bits are taken in sequence, with a multiplication by PRIME
+    each time."""
     states = rows.astype(printed.contents.real.numbers)
     bits = np.ascontiguousarray(states).view(np.uint64 if states.itemsize == 8 else np.uint32)
     found = np.zeros(len(states), dtype=np.uint64)
@@ -122,7 +123,8 @@ def readme_evidence(printed: Printed) -> str:
 
 
 def outcomes(found: tuple[int, int], program: Program) -> str:
-    """A sentence on the covered outcomes of decisions, for reviewers who require MC/DC; an && or || has several conditions."""
+    """A sentence on the covered outcomes of decisions, for reviewers who require MC/DC; the operators && and || have several
+    conditions."""
     taken, of = found
     if not of:
         return "`advance` decides nothing: it has no branch."

@@ -19,16 +19,16 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 OK = 0
-"""The status of an accepted sample, see ``templates/controller.h``."""
+"""The status of an accepted sample, as in ``templates/controller.h``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExportedList:
-    """A controller's export as machine code of this computer, with the list that it must equal.
+    """The export of a controller as machine code of this computer, with the list that it must equal.
 
     library  the compiled C, as the content of a file
     rows     rows of the simulated state that the C keeps, in its order
-    members  their names in C
+    members  names of these rows in C
     """
 
     simulated: SampledList
@@ -51,15 +51,15 @@ class ExportedList:
 
 
 def exported_c(problem: TrackingProblem, controller: Controller) -> ExportedList:
-    """A sampled controller as the C that ``export_controller`` writes, compiled: for ``software_in_the_loop`` of ``fly``.
+    """A sampled controller as the compiled C that ``export_controller`` writes, for ``software_in_the_loop`` of ``fly``.
 
-    InputError as in ``export_controller``, and if there is no compiler.
+    Raises InputError as ``export_controller`` does, and if there is no compiler.
     """
     compiler = require_compiler()
     simulated = SampledList.of(problem, controller)
     T = simulated.sample_time
     contents = Contents.of(problem, controller, Simulation(t_end=VECTORS * T, dt=T), DOUBLE)
-    printed = Printed(contents, prefix="exported")  # its names are not visible
+    printed = Printed(contents, prefix="exported")  # its symbols are not visible
     texts = {"controller.h": header(printed), "controller.c": source(printed), "flown.c": _adapter(printed)}
     return ExportedList(
         simulated=simulated,
@@ -100,7 +100,7 @@ class ExportedStep:
         return self.contents.name
 
     def reset(self) -> None:
-        """Return to the state before the first sample, by the export's own function."""
+        """Return to the state before the first sample, by the function of the export."""
         self._library.barbalat_begin()
         self._beside.reset()
 

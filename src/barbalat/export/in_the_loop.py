@@ -33,7 +33,7 @@ from barbalat.solvers.simulation import Simulation
 class InTheLoop:
     """A run whose control was computed by the compiled export.
 
-    result   as from ``simulate``; the states at recorded instants are computed by the list
+    result   as returned by ``simulate``; the states at recorded instants are computed by the list
     refused  number of samples whose measurement, command or result the export rejected
     """
 
@@ -41,7 +41,7 @@ class InTheLoop:
     refused: int
 
     def differs_from(self, origin: Result) -> str:
-        """The first quantity that differs in a bit from the simulated run, as a phrase; empty if all are equal."""
+        """A phrase that names the first quantity whose bits differ from the simulated run; empty if all are equal."""
         a, b = self.result, origin
         count = min(len(a.states), len(b.states))
         apart = np.flatnonzero((_bits(a.states[:count]) != _bits(b.states[:count])).any(axis=1))
@@ -61,10 +61,10 @@ def simulate_export(
     float32: bool = False,
     progress: Progress | None = None,
 ) -> InTheLoop:
-    """Simulate with the exported C in the loop, compiled by this machine's compiler; with ``float32`` its numbers have 32 bits.
+    """Simulate with the exported C in the loop, compiled by this machine's compiler; with ``float32``, its numbers have 32 bits.
 
-    In float64 all metrics equal those of ``simulate``, bit for bit. InputError as in ``export_controller``, and if there is no
-    compiler.
+    In float64 all metrics equal those of ``simulate``, bit for bit. Raises InputError as ``export_controller`` does, and if there
+    is no compiler.
     """
     simulation.require_steps("software in the loop")
     flown, refused = Exported.of(problem, controller, simulation, float32=float32).fly(problem, progress=progress)
@@ -73,7 +73,7 @@ def simulate_export(
 
 @dataclass(eq=False)
 class Exported:
-    """An export that is compiled once for runs of one kind: with the same shell and the same kinds of faults."""
+    """An export that is compiled once for runs with the same shell and the same kinds of faults."""
 
     printed: Printed
     controller: Controller
@@ -94,7 +94,7 @@ class Exported:
         """Raises InputError as ``simulate_export`` does."""
         require_compiler()
         contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
-        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # its names are not visible
+        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # its symbols are not visible
 
     def fly(
         self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None
@@ -116,7 +116,7 @@ class Exported:
 def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> ExternalFunction:
     """The adapter, with the rows of the loop's whole state that it receives and that it stores."""
     loop = members.loop
-    first = loop.size - len(flatten(initial_acting(loop)))  # the controller's state is the last part of the loop's
+    first = loop.size - len(flatten(initial_acting(loop)))  # the controller's state is the last part of the loop state
     held = loop.unpack(np.arange(loop.size)).held
     measured = held.measured if loop.around is None else held.around.offered
     command = held.r if loop.around is None or not loop.around.checks_commands else held.around.commanded
@@ -131,7 +131,7 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Extern
 
 
 def _of_the_shell(kept: Kept) -> list[tuple[str, list[int]]]:
-    """The data of the C's shell, by their names in C, with their places in the simulation."""
+    """The data of the shell in C, by their names in C, with their positions in the simulation."""
     names = ("outage", "fade_left", "bump", "repeats", "age", "command_outage", "advanced", "fade", "paused")
     return [(name, getattr(kept, name).tolist()) for name in names if getattr(kept, name).size]
 

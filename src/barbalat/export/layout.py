@@ -1,6 +1,6 @@
 """The part of a sampled controller's state that an export keeps: the arrays on which its control or its estimates depend.
 
-The last good measurement and command are always among them: they replace lost ones.
+The last good measurement and command are always among these arrays, because they replace lost ones.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from barbalat.validate import InputError
 class StatePart:
     """One array of the state.
 
-    name   of the member in C
-    path   in the state: "controller.x_hat", "held.x_m"
-    shape  row by row in C
-    start  of its entries in the flat state
+    name   name of the member in C
+    path   path in the state, such as "controller.x_hat" or "held.x_m"
+    shape  shape; C stores the array row by row
+    start  index of its first entry in the flat state
     meaning  one phrase
     """
 
@@ -55,7 +55,7 @@ class StatePart:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The stored arrays, and among them those that the code around the arithmetic names.
+    """The stored arrays, including those that the code around the arithmetic refers to by name.
 
     u          the control
     theta_hat  the estimates
@@ -73,7 +73,7 @@ class Layout:
 
     @classmethod
     def of(cls, program: Program, loop: ClosedLoop) -> Layout:
-        """``program`` is the whole list of the loop's controller; parts on which nothing depends are left out."""
+        """``program`` is the whole list of the loop's controller; parts on which nothing depends are omitted."""
         every = tuple(_parts(initial_acting(loop), {f"controller.{part.path}": part.role for part in loop.parts}))
         estimates = "" if loop.estimates is None else f"controller.{loop.estimates.path}"
         paths = ("held.u", estimates, "held.started", "held.measured", "held.r")
@@ -112,12 +112,12 @@ HELD = {
     "held.observer": "the observer: its estimate of x, or its filters; then the controls that a delay holds back",
     "held.started": "0 before the first sample, then 1",
 }
-"""The meanings of the members that all exported controllers share; those of the scheme's own members follow from their
-roles."""
+"""The meanings of the members that all exported controllers share; the meanings of members that are specific to a scheme follow
+from their roles."""
 
 
 def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
-    """All arrays in the order of the flat state. The scheme's arrays keep their names, and held values have a prefix."""
+    """All arrays in the order of the flat state. Arrays of the scheme keep their names, and held values have a prefix."""
     found = [(path, np.shape(array)) for path, array in leaves(initial)]
     names = distinct(path.removeprefix("controller.") for path, _ in found)
     start = 0
@@ -128,9 +128,10 @@ def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
 
 
 LONGEST = 31
-"""Number of significant characters of an identifier in every C99 compiler, also between files (5.2.4.1)."""
+"""Number of significant characters of an identifier that every C99 compiler distinguishes, even between files (5.2.4.1)."""
 LONGEST_PREFIX = LONGEST - len("_plant_s")
-"""The longest suffix; functions that differ only after the prefix must still be distinguishable."""
+"""Largest length of a prefix that leaves room for the longest suffix: functions that differ only after the prefix must be
+distinguishable."""
 
 _KEYWORDS = """
     alignas alignof and asm auto bitand bitor bool break case catch char class compl concept const consteval constexpr constinit
@@ -164,7 +165,7 @@ MEMBERS = frozenset(
 
 
 def prefix_of(name: str) -> str:
-    """The prefix of an export's names: the controller's name in lower case, with ``_`` for characters that C does not allow.
+    """The prefix of the names in an export: the controller's name in lower case, with ``_`` for characters that C does not allow.
 
     "Robust MRAC, T = 1 ms" becomes robust_mrac_t_1_ms. Raises InputError if the result is empty or too long.
     """
@@ -183,7 +184,7 @@ def prefix_of(name: str) -> str:
 
 
 def require_prefix(name: str) -> str:
-    """A user's prefix, unchanged; raises InputError if no identifier of C can begin with it."""
+    """Return a user's prefix unchanged; raises InputError if C identifiers cannot begin with it."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or identifier(name) != name:
         raise InputError(f"name must be a letter, then letters, digits and _, and not a keyword of C, got {validate.show(name)}")
     if len(name) > LONGEST_PREFIX:
@@ -192,13 +193,13 @@ def require_prefix(name: str) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name with ``_`` for every character that C does not allow, and ``n_`` before an invalid or reserved one."""
+    """A name with ``_`` for every character that C does not allow, and ``n_`` before an invalid or reserved name."""
     found = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return f"n_{found}" if found[:1].isdigit() or found.startswith("_") or found in RESERVED else found
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """The names as identifiers of members, numbered if two would be equal, or equal to one that every export has."""
+    """The names as identifiers of members, numbered if two would be equal, or equal to a member that every export has."""
     found: list[str] = []
     for name in map(identifier, names):
         same = (f"{name}_{i}" for i in itertools.count(2))

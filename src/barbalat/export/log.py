@@ -1,4 +1,4 @@
-"""The logged internal signals of a controller: a struct of numbers under the names of the simulation's columns."""
+"""The logged internal signals of a controller: a struct of numbers under the column names of the simulation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from barbalat.run.results.result import SERIES
 from barbalat.validate import Array
 
 PREDICTED = {"controller.x_hat": "x_tilde", "controller.y_hat": "y_tilde"}
-"""Predictors of the measurement, and the names of their errors."""
+"""Predictors of the measurement, and the names for their errors."""
 ERRORS = {"e": "error against the controller's own reference model", "x_tilde": "prediction error", "y_tilde": "prediction error"}
 """The measurement minus its reference."""
 
@@ -23,8 +23,8 @@ ERRORS = {"e": "error against the controller's own reference model", "x_tilde": 
 class Logged:
     """One number of the log: an entry of the state, or an entry minus a weighted sum of others.
 
-    name     of the member in C
-    row      of the flat state
+    name     name of the member in C
+    row      row of the flat state
     minus    factors and rows of the subtracted entries
     text     C text of the number, if it is not simply an entry of the state
     label its display name, with its unit
@@ -50,7 +50,7 @@ class Logged:
 
 
 def logged(printed: Printed) -> tuple[Logged, ...]:
-    """All logged numbers, in the order of the struct."""
+    """All logged numbers, in the order of the struct members."""
     found = [*_signals(printed), *_states(printed)]
     names = distinct(one.name for one in found)
     return tuple(Logged(name, *_rest(one)) for name, one in zip(names, found, strict=True))
@@ -67,7 +67,7 @@ def _signals(printed: Printed) -> Iterator[Logged]:
     labels = contents.problem.labels
     names, units = _named(printed), () if labels is None else labels.input_units
     measured = [layout.measured.start + i for i in range(y)]
-    own = contents.problem.measured  # without controls that other code supplies
+    own = contents.problem.measured  # without controls that external code supplies
     for i, (name, row) in enumerate(zip(_numbered("measured", y), measured, strict=True)):
         yield Logged(name, row, names[i], "last good measurement")
     for i, name in enumerate(_numbered("r", q)):
@@ -87,7 +87,7 @@ def _signals(printed: Printed) -> Iterator[Logged]:
 
 
 def _is_observed(printed: Printed) -> bool:
-    """Whether the law uses an observer's state, which has no measured counterpart for comparison."""
+    """Whether the law uses the state of an observer, which has no measured counterpart for comparison."""
     return printed.contents.problem.feedback == "state" and printed.measured != "x"
 
 
@@ -107,7 +107,7 @@ def _followed(printed: Printed, model: StatePart) -> list[tuple[tuple[float, int
 
 
 def _states(printed: Printed) -> Iterator[Logged]:
-    """The rest of the state, with the names of the simulation's columns."""
+    """The rest of the state, under the column names of the simulation."""
     contents, layout, loop = printed.contents, printed.contents.layout, printed.contents.loop
     others = {part.path: part.name for part in loop.other_estimates}
     own = [part for part in loop.parts if part.role.kind != "estimates" and part.size]
@@ -127,7 +127,7 @@ def _states(printed: Printed) -> Iterator[Logged]:
 
 
 def of_the_channels(printed: Printed, part: StatePart) -> bool:
-    """Whether its entries are the measured channels, which have labels."""
+    """Whether the entries are the measured channels, which have labels."""
     problem = printed.contents.problem
     known = {*PREDICTED, "held.x_m", printed.contents.layout.measured.path}
     return problem.labels is not None and part.path in known and part.size == problem.measured and not _is_observed(printed)
@@ -143,8 +143,8 @@ def _named(printed: Printed) -> list[str]:
 
 
 def _numbered(name: str, count: int) -> list[str]:
-    """The names of a vector's entries; a single entry has the vector's name, unless the simulation's columns are numbered even
-    then."""
+    """The names of a vector's entries; a single entry has the name of the vector, unless the columns of the simulation are
+    numbered even then."""
     alone = count == 1 and name in ("r", "u", "u_limited", "y_tilde")
     return [name] if alone else [f"{name}_{i + 1}" for i in range(count)]
 
@@ -175,9 +175,9 @@ def _in_lines(texts: Iterable[str]) -> str:
 
 
 WIDTH = 116
-"""Width of the lists' lines."""
+"""Line width of the lists."""
 _QUOTED = str.maketrans({'"': "'", "\\": "/"})
-"""Characters that a string of C cannot contain directly."""
+"""Characters that a C string cannot contain directly."""
 
 
 def log_body(printed: Printed) -> str:

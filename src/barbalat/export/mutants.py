@@ -1,7 +1,7 @@
 """Mutants of an exported step, each of which is the list with one small fault, and the test vectors that detect them.
 
-Every operation, constant, selection, load and store has at least one. A vector detects a mutant if any bit of the resulting state
-differs: the self-test compares all of them.
+Every operation, constant, selection, load and store has at least one mutant. A vector detects a mutant if any bit of the
+resulting state differs: the self-test compares all of them.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ NEGATED = ("lt", "le")
 class Mutant:
     """One fault.
 
-    place      the operation's position in the list, or the row of the state that is stored
+    place      position of the operation in the list, or the row of the state that is stored
     said       the fault in words
-    operation  the operation that replaces it; None if the row is not stored and keeps its value
+    operation  the operation that replaces the original one; None if the row is not stored and keeps its value
     denied     whether the comparison is reversed
-    tie        whether it differs only if two numbers are equal, such as < in place of <=
+    tie        whether the mutant differs only if two numbers are equal, such as < in place of <=
     """
 
     place: int
@@ -46,7 +46,7 @@ class Mutant:
 
 
 def mutants(program: Program, rows: Sequence[int], real: Real) -> tuple[Mutant, ...]:
-    """All mutants of a list whose outputs are these rows of the state, in the list's order."""
+    """All mutants of a list whose outputs are these rows of the state, in the order of the list."""
     loads: dict[int, list[int]] = {}
     for op in program.operations:
         if op.name == "input":
@@ -109,7 +109,7 @@ class Judge:
         if mutant.operation is None:
             return np.broadcast_to(self._apart(self.before[mutant.place], self.values[self.of_row[mutant.place]]), self.count)
         found = np.zeros(self.count, dtype=bool)
-        operations, values = self.program.operations, self.values.copy()  # those that follow from the fault are replaced
+        operations, values = self.program.operations, self.values.copy()  # values that follow from the fault are replaced
         place, waiting, queued = mutant.place, [mutant.place], {mutant.place}
         with np.errstate(all="ignore"):
             while waiting:

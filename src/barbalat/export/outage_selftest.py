@@ -1,4 +1,4 @@
-"""The self-test of a shell with a longest outage: outages with their fallback, its whole fade, and the return."""
+"""The self-test of a shell with a longest outage: outages with the fallback, its whole fade, and the return."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ GOOD, MISS, WRONG = 0, 1, 2
 STAYS = -1
 """The value for a count that a step of the script does not set."""
 OTHER_FADE = 5
-"""Number of samples by which the length of an earlier fade, due to a start or a changed parameter, differs from the shell's."""
+"""Number of samples by which the length of an earlier fade, due to a start or a changed parameter, differs from that of the
+shell."""
 
 
 def outage_tests(printed: Printed) -> str:
@@ -58,7 +59,7 @@ def outage_tests(printed: Printed) -> str:
 
 
 def _script(around: Around) -> Iterator[tuple[int, int, int]]:
-    """For each sample whether it is good, and the outage and the remaining fade that are set before it, so long ones are
+    """For each sample whether it is good, and the outage and the remaining fade that are set before it, so that long ones are
     shortened."""
     assert around.longest is not None
     longest, fade = int(around.longest), int(around.fade)
@@ -92,7 +93,7 @@ def _script(around: Around) -> Iterator[tuple[int, int, int]]:
 
 
 def _places(contents: Contents, script: list[tuple[int, int, int]]) -> list[int]:
-    """The sample of the simulation for each step: successive ones, or if there are few, a new one only at good samples."""
+    """The sample of the simulation for each step: successive samples or, if there are few, a new sample only at good samples."""
     steps = [1] * len(script) if len(script) <= len(contents.vectors.states) else [int(kind == GOOD) for kind, _, _ in script]
     return [int(one) - 1 for one in np.cumsum(steps)]
 
@@ -136,7 +137,7 @@ def surrounded(
         y=flat[2].astype(numbers), r=now.held.r, freeze=zero if kind == GOOD else one, begun=begun,
         fresh=zero if kind == MISS else one, elapsed=elapsed * one, due=one, wrong_time=wrong, **rest,
     )  # fmt: skip
-    with np.errstate(divide="ignore", invalid="ignore"):  # for entries that are not selected
+    with np.errstate(divide="ignore", invalid="ignore"):  # for unselected entries
         acted = around.put_out(taken, before, now)
     return np.asarray(flatten(acted._replace(held=acted.held._replace(around=()))), dtype=float), acted.held.around
 

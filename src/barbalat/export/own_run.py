@@ -1,4 +1,4 @@
-"""Whether an exported controller is lost, oscillates or saturates, or its samples are rejected, in its own case."""
+"""Finds out whether an exported controller is lost, oscillates or saturates, or has samples rejected, in the run of its case."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from barbalat.run.engine.simulate import simulate, with_missed_samples
 from barbalat.solvers.simulation import Simulation
 
 MOST_OF_THE_TIME = 0.5
-"""Fraction of the time at the actuator's limits from which a run that is off is reported: the limits, and not the law, decide
-u."""
+"""Fraction of the time at the actuator limits above which a run with the verdict *off* is reported, because the limits and not
+the law determine u."""
 
 AFTER_A_BIT_ERROR = (
     "After a bit error in the last good value the shell can refuse good samples for a long time: give a range as well."
@@ -21,8 +21,8 @@ AFTER_A_BIT_ERROR = (
 
 
 def own_run_warning(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None) -> str:
-    """A warning, if the case's own run with this controller is lost or diverges, ends in a limit cycle, or is off and mostly at
-    its limits, or if its shell rejects samples of that run without faults, or has a rate without a range; otherwise empty."""
+    """A warning if the run of the case with this controller is lost or diverges, ends in a limit cycle, or is off and mostly at
+    its limits, or if its shell rejects samples of that run without faults or has a rate without a range; otherwise empty."""
     (run,) = simulate(problem, [controller], simulation, judge=judge).values()
     if run.verdict is not None and run.verdict.kind is Class.LOST:
         return f"Do not fly this export as it is: in the case's own run {controller.name} is {run.verdict}."

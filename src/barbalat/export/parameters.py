@@ -1,8 +1,8 @@
 """Run-time parameters of an export: gains, limits and initial estimates of the case that enter the operations unchanged.
 
 A number that occurs unchanged in the loop and in its initial state becomes a parameter; a number from which others follow, such
-as A_m, which determines P, or a filter's pole, is compiled in. The lists are those of an ensemble whose members differ in these
-numbers.
+as A_m, which determines P, or the pole of a filter, is compiled in. The lists are those of an ensemble whose members differ in
+these numbers.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ if TYPE_CHECKING:
 START = "theta_hat0"
 """The field of settings with the initial estimates."""
 OFFERED = ("controller", "uncertainty", "plant")
-"""First keys of the possible parameters: controller, known set, plant, in this order."""
+"""First keys of the possible parameter paths: controller, known set, plant, in this order."""
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One run-time parameter.
 
-    path      in the case, with the controller's index there
-    value     in this case
+    path      path in the case, with the index of the controller in the case
+    value     value in this case
     """
 
     path: FieldPath
@@ -69,7 +69,7 @@ class Parameter:
 
     @property
     def limit(self) -> tuple[int, int] | None:
-        """(input, side) of a limit of u, side 0 for the lower one; None for any other number."""
+        """(input, side) of a limit on u, with side 0 for the lower limit; None for any other number."""
         keys = self.path.keys
         if keys[:2] != ("plant", "input") or "saturation" not in keys:
             return None
@@ -83,7 +83,7 @@ class Opened:
     cases   this case, then for each parameter the case with a different value of it, ``tried``: an ensemble with these lists
     feeds   by entry of the lists' third argument, the index of its parameter; None for a fixed number
     starts  by entry of the loop's flat state, the index of the parameter that is its initial value
-    conditions  the case's conditions on its parameters, by their indices
+    conditions  conditions of the case on its parameters, by parameter index
     """
 
     parameters: tuple[Parameter, ...]
@@ -101,7 +101,7 @@ class Opened:
     ) -> Opened:
         """Raise InputError if the controller does not fit the problem; without ``tunable`` every number is compiled in.
 
-        place  index of the controller in its case, for the paths
+        place  index of the controller in its case, used in paths
         """
         case = VariedObjects.around(problem, _explicit_estimates(problem, controller), simulation).case
         found, conditions = _settable(case) if tunable else ([], ())
@@ -121,7 +121,7 @@ class Opened:
 
     @cached_property
     def open_limits(self) -> Array:
-        """(2, p) whether the estimates' limits, in the form of ``estimate_limits``, depend on a parameter."""
+        """(2, p) whether the limits of the estimates, in the form of ``estimate_limits``, depend on a parameter."""
         every = (estimate_limits(ClosedLoop.of(*case)) for case in self.cases)
         given = np.array([limits for limits in every if limits is not None])  # either all inputs have limits, or none has
         return np.asarray((given != given[0]).any(axis=0)) if len(given) else np.zeros((2, 0), dtype=bool)
@@ -148,12 +148,12 @@ def _followed(row: Array) -> int | None:
 
 
 def _placed(path: FieldPath, place: int) -> FieldPath:
-    """The path in a case that has this controller, the only one here, at this position."""
+    """The path in a case that has this controller, the only one here, at the given position."""
     return FieldPath(("controller", place, *path.keys[2:])) if path.keys[0] == "controller" else path
 
 
 Offered = tuple[tuple[FieldPath, float], float, "Case"]
-"""A number with its path, another value of it, and the case with that value."""
+"""A number with its path, a different value of it, and the case with that value."""
 
 
 def _copied(case: Case) -> Iterator[Offered]:
@@ -177,7 +177,7 @@ def _copied(case: Case) -> Iterator[Offered]:
 
 
 def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | None:
-    """Another value of the number, and the case with that value; None if the number does not occur unchanged in the loop."""
+    """A different value of the number, and the case with that value; None if the number does not occur unchanged in the loop."""
     base, varied = (case.problem, case.controllers[0]), VariedObjects(case, (path,))
     for tried in neighbours(value):
         try:
@@ -198,7 +198,7 @@ def _settable(case: Case) -> tuple[list[Offered], tuple[Condition, ...]]:
             return found, _acceptance(case, found).conditions()
         except NotFoundError as error:
             depths = {i: len(found[i][0][0].keys) for i in error.numbers}
-            deepest = max(depths.values())  # a matrix's entries come first, so a bound of the whole matrix is a constant
+            deepest = max(depths.values())  # a matrix's entries come first, so that a bound on the whole matrix is a constant
             found = [one for i, one in enumerate(found) if depths.get(i) != deepest]
 
 
@@ -260,7 +260,7 @@ def _tolerates_symbols(family: Family) -> bool:
 
 
 def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Controller:
-    """The controller with explicit initial estimates, if the settings have none."""
+    """The controller with explicit initial estimates, if its settings contain none."""
     loop = ClosedLoop.of(problem, controller)
     explicit = _with_estimates(controller, loop.initial()[loop.theta_hat_rows])
     same = Columns(loop)
@@ -272,7 +272,7 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
 
 
 def _with_estimates(part: Any, initial: Array | None) -> Any:
-    """A controller with these initial estimates if its settings have none, or with None if they have some."""
+    """A controller with these initial estimates if its settings contain none, or with None if they contain some."""
     if not is_dataclass(part) or isinstance(part, type):
         return part
     given = {one.name: getattr(part, one.name) for one in fields(part) if one.init}

@@ -1,4 +1,4 @@
-"""The plant of an exported loop: a slice of the simulation's own step, with the sensor's measurement."""
+"""The plant of an exported loop: a slice of the step of the simulation, with the sensor measurement."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from barbalat.run.kernel.sampled_controller import STATE
 from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
-"""Arguments of a step's list in addition to the state; see ``run.kernel.step.step_function``."""
+"""Arguments of a step's list in addition to the state; as in ``run.kernel.step.step_function``."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlantContents:
     """Everything between the control and the measurement (limits, actuators, delay, plant, sensor), one solver step at a time.
 
-    rows  of the loop's flat state that belong to it: x, then the states before the plant, then those after it
+    rows  rows of the loop's flat state that belong to the plant: x, then the states before the plant, then the states after it
     """
 
     problem: TrackingProblem
@@ -43,7 +43,7 @@ class PlantContents:
 
     @cached_property
     def step(self) -> Program:
-        """Its state one solver step later, then the values of this step that the delay must store."""
+        """The state of the plant one solver step later, followed by the values of this step that the delay must store."""
         whole = self.opened.members.program.program
         following, _, remembered = whole.outputs
         both = Program(whole.operations, ((*(following[row] for row in self.rows), *remembered),))
@@ -68,7 +68,7 @@ class PlantContents:
 
     @property
     def disturbances(self) -> int:
-        """Signals other than the commands: the matched disturbance, then the others."""
+        """Signals other than the commands: first the matched disturbance, then the others."""
         return self.loop.signals.timed - (self.loop.commands or 1)
 
     @property
@@ -129,6 +129,6 @@ class PlantContents:
         return tuple(int(row) for row in held.u.reshape(-1))
 
     def entries(self) -> dict[tuple[int, int], str]:
-        """C text of its state and its control by the lists' arguments."""
+        """C text of the state and the control of the plant, by the arguments of the lists."""
         own = {(STATE, row): f"p->state[{i}]" for i, row in enumerate(self.rows)}
         return own | {(STATE, row): f"in->u[{i}]" for i, row in enumerate(self.control_rows)}

@@ -14,7 +14,7 @@ from barbalat.lowering.shape import TAPS_PER_CHANNEL
 
 @dataclass(frozen=True, eq=False)
 class PrintedPlant:
-    """A plant, and its controller's names in C."""
+    """A plant, and the names of its controller in C."""
 
     plant: PlantContents
     printed: Printed
@@ -83,7 +83,7 @@ def plant_source(made: PrintedPlant) -> str:
 
 
 def _nothing(plant: PlantContents) -> list[str]:
-    """C text that fills the delay with the values before t = 0."""
+    """C text that fills the delay with the values for t < 0."""
     if not plant.channels:
         return []
     lines = ["int k;", f"for (k = 0; k < {plant.lag + TAPS_PER_CHANNEL}; ++k) {{"]

@@ -1,4 +1,4 @@
-"""The self-test of recovery: after a result or a state out of range the controller restarts by itself."""
+"""The self-test of recovery: after a result or a state out of range, the controller restarts by itself."""
 
 from __future__ import annotations
 
@@ -57,8 +57,7 @@ def poked_parts(contents: Contents, *, kept: bool) -> list[StatePart]:
 
 
 def leads_out_of_range(contents: Contents, poked: list[range]) -> tuple[bool, bool]:
-    """Whether the result of a good sample, and that of a lost one, is out of range if these entries are at the end of their
-    range."""
+    """Whether the results of a good and of a lost sample are out of range if these entries are at the end of their range."""
     layout, state = contents.layout, contents.vectors.states[3].copy()
     for rows in poked:
         state[rows] = contents.range
@@ -118,7 +117,7 @@ def _missed_calls(printed: Printed) -> list[str]:
 
 
 def _refused(printed: Printed) -> list[str]:
-    """The test of states whose result is out of range at every sample: at first nothing changes; then the controller restarts and
+    """The test of states whose result is out of range at every sample: at first nothing changes, then the controller restarts and
     returns."""
     sides: list[int | None] = [*sorted({side for _, side in printed.limits()})] or [None]
     lines = [line for side in sides for line in _begun_again(printed, kept=1, beyond=side)]
@@ -129,7 +128,7 @@ def _refused(printed: Printed) -> list[str]:
 def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> list[str]:
     """The test with the learnt values kept or reset; empty if no such state gives a result out of range.
 
-    beyond  the limit, 0 for the lower one, that the held control exceeds; None for a control of the run
+    beyond  the limit (0 for the lower one) that the held control exceeds; None for a control of the run
     """
     contents, layout, around = printed.contents, printed.contents.layout, printed.contents.around
     poked = poked_parts(contents, kept=bool(kept))
@@ -195,8 +194,7 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
 
 
 def _fallen(printed: Printed) -> str:
-    """C that turns ``u``, the last control, into the output: the first control of the fallback, or the held one within its
-    limits."""
+    """C that turns ``u``, the last control, into the output: the first control of the fallback, or the limited held control."""
     acts = _ends(printed.contents.around)
     alone = alone_of(printed).replace("{", "{{").replace("}", "}}") if acts else ""
     inside = "u[i] = u[i] < limits[i][0] ? limits[i][0] : u[i] > limits[i][1] ? limits[i][1] : u[i];"

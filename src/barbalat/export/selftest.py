@@ -24,9 +24,10 @@ from barbalat.validate import Array
 MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
 """The faults and requests of a sample in the run with losses."""
 LOSSES = (1, 3, 2, 0, 0, 1, 0, 2, 0, 1, 1, 1, 0, 1, 0, 1, 0, 3, 0, 4, 4, 1, 5, 0)
-"""Losses before the first good sample, single losses, several in a row and every second sample, for each signal and for both."""
+"""Losses before the first good sample, single losses, several losses in a row, and loss of every second sample, for each signal
+and for both."""
 FADE = 4
-"""Number of samples over which a start fades out in the self-test: a power of two, so the fractions of a bump are exact."""
+"""Number of samples over which a start fades out in the self-test: a power of two, so that the fractions of a bump are exact."""
 
 
 def selftest(printed: Printed) -> str:
@@ -114,7 +115,7 @@ def selftest(printed: Printed) -> str:
 
 
 def _timer_tests(printed: Printed) -> str:
-    """The tests of the timer: without a tolerance band another sample time is only reported; with a band the shell handles it."""
+    """The tests of the timer: without a tolerance band a wrong sample time is only reported; with a band the shell handles it."""
     if printed.contents.around is not None and printed.contents.around.band is not None:
         return ""
     lines = []
@@ -126,7 +127,7 @@ def _timer_tests(printed: Printed) -> str:
 
 
 def _first_miss(printed: Printed) -> list[str]:
-    """The tests of misses between a start and the first good sample: their effects on the held values, the counts and finally
+    """The tests of misses between a start and the first good sample: their effects on the held values, the counters and finally
     u."""
     contents, layout, around = printed.contents, printed.contents.layout, printed.contents.around
     counts, step, M = members(around), f"{printed.name}_step(&c, &in, &out)", printed.macro
@@ -179,7 +180,8 @@ REFUSED_IN_A_ROW = 2
 
 
 def with_losses(contents: Contents) -> Array:
-    """(K, S) the flat state after each sample of ``LOSSES``, by the list and by the rules in ``controller.h`` for a lost one."""
+    """(K, S) the flat state after each sample of ``LOSSES``, by the list and by the rules in ``controller.h`` for a lost
+    sample."""
     u, started = (list(part.rows) for part in (contents.layout.u, contents.layout.started))
     last_y, last_r = (list(part.rows) for part in (contents.layout.measured, contents.layout.r))
     state, states = contents.initial, []
@@ -204,7 +206,7 @@ def with_losses(contents: Contents) -> Array:
 
 
 def _limit_rows(printed: Printed) -> str:
-    """For each input the actuator's limits; for an input without limits, values that are never reached."""
+    """The actuator limits for each input; for an input without limits, values that are never reached."""
     contents = printed.contents
     beyond = 4 * contents.range
     limits = contents.saturation
@@ -243,7 +245,8 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 
 
 def _started_at(printed: Printed) -> list[str]:
-    """After a start at the second vector's measurement that keeps nothing, every number has the case's value, up to rounding."""
+    """After a start at the measurement of the second vector that keeps nothing, every number has the value of the case, up to
+    rounding."""
     contents = printed.contents
     counted = dict.fromkeys(("refused", *members(contents.around), *counters(contents.around)), 0)
     counted |= {"age": 0 if contents.measures_state else MOST_COUNTED} if "age" in counted else {}
@@ -270,7 +273,7 @@ def _refused_starts(printed: Printed) -> list[str]:
         given.append((f"start.{x}[{y - 1}]", beyond))
         ends = [] if around is None else [(i, around.low[i], -np.inf) for i in around.ranged]
         ends += [] if around is None else [(i, around.high[i], np.inf) for i in around.ranged]
-        for i, end, far in ends:  # the shell does not accept these either
+        for i, end, far in ends:  # the shell rejects these too
             given.append((f"start.{x}[{i}]", c99.constant(float(np.nextafter(number(end), number(far))), contents.real)))
     for place, value in given:
         start = f"{printed.name}_start(&c, {f'start.{x}, ' if contents.measures_state else ''}u_start, {FADE}L, 0)"
@@ -358,8 +361,8 @@ static void test_standstill(void)
 
 
 def _standstill(printed: Printed) -> str:
-    """A lost sample that leads from the end of the range to beyond it is reported, and nothing changes. Most controllers have
-    such a sample."""
+    """A lost sample that leads from the end of the range to beyond it is reported, and nothing changes. Such a sample exists for
+    most controllers."""
     contents, layout = printed.contents, printed.contents.layout
     poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started, *checked_values(contents))]
     state = contents.vectors.states[1].copy()
@@ -387,7 +390,7 @@ def _after_a_refusal(printed: Printed) -> dict[str, str]:
 
 
 def _where_u_is_large(contents: Contents) -> int:
-    """A sample at which no input is near zero, if there is one, and which is neither the first nor one of the last."""
+    """A sample at which no input is near zero, if there is one; it is neither the first nor among the last samples."""
     u = np.abs(contents.vectors.states[:, list(contents.layout.u.rows)]).min(axis=1)
     return 1 + int(np.argmax(u[1 : len(u) - FADE - 1]))
 

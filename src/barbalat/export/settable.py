@@ -1,4 +1,5 @@
-"""The C of parameters that can be set while the controller runs: their list, their bounds, and the function that sets one."""
+"""The C of parameters that can be set while the controller runs: their list, their bounds, and the function that sets a
+parameter."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from barbalat.export.texts import Printed, comment, filled, indented
 
 
 def settable(printed: Printed) -> dict[str, str]:
-    """The parts of ``controller.h`` and ``controller.c`` for the parameters; each is empty if there are no parameters."""
+    """The parts of ``controller.h`` and ``controller.c`` for the parameters; each part is empty without parameters."""
     names = ("parameter_macros", "parameter_declared", "parameter_functions", "parameter_change", "parameter_set")
     if not printed.contents.parameters:
         return dict.fromkeys((*names, "unchanged", "no_change"), "") | {"advances": "        advance(c, in);\n"}
@@ -83,7 +84,7 @@ def _about(printed: Printed, i: int) -> str:
 
 
 def _only_starts(printed: Printed, one: Parameter) -> bool:
-    """Whether the parameter is only an initial value of states, so no operation reads it."""
+    """Whether the parameter is only an initial value of states, so that no operation reads it."""
     contents = printed.contents
     return one in contents.starts.values() and one not in contents.read_parameters
 

@@ -1,4 +1,4 @@
-"""The self-test of settable parameters: rejected values, the effect of a change, and the absence of a bump, also during another
+"""The self-test of settable parameters: rejected values, the effect of a change, and the absence of a bump, even during another
 fade."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def settable_tests(printed: Printed, at: int, fade: int) -> str:
 
 
 def tried(contents: Contents) -> list[float]:
-    """Another value for each parameter."""
+    """A different value for each parameter."""
     opened = contents.opened
     assert opened is not None
     return [opened.tried[opened.parameters.index(one)] for one in contents.parameters]
@@ -58,11 +58,11 @@ def _beyond(contents: Contents) -> list[tuple[int, float]]:
 
 
 FAR_BEYOND = 1e-3
-"""Relative distance from the end of a norm, which is tested up to rounding, to a value beyond it."""
+"""Relative distance from the limit of a norm, which is tested up to rounding, to a value beyond it."""
 
 
 def _limits(printed: Printed, at: int) -> list[str]:
-    """A newly set limit of the control takes effect."""
+    """A newly set control limit takes effect."""
     contents, lines = printed.contents, []
     limited = [one.name for one in logged(printed) if one.text.startswith("out.u_limited")]
     for which, (one, value) in zip(parameter_names(printed), zip(contents.parameters, tried(contents), strict=True), strict=True):
@@ -89,7 +89,8 @@ def _limits(printed: Printed, at: int) -> list[str]:
 
 
 def _refused_beyond(contents: Contents, k: int, side: int) -> float | None:
-    """A value of a lower (side 0) or upper limit far beyond the other one, which the case rejects; None if it rejects none."""
+    """A value of a lower (side 0) or upper limit far beyond the other one, which the case rejects; None if it rejects no such
+    value."""
     values = np.array([one.value for one in contents.parameters])
     for far in (10.0, 1e3, 1e5):
         values[k] = far if side == 0 else -far
@@ -106,7 +107,7 @@ require(({name}_step(&c, &in, &out) & {macro}_STATE_REFUSED) != 0u && out.u_limi
 
 
 def _returned(printed: Printed, at: int) -> str:
-    """The test that u continues without a bump after a fallback, also if a parameter has been set; empty without a longest
+    """The test that u continues without a bump after a fallback, even if a parameter has been set; empty without a longest
     outage."""
     around = printed.contents.around
     if around is None or around.longest is None:

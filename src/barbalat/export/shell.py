@@ -1,4 +1,5 @@
-"""The C of a case's shell: the acceptance of samples, the counting of misses, and the fallback after too many of them."""
+"""The C code of the shell of a case: the acceptance of samples, the counting of misses, and the fallback after too many of
+them."""
 
 from __future__ import annotations
 
@@ -13,22 +14,23 @@ from barbalat.lowering import c99
 from barbalat.validate import Array, counted
 
 REFUSALS = 10
-"""Number of good samples in a row with a result out of range after which the learnt values are discarded: more than the usual
-burst of bad samples, and at the sample times of flight computers less than a vehicle tolerates without control."""
+"""Number of good samples in a row with a result out of range after which the learnt values are discarded: longer than the usual
+burst of bad samples and, at the sample times of flight computers, shorter than the time that a vehicle tolerates without
+control."""
 CLOCK_TOLERANCE = 1e-3
 """Relative difference allowed between a measured sample time and that of the export. A crystal is accurate to 100 ppm, and a
-clock that counts microseconds measures 1 ms to within 0.1 %. For the law a sample time with an error of 0.1 % is equivalent
-to such an error in A and b. A wrong rate differs by far more.
+clock that counts microseconds measures 1 ms to within 0.1 %. For the law, an error of 0.1 % in the sample time is equivalent to
+such an error in A and b. A wrong rate differs by far more.
 """
 
 
 def roundings(printed: Printed) -> float:
-    """``ROUNDINGS`` in the target's numbers."""
+    """``ROUNDINGS`` in the target's number type."""
     return ROUNDINGS * float(np.finfo(printed.contents.real.numbers).eps / np.finfo(float).eps)
 
 
 def shell(printed: Printed) -> dict[str, str]:
-    """The parts of ``controller.h`` and ``controller.c`` for a shell; they are empty without one."""
+    """The parts of ``controller.h`` and ``controller.c`` for a shell; they are empty without a shell."""
     around = printed.contents.around
     ends, timed = _ends(around), around is not None and around.band is not None
     commanded = around is not None and bool(around.command_rated)
@@ -128,8 +130,8 @@ def held_in_range(contents: Contents) -> dict[str, tuple[int, ...]]:
 
 
 def in_own_range(contents: Contents) -> set[str]:
-    """The names of the last good measurement and command, of each only if every entry is always within its channel's range,
-    also before the first good one."""
+    """The names of the last good measurement and of the last good command, each only if every entry is always within the range of
+    its channel, even before the first good value."""
     around = contents.around
     if around is None:
         return set()
@@ -172,7 +174,7 @@ def _implausible(printed: Printed) -> list[str]:
     no_number = f"!in_range(in->{printed.measured}, {printed.macro}_MEASURED)"
     if not _checked(around) or around is None:
         return [no_number]
-    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite range does not
+    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite range implies nothing
     return ["is_plausible(c, in) == 0"] if within else [no_number, "is_plausible(c, in) == 0"]
 
 
@@ -209,8 +211,8 @@ def _members(around: Around | None) -> list[str]:
 
 
 def _no_outage(printed: Printed, *, age: str) -> list[str]:
-    """C text that sets the counters: nothing has been missed; the last good measurement, if there is one, has this age; there was
-    no command."""
+    """C text that sets the counters to their start: nothing has been missed, the last good measurement (if any) has this age, and
+    there was no command."""
     around = printed.contents.around
     values = {"age": age, "command_outage": str(MOST_COUNTED)}
     counts = [f"c->{name} = {values.get(name, '0')}L;" for name in members(around)]
@@ -247,7 +249,7 @@ def _without_state(printed: Printed) -> dict[str, str]:
 
 
 def _distrusted(printed: Printed) -> list[str]:
-    """C text for a state out of range, whose last good values are not compared with the next ones, even if it can't restart."""
+    """C text for a state out of range: its last good values are not compared with the next ones, even if it can't restart."""
     there = members(printed.contents.around) if printed.contents.measures_state else {}
     return [f"c->{name} = {MOST_COUNTED}L;" for name in ("age", "command_outage") if name in there]
 
@@ -258,7 +260,8 @@ def _waits(printed: Printed) -> bool:
 
 
 def _seen(printed: Printed) -> list[str]:
-    """Updates, at each sample, the counters of channels that may be stuck, with a good measurement at a right or wrong time."""
+    """C text that updates, at each sample, the counters of channels that may be stuck, with a good measurement at a right or
+    wrong time."""
     around, layout = printed.contents.around, printed.contents.layout
     if around is None or not around.repeats:
         return []
@@ -294,14 +297,14 @@ def _returns(printed: Printed) -> str:
     timed = around is not None and around.band is not None
     limited = indented([_limits_of(printed, "last_u")]) if printed.limits() else ""
     earlier = "paused" if around is not None and around.baseline is not None else "fade_left"
-    most = f"{MOST_COUNTED}L"  # a start may fade for longer
+    most = f"{MOST_COUNTED}L"  # the fade of a start may be longer
     kept = indented([f"const long earlier = c->{earlier} < {most} ? c->{earlier} : {most};"]) if timed else ""
     begins = indented((_SHORT_FADE if timed else _WHOLE_FADE).format(**_names(printed)).splitlines())
     return _RETURNS.format(**_names(printed), earlier=kept, limited=limited, begins=begins)
 
 
 def _started(printed: Printed) -> list[str]:
-    """The last control and the bump of a start, within the actuators' limits."""
+    """The last control and the bump of a start, within the actuator limits."""
     copied = "c->{0}[i] = {1}[i];".format
     loop = f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{"
     if not printed.limits():
@@ -311,7 +314,7 @@ def _started(printed: Printed) -> list[str]:
 
 
 def _limits_of(printed: Printed, member: str) -> str:
-    """C that brings a control of the state within the actuators' limits; empty if there are none."""
+    """C that brings a control of the state within the actuator limits; empty without limits."""
     return f"limit({'c, ' if limits_vary(printed) else ''}c->{member});" if printed.limits() else ""
 
 
@@ -400,7 +403,7 @@ def _macros(printed: Printed) -> str:
 
 
 def baseline_terms(printed: Printed, state: str) -> list[str]:
-    """C text of the baseline's entries, product by product as in ``Around``, from the members of the state ``c->``."""
+    """C text of the entries of the baseline, product by product as in ``Around``, from the members of the state ``c->``."""
     around, layout = printed.contents.around, printed.contents.layout
     if around is None or around.baseline is None:
         return []
@@ -528,9 +531,9 @@ def _plausible_command(printed: Printed) -> str:
 
 
 def _check(printed: Printed, function: str, told: str, tests: list[str], slow: list[str], count: str, least: float) -> str:
-    """A C function that returns whether an input passes the ``tests`` and, if there is a last good one, those of its rate.
+    """A C function that returns whether an input passes the ``tests`` and, if there is a last good value, the tests of its rate.
 
-    Without a last good one the ``count`` of samples is so large that every change passes, unless the ``least`` rate is tiny.
+    Without a last good value, the ``count`` of samples is so large that every change passes, unless the ``least`` rate is tiny.
     """
     used, first = [*tests], [] if any("c->" in test for test in tests) else ["(void)c;"]
     if slow:
@@ -545,7 +548,7 @@ def _check(printed: Printed, function: str, told: str, tests: list[str], slow: l
 
 
 def shell_readme(printed: Printed) -> str:
-    """The section of README.md on a shell, after that on outages; empty without one."""
+    """The section of README.md on a shell, which follows the section on outages; empty without a shell."""
     around, macro, T = printed.contents.around, printed.macro, printed.contents.sample_time
     if around is None:
         return ""
@@ -595,8 +598,7 @@ def shell_readme(printed: Printed) -> str:
 
 
 def _timed(printed: Printed) -> dict[str, str]:
-    """The parts of one sample and the function of a call, for a shell with a timer, whose time determines the samples of a
-    call."""
+    """The parts of one sample and the function of a call, for a shell with a timer, which determines the samples of a call."""
     longest, around = f"{printed.macro}_LONGEST_OUTAGE", printed.contents.around
     wrong = [
         f"if (c->outage < {longest}) {{",
@@ -620,7 +622,7 @@ def _timed(printed: Printed) -> dict[str, str]:
 
 
 def _untimed(printed: Printed) -> dict[str, str]:
-    """Without a timer, when a call is a sample, and a wrong time is reported."""
+    """The parts without a timer: each call is a sample, and a wrong time is only reported."""
     return {
         "step": _ONE_CALL.format(name=printed.name),
         "clock_test": _CLOCK.format(**_names(printed)),

@@ -1,4 +1,4 @@
-"""The self-test of a case's shell: which samples are accepted, the end of an outage, the return, and the timer."""
+"""The self-test of the shell of a case: which samples are accepted, the end of an outage, the return, and the timer."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from barbalat.lowering import c99
 from barbalat.validate import Array
 
 BEYOND_RATE = 1.5
-"""A multiple of a channel's allowed change per sample that is rejected at once and accepted after one miss."""
+"""Multiple of the allowed change per sample that is rejected at first and accepted after one miss."""
 
 MOST_MADE_UP = 10_000
-"""Largest number of missed calls for which the test checks the longest time between two calls, because it runs them and float32
-must resolve them."""
+"""Largest number of missed calls for which the test checks the longest time between two calls, because it makes these calls and
+float32 must resolve them."""
 
 
 def shell_tests(printed: Printed) -> str:
@@ -83,7 +83,7 @@ def _off(band: float, T: float) -> float:
 
 
 def jitter(printed: Printed) -> tuple[str, str]:
-    """A late time between two calls, and its status: within the band, if there is one."""
+    """A late time between two calls, within the band if there is one, and its status."""
     around = printed.contents.around
     if around is None or around.band is None:
         return f"2 * {printed.macro}_SAMPLE_TIME", f"{printed.macro}_WRONG_SAMPLE_TIME"
@@ -105,14 +105,14 @@ def fallen(printed: Printed, last: str) -> str:
 
 
 def alone_of(printed: Printed) -> str:
-    """The baseline's own output, if it is the fallback."""
+    """The output of the baseline, if it is the fallback."""
     terms = baseline_terms(printed, "c.")
     return f"const {printed.real} alone[] = {{ {', '.join(terms)} }};" if terms else ""
 
 
 def _checked(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, ...], ...], tuple[Array, ...]]]:
-    """For measurements and for commands: the input's member, the status, the simulation's samples, the places with a range and
-    with a rate, and the limits."""
+    """For measurements and for commands: the input member, the status, the samples of the simulation, the positions with a range
+    and with a rate, and the limits."""
     around, vectors, x = printed.contents.around, printed.contents.vectors, printed.measured
     assert around is not None
     of_commands = around.command_low, around.command_high, around.command_rate
@@ -123,7 +123,7 @@ def _checked(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, .
 
 
 def _ranges(printed: Printed) -> list[str]:
-    """The tests of ranges: the ends are accepted, and the next numbers beyond them are not."""
+    """The tests of ranges: the ends are accepted, and the next numbers beyond them are rejected."""
     lines, number = list[str](), printed.contents.real.numbers
     for member, lost, _, (ranged, _), (lows, highs, _) in _checked(printed):
         for i in ranged:

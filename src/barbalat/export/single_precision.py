@@ -25,7 +25,7 @@ from barbalat.validate import InputError
 VISIBLE_SHARE = 0.01
 """Fraction of the largest |x| that is visible in a plot; rounding to 24 bits changes each number by far less, 6e-8."""
 DECADES = 8
-"""Largest number of decades above the case's gain, or below it if the two already differ there: more than 24 bits can
+"""Largest number of decades above the gain of the case, or below it if the two runs already differ there; more than 24 bits can
 resolve."""
 GAINS = ("gamma", "covariance0")
 """The names of the laws' initial gains."""
@@ -38,9 +38,9 @@ HALVINGS = 3
 class PrecisionLimit:
     """The gain at which float32 and float64 differ visibly, for one controller.
 
-    setting  the gain's name, and its value in the case
-    apart    by the tried gains, the largest difference of the plant's state divided by its largest value
-    at       the lowest tried gain at which they differ visibly; None if there is none
+    setting  name of the gain, and its value in the case
+    apart    by tried gain, the largest difference of the plant's state divided by its largest value
+    at       the lowest tried gain at which the runs differ visibly; None if there is none
     diverges  the lowest tried gain at which the simulation in 64 bits diverges; None if there is none
     """
 
@@ -64,9 +64,9 @@ class PrecisionLimit:
 def precision_limit(
     problem: TrackingProblem, controller: Controller, simulation: Simulation, *, progress: Progress | None = None
 ) -> PrecisionLimit:
-    """Simulate at increasing gains, both with the 32-bit export in the loop and as usual.
+    """Simulate at increasing gains, with the 32-bit export in the loop and without it.
 
-    Raises InputError for a controller without a gain, and as in ``simulate_export``.
+    Raises InputError for a controller without a gain, and as ``simulate_export`` does.
     """
     found = next((one for one in in_object(controller, ()) if one[0][-1] in GAINS), None)
     if found is None:
@@ -115,7 +115,7 @@ def _downwards(gain: float) -> Iterator[float]:
 
 
 def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
-    """The upper end, at which the two differ visibly, of a narrower range."""
+    """The upper end of a narrower range; at this end the two differ visibly."""
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if parts(middle) else (middle, high)
@@ -123,7 +123,7 @@ def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
 
 
 def _difference(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> float | None:
-    """The largest difference of the plant's state by its largest value; None if the run in 64 bits diverges."""
+    """The largest difference of the plant's state, divided by its largest value; None if the run in 64 bits diverges."""
     (origin,) = simulate(problem, [controller], simulation).values()
     if origin.diverged_at is not None:
         return None

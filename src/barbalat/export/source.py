@@ -22,10 +22,10 @@ from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PA
 from barbalat.validate import Array
 
 ESTIMATE_TOLERANCE = 1e-6
-"""Relative distance by which an estimate may be outside the known set: more than the rounding of a number of 32 bits."""
+"""Relative distance by which an estimate may be outside the known set: more than the rounding error of a 32-bit number."""
 
 BITS_HEADERS = ("stdint", "string")
-"""The library function used by the project's own sin, exp, ...: memcpy, for the bits of a number."""
+"""The library function used by this project's sin, exp, ...: memcpy, for the bits of a number."""
 
 
 def source(printed: Printed) -> str:
@@ -82,7 +82,7 @@ def source(printed: Printed) -> str:
 
 
 def _initial(printed: Printed, row: int, value: float) -> str:
-    """C text of an entry's initial value: a parameter, or the given value."""
+    """C text of the initial value of an entry: a parameter, or the given value."""
     starts = printed.contents.starts
     return printed.parameter(starts[row]) if row in starts else printed.number(value)
 
@@ -128,22 +128,22 @@ def _copied(printed: Printed) -> list[str]:
 
 def _usable_result(printed: Printed) -> str:
     """The condition that every number that a sample computes is in range, and the estimates in their set up to rounding; a set
-    with all its bounds implies the range."""
+    with bounds on all estimates implies the range."""
     contents, theta_hat, bounds = printed.contents, printed.contents.layout.theta_hat, list[str]()
     ends = _estimate_ends(contents)
     for i, (low, high) in enumerate(ends.tolist()):
         text = theta_hat.entry(theta_hat.start + i)
         bounds += [f"{text} >= {c99.constant(low, contents.real)}"] if np.isfinite(low) else []
         bounds += [f"{text} <= {c99.constant(high, contents.real)}"] if np.isfinite(high) else []
-    bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite one does not imply the range
+    bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite bound does not imply the range
     known = {part.name for part in (*stored(contents), *([theta_hat] if bounded else []))}
     tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts if part.name not in known]
     return _all([*tests, *bounds])
 
 
 def stored(contents: Contents) -> list[StatePart]:
-    """The arrays that need no test as results: a sample stores its inputs in them, which were checked before, or counts in them
-    up to a limit."""
+    """The arrays that need no test as results, because a sample stores inputs in them that were already checked, or counts in
+    them up to a limit."""
     layout = contents.layout
     counted = [part for part in layout.parts if part.path == "controller.span" and is_piecewise(contents)]
     return [layout.measured, layout.r, layout.started, *counted]
@@ -158,7 +158,7 @@ def _estimate_ends(contents: Contents) -> Array:
 
 
 def _usable(printed: Printed) -> str:
-    """Checks of the held control, of the stored inputs, of the fade and of the counters."""
+    """C text that checks the held control, of the stored inputs, of the fade and of the counters."""
     held = {part.name: part.size for part in stored(printed.contents) if part.name not in in_own_range(printed.contents)}
     tests = [f"in_range(c->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
     tests += [*(f"in_range(c->{name}, {size})" for name, size in held.items())]
@@ -192,8 +192,8 @@ def _given(printed: Printed) -> list[str]:
 
 
 def _start(printed: Printed) -> str:
-    """Sets everything as at t = 0, with the measured state instead of the case's; learnt values are reset only if they are not
-    kept."""
+    """C text that sets everything as at t = 0, with the measured state instead of the initial state of the case; learnt values
+    are reset only if they are not kept."""
     contents, y = printed.contents, printed.measured
     kept: list[str] = []
     others: list[str] = []
@@ -254,7 +254,7 @@ def header(printed: Printed) -> str:
 
 
 def _place_of_baseline(printed: Printed) -> str:
-    """The place of an external baseline's control; empty for other baselines."""
+    """The position of the control of an external baseline; empty for other baselines."""
     problem = printed.contents.problem
     if not problem.handed_controls:
         return ""
@@ -284,12 +284,12 @@ def _wrong_time(contents: Contents) -> dict[str, str]:
 
 
 def is_piecewise(contents: Contents) -> bool:
-    """Whether the law is a piecewise-constant one, whose estimate is its only feedback."""
+    """Whether the law is piecewise constant, so that its estimate is its only feedback."""
     return isinstance(contents.controller, (L1PiecewiseConstant, L1OutputPiecewiseConstant))
 
 
 def _freezes(contents: Contents) -> dict[str, str]:
-    """The effect of the freeze switch, and the input that is used during a lost measurement."""
+    """The effect of the freeze switch, and the input that is used while a measurement is lost."""
     opens = ". This opens the law's only feedback" if is_piecewise(contents) else ""
     if contents.loop.observer is None:
         return {"predicts_only": opens, "with_what": "the last good measurement and this u"}
@@ -300,7 +300,7 @@ def _freezes(contents: Contents) -> dict[str, str]:
 
 
 def _labelled(printed: Printed, text: str) -> str:
-    """The measurements, with the case's names and units."""
+    """The measurements, with names and units from the case."""
     problem, beside = printed.contents.problem, ""
     if problem.handed_controls:
         beside = f"; then, from place {printed.macro}_U_BASELINE on, the control of the existing loop"
@@ -312,7 +312,7 @@ def _labelled(printed: Printed, text: str) -> str:
 
 
 def channels(printed: Printed) -> list[str]:
-    """The case's name and unit of each measurement; an empty text if it has none."""
+    """The name and unit of each measurement in the case; an empty text if there are none."""
     problem = printed.contents.problem
     labels = problem.measured_labels
     return [readable("" if labels is None else f"{labels.name(i)} {labels.unit(i)}".strip()) for i in range(problem.measured)]

@@ -1,6 +1,6 @@
 """Targets to which a controller can be exported. A target is a folder in this package or in a different distribution.
 
-The folder has a module ``target`` with ``TARGETS``, a tuple of ``Target``s. Another distribution declares its package as an
+The folder has a module ``target`` with ``TARGETS``, a tuple of ``Target``s. A different distribution declares its package as an
 entry point, ``[project.entry-points."barbalat.export_targets"]`` with ``any_name = "its_package"``.
 """
 
@@ -23,7 +23,8 @@ GROUP = "barbalat.export_targets"
 class Request:
     """The request for an export; the fields are the arguments of ``export_controller``.
 
-    warning  a sentence if the case's own run is lost or rejected, else empty; called once the export is known to be possible
+    warning  a function that returns a sentence if the run of the case is lost or rejected, otherwise an empty text; it is called
+             once the export is known to be possible
     """
 
     problem: TrackingProblem
@@ -43,16 +44,16 @@ class Target:
     """One value of ``--target``. Its module imports other modules only when files are made, because the command's help lists all
     targets.
 
-    name      its name in --target
+    name      name in --target
     help      what the user gets, in one phrase
-    files     the files' contents by their names; raises InputError for an unsupported request
-    check     the shell command that checks an export, from the quoted folder and whether it contains the closed loop
-    float32   whether its numbers always have 32 bits
+    files     contents of the files by name; raises InputError for an unsupported request
+    check     the shell command that checks an export, given the quoted folder and whether it contains the closed loop
+    float32   whether numbers always have 32 bits
     parameters  whether numbers of the case can be run-time parameters; FMUs always have them
     handed    whether the control of an external baseline can be an input
-    compiles  whether the files contain binaries for this machine, which ``sources_only`` leaves out
+    compiles  whether the files contain binaries for this machine, which ``sources_only`` omits
     replaced  names of files of an earlier export that are removed even if they are not written again
-    joined    from the folder and the files made, further files that join them with exports already in the folder
+    joined    a function from the folder and the new files to further files that join them with exports already in the folder
     """
 
     name: str
@@ -68,7 +69,7 @@ class Target:
 
 
 def targets() -> dict[str, Target]:
-    """All targets by their names; raises InputError for an entry point that can't be imported."""
+    """All targets by name; raises InputError for an entry point that can't be imported."""
     return {one.name: one for found in slices("barbalat.export", GROUP, "target") for one in found.TARGETS}
 
 

@@ -29,7 +29,7 @@ SHORT_NUMBER_LENGTH = 8
 class Printed:
     """One export with its names in C.
 
-    prefix  the beginning of the functions' names; if empty, it is derived from the controller's name
+    prefix  the beginning of function names; if empty, it is derived from the controller's name
     """
 
     contents: Contents
@@ -37,17 +37,17 @@ class Printed:
 
     @property
     def name(self) -> str:
-        """The prefix of the functions' names."""
+        """The prefix of function names."""
         return self.prefix or prefix_of(self.contents.controller.name)
 
     @property
     def macro(self) -> str:
-        """The prefix of the macros' names."""
+        """The prefix of macro names."""
         return self.name.upper()
 
     @property
     def real(self) -> str:
-        """The type of its numbers."""
+        """The C type of numbers."""
         return self.contents.real.name
 
     @property
@@ -67,7 +67,7 @@ class Printed:
         return f"c->parameter[{self.contents.parameters.index(wanted)}]"
 
     def limit(self, i: int, side: int) -> str:
-        """C text of a limit of the i-th input, side 0 for the lower one, if all inputs have limits."""
+        """C text of a limit on the i-th input, if all inputs have limits; side 0 is the lower limit."""
         assert self.contents.saturation is not None
         open_one = next((one for one in self.contents.parameters if one.limit == (i, side)), None)
         return self.number(self.contents.saturation[side, i]) if open_one is None else self.parameter(open_one)
@@ -87,7 +87,7 @@ class Printed:
 
     @property
     def origin(self) -> str:
-        """The program that made the files, and their source, for a comment of C."""
+        """The program that made the files, and their source, for a C comment."""
         return self.told_origin(comment)
 
     def told_origin(self, written: Callable[[str], str]) -> str:
@@ -100,7 +100,7 @@ class Printed:
 
     @property
     def _scheme(self) -> str:
-        """The scheme's name in case files; a class from outside has its own."""
+        """The name of the scheme in case files; for a class from outside, the class name."""
         controller = self.contents.controller
         kind = type(controller.controller if isinstance(controller, Sampled) else controller)
         named = {settings: name for name, settings in (*SCHEMES.items(), *OUTPUT_SCHEMES.items())}
@@ -122,13 +122,13 @@ def filled(template: str, /, **given: object) -> str:
 
 
 def comment(text: str) -> str:
-    """The text in ASCII, such that it can neither end a comment of C nor continue it on the next line."""
+    """The text in ASCII, such that it can neither end a C comment nor continue it on the next line."""
     powers = _RAISED.sub(lambda found: f"^{normalize('NFKD', found[0])}", normalize("NFD", text))
     return readable("".join(map(_in_ascii, powers)))
 
 
 def readable(text: str) -> str:
-    """The same text with all its characters, for Markdown."""
+    """The text with all its characters, for Markdown."""
     return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
 
 
@@ -164,7 +164,7 @@ _LETTERS = {
     "°": "deg", "µ": "u", "Ω": "Ohm", "·": "*", "⋅": "*", "×": "*", "−": "-", "–": "-", "√": "sqrt", "’": "'", "\u0307": "_dot",
     "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "ł": "l", "Ł": "L",
 }  # fmt: skip
-"""Replacements of signs of units, a derivative's dot, and letters that do not consist of a different letter and an accent."""
+"""Replacements for unit signs, the dot of a derivative, and letters that are not another letter with an accent."""
 
 
 def indented(lines: Iterable[str], by: int = 4) -> str:

@@ -1,8 +1,9 @@
 """Test vectors selected for the faults that they detect: single samples from states that a simulation may never reach.
 
-Candidates are drawn around the simulation's samples: states scaled, at rest, partly zero of either sign, estimates on the faces
-of the known set, frozen, before the first sample; and for each comparison of the list the places where its sides are equal or
-neighbours, found by bisection. A candidate is kept if it detects a mutant of the list that no earlier vector detected.
+Candidates are drawn around the samples of the simulation: scaled states, states at rest, states with zeros of either sign,
+estimates on the faces of the known set, frozen states, and states before the first sample. For each comparison in the list,
+candidates at which its sides are equal or neighbouring numbers are found by bisection. A candidate is kept if it detects a mutant
+of the list that no earlier vector detected.
 """
 
 from __future__ import annotations
@@ -27,29 +28,29 @@ from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PA
 from barbalat.validate import Array
 
 ROUNDS = 40
-"""Largest number of rounds of candidates; with the next constants it is the budget of the search."""
+"""Largest number of rounds of candidates; together with the next constants, it is the budget of the search."""
 WORK = 12000
 """Operations of the list times rounds after which the search of a long list ends, after at least ten rounds."""
 MORE_ROUNDS = 40
 """Further rounds, with ``MORE_PAIRS`` times as many pairs, if more than the fraction ``WEAK`` of the mutants are undecided."""
 WEAK, MORE_PAIRS = 0.03, 4
 FEW = 20
-"""Largest number of remaining mutants for which proofs are tried again with a larger budget."""
+"""Largest number of remaining mutants for which proofs are attempted again with a larger budget."""
 PROVEN_AFTER = 2
-"""Rounds after which proofs are tried for the remaining mutants."""
+"""Number of rounds after which proofs are attempted for the remaining mutants."""
 CANDIDATES = 384
 """Number of candidates in a round."""
 PAIRS = 6
-"""Number of pairs, in every second round, between which a comparison's sides are made equal."""
+"""Number of pairs, in every second round, between which the sides of a comparison are made equal."""
 BEGUN = 6
-"""Number of columns of a round at which a remaining fault changes a value, and whose neighbours become candidates of the next
+"""Number of columns per round, at which a remaining fault changes a value, whose neighbours become candidates of the next
 round."""
 WIDE = 7.0
-"""Decades by which the entries of some columns are scaled, for steps far outside the known set, whose projection is rounded."""
+"""Decades by which the entries of some columns are scaled, for steps far outside the known set, where the projection rounds."""
 HALVINGS = 64
 """Number of bisections between the two columns of a pair: more than a number has bits."""
 TOLERATED = ESTIMATE_TOLERANCE / 2
-"""Relative distance of an estimate outside its set here: half of what the exported C tolerates."""
+"""Relative distance by which an estimate may be outside its set here: half of what the exported C tolerates."""
 COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
 
 
@@ -57,15 +58,16 @@ COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
 class Vectors:
     """Single samples, one per column, and the faults that they detect.
 
-    states    (S, D) flat states before
+    states    (S, D) flat states before the sample
     measured, commands  (y, D), (q, D)
-    parameters  (P, D) the parameters set
+    parameters  (P, D) parameters that are set
     freeze    (D,)
-    after     (S, D) flat states after
-    mutants   of the list
-    missed    mutants that neither these nor the simulation's samples detect, each with the proof of its equivalence, or empty
-    missed_by_the_run  mutants that the simulation's samples do not detect
-    outcomes  of choices in the list: the number that these and the simulation's samples take, and the total
+    after     (S, D) flat states after the sample
+    mutants   mutants of the list
+    missed    mutants that are detected neither by these samples nor by those of the simulation, each with the proof of its
+              equivalence, or an empty text
+    missed_by_the_run  mutants that are not detected by the samples of the simulation
+    outcomes  outcomes of choices in the list: the number taken by these and the simulation's samples, and the total
     """
 
     states: Array
@@ -89,12 +91,12 @@ class Vectors:
 
 @lru_cache(maxsize=2)
 def chosen(contents: Contents) -> Vectors:
-    """The vectors of one export; repeated calls give the same ones."""
+    """The vectors of one export; repeated calls give the same vectors."""
     return _Search(contents).run()
 
 
 def _faults(left: Sequence[Mutant]) -> int:
-    """The number of mutants that differ elsewhere than at ties."""
+    """The number of mutants that differ not only at ties."""
     return sum(not one.tie for one in left)
 
 
@@ -161,7 +163,7 @@ class _Search:
         return _faults(left) > WEAK * (_faults(every) - _faults(list(proofs)))
 
     def _proofs(self, left: Sequence[Mutant], most_cases: int = CASES) -> dict[Mutant, str]:
-        """The mutants among these that are proven equivalent."""
+        """The mutants, among the given ones, that are proven equivalent."""
         contents, most = self.contents, float(self.numbers(self.contents.range))
         y, q, _, _ = contents.sizes
         anything = Interval(-most, most)
@@ -178,12 +180,12 @@ class _Search:
         prover = Prover(contents.step, within, contents.real, self.rows, most_cases, self._ordered())
         last_first = sorted(
             left, key=lambda one: -one.place
-        )  # first the faults on which few operations depend, whose proofs are cheap
+        )  # first the faults on which few operations depend, because their proofs are cheap
         found = {one: proof for one in last_first if (proof := prover.proof(one))}
         return {one: found[one] for one in left if one in found}
 
     def _ordered(self) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-        """Pairs of inputs of the list that are parameters and of which the first is at most the second."""
+        """Pairs of list inputs that are parameters and whose first member is at most the second."""
         contents, at = self.contents, dict[float, list[tuple[int, int]]]()
         for kind, entry in sources(contents.step):
             if kind == PARAMETER and not isinstance(one := contents.fed(entry), float):
@@ -280,7 +282,7 @@ class _Search:
         return self._of_sets(columns, base)
 
     def _frozen(self, count: int, share: float) -> Array:
-        """The freeze switch, which is on in this fraction; with an observer it has two values for "on"."""
+        """The freeze switch, which is on in this fraction of the columns; with an observer, it has two values for "on"."""
         found, lost = (self.random.random(count) < share).astype(float), self.contents.lost
         return found if lost == 1 else found * self.random.choice([1.0, lost], size=count)
 
@@ -311,7 +313,7 @@ class _Search:
         same &= random.random(count) < 0.7
         rows = [self.place[row] for row in last.rows]
         columns[rows] = np.where(same, columns[now], columns[rows])
-        shape, slow = columns[now].shape, random.random(count) < 0.4  # with a predictor that is nearly right: small errors
+        shape, slow = columns[now].shape, random.random(count) < 0.4  # with a nearly correct predictor: small errors
         for part in layout.parts:
             if part.shape == last.shape and part not in (layout.u, layout.theta_hat):
                 near = columns[now] * (1 + 10.0 ** random.uniform(-6, 0, count) * random.normal(size=shape))
@@ -323,7 +325,7 @@ class _Search:
         return columns
 
     def _parameters(self, count: int) -> Array:
-        """Parameters of the case, some of them changed a little or a lot, or set to zero of either sign."""
+        """Parameters of the case, some of them changed slightly or strongly, or set to a zero of either sign."""
         if not len(self.set):
             return np.zeros((0, count))
         random, shape = self.random, (len(self.set), count)

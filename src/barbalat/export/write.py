@@ -36,26 +36,26 @@ def export_controller(
 ) -> Path:
     """Write a sampled controller as source code that computes the same as the simulation, bit for bit; returns the folder.
 
-    problem, simulation  the case whose first samples become the export's test vectors
-    controller           a sampled one; a continuous one is rejected
-    out                  the folder; an existing export there is replaced completely
-    target               "c99": ``controller.h``, ``controller.c``, ``selftest.c``, ``README.md``; "fmu2", "fmu3": a unit for
-                         Co-Simulation by FMI 2.0 or 3.0, whose gains, limits and initial estimates are parameters;
-                         "ardupilot": a backend of AC_CustomControl for one axis, in 32 bits;
-                         "rust": the C in a crate without dependencies, with a safe wrapper
+    problem, simulation  the case whose first samples become the test vectors of the export
+    controller           a sampled controller; continuous controllers are rejected
+    out                  the folder; an existing export in it is replaced completely
+    target               "c99": ``controller.h``, ``controller.c``, ``selftest.c``, ``README.md``; "fmu2", "fmu3": an FMU for FMI
+                         2.0 or 3.0 Co-Simulation, whose gains, limits and initial estimates are parameters; "ardupilot": a
+                         backend of AC_CustomControl for one axis, in 32 bits; "rust": the C in a crate without dependencies, with
+                         a safe wrapper
     float32              numbers of 32 bits; the test vectors are then computed in 32 bits, operation by operation
-    closed_loop          also export the plant and the whole loop: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each
-    place                index of the controller in its case: the parameters of units have the case's paths,
+    closed_loop          also export the plant and the whole loop, as ``plant.h``, ``plant.c`` and ``loop.c`` or as FMUs
+    place                index of the controller in its case; parameters of FMUs are named by their paths in the case, such as
                          ``controller[0].gamma``
     name                 prefix of functions, types, macros and files, so that several exports can be linked; by default the
                          identifiers are derived from the controller's name, and the files have no prefix. C99 exports with
-                         their own names in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
-    parameters           make gains, limits and initial estimates parameters that can be set within their bounds while the C runs;
-                         FMUs always have them as parameters
-    sources_only         FMUs without a binary for this machine, for which a C compiler is needed
-    judge                the judge of the case's own run, as in ``simulate``
-    note                 called with one sentence if the controller is lost in that run, or the shell rejects samples of it; the
-                         README has it as well
+                         different names in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
+    parameters           make gains, limits and initial estimates parameters that can be set within bounds while the C code runs;
+                         in FMUs they are always parameters
+    sources_only         write FMUs without a binary for this machine, which would require a C compiler
+    judge                the judge of the run of the case, as in ``simulate``
+    note                 called with a sentence if the controller is lost in that run or the shell rejects samples of it; the
+                         README also contains the sentence
 
     Raises InputError, and leaves no files behind, if the export is impossible.
     """

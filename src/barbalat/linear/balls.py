@@ -1,4 +1,4 @@
-"""Numbers with an error radius, on which NumPy's functions and parsed formulas compute."""
+"""Numbers with an error radius, with which NumPy functions and parsed formulas can compute."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from barbalat.linear.enclosure import power
 from barbalat.validate import Array
 
 BELOW_ZERO = 2.0**-28
-"""How far a ball of nonnegative numbers may extend below zero, relative to its centre: a radius has 30 bits."""
+"""How far a ball of nonnegative numbers may extend below zero, relative to its centre, because a radius has only 30 bits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """A number with an error radius (python-flint's arb), on which NumPy's functions and formulas compute."""
+    """A number with an error radius (python-flint's arb), with which NumPy functions and formulas can compute."""
 
     value: arb
 
@@ -64,8 +64,8 @@ class Ball:
     __radd__, __rmul__ = __add__, __mul__
 
     def sqrt(self) -> Ball:
-        """The root; unbounded if the number may be negative, except that an absolute value's ball may extend below zero by
-        rounding."""
+        """The square root; unbounded if the number may be negative, except that the ball of an absolute value may extend below
+        zero by rounding."""
         if self.value.lower() < -BELOW_ZERO * self.value.abs_upper():
             return Ball(arb(0, math.inf))
         return Ball(arb(0).max(self.value.lower()).sqrt().union(arb(0).max(self.value.upper()).sqrt()))

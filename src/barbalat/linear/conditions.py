@@ -1,4 +1,4 @@
-"""Conditions on matrices: Hurwitz and controllable, in balanced coordinates; provably definite, in ball arithmetic."""
+"""Conditions on matrices: Hurwitz and controllable (in balanced coordinates), and provably definite (in ball arithmetic)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from barbalat.validate import Array, InputError, show
 
 
 def balance(A: Array) -> tuple[Array, Array]:
-    """(S^-1 A S, s) with S = diag(s) of powers of two, so nothing is rounded. Fast states then do not dominate the
+    """(S^-1 A S, s) with S = diag(s) of powers of two, so nothing is rounded. After balancing, fast states do not dominate the
     norm."""
     from scipy.linalg import matrix_balance
 
@@ -57,7 +57,7 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
     norm = float(np.linalg.norm(balanced, 2))
     for eigenvalue in np.linalg.eigvals(balanced):
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
-        # a factor of 100 because the eigenvalue itself has a few rounding errors
+        # a factor of 100 because the eigenvalue also has a few rounding errors
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
             raise InputError.of(
                 fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
@@ -65,7 +65,7 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
 
 
 def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex | None:
-    """An eigenvalue of A whose mode is not observable in y = C x, beyond rounding; None if there is none.
+    """An eigenvalue of A whose mode is not observable in y = C x, beyond rounding; None if all modes are observable.
 
     stable_too  whether modes in Re s < 0 are included; without them this is a test of detectability
     """

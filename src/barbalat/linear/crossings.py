@@ -1,5 +1,5 @@
-"""All frequencies at which a linear loop's response crosses the unit circle or the real axis; none between grid points is
-missed.
+"""All frequencies at which a linear loop's response crosses the unit circle or the real axis; crossings between grid points are
+not missed.
 
 Source: the crossings are zeros of 1 - L(-s)L(s) and of L(s) - L(-s) on the imaginary axis, as in Boyd, Balakrishnan, Kabamba
 (1989).
@@ -40,7 +40,7 @@ class Crossings:
         the poles.
 
         The zeros cover the frequencies between grid points; the grid covers rounding errors of zeros near lightly damped poles.
-        Both are bracketed and refined on the function itself, so no spurious crossing is returned.
+        Both kinds are bracketed and refined on the function itself, so no spurious crossing is returned.
         """
         from scipy.optimize import brentq
 
@@ -54,23 +54,23 @@ class Crossings:
             left, right = float(points[k]), float(points[k + 1])
             if at(left) * at(right) < 0:
                 found.append(float(brentq(at, left, right, xtol=1e-300, rtol=1e-13)))
-            else:  # single values differ from the grid's in the last bits, which determine the sign near a zero
+            else:  # single values differ from those on the grid in the last bits, which determine the sign near a zero
                 found.append(min(left, right, key=lambda w: abs(at(w))))
         return sorted(found)
 
 
 _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
-"""Relative distances around a computed zero; they bracket the true one whatever the rounding error."""
+"""Relative distances around a computed zero; they bracket the true zero whatever the rounding error."""
 
 
 _ROUNDING = 1e-15
-"""Relative distance within which a pole counts as on the axis, and a frequency as at the pole."""
+"""Relative distance within which a pole counts as being on the axis, and a frequency as being at the pole."""
 
 
 _LARGE_RESPONSE = 1e3
-"""The ratio by which a response keeps growing towards lower frequencies if L is c/s or c/s^2 there."""
+"""Growth ratio that shows that L is c/s or c/s^2 towards lower frequencies."""
 _LEAST_SHARE = 1e-15
-"""Fraction of the lowest frequency: below it, rounding errors of an integrator exceed the other poles' responses."""
+"""Fraction of the lowest frequency below which rounding errors of an integrator exceed the responses of the other poles."""
 
 
 def frequency_grid(loop: StateSpace) -> Array:
@@ -92,9 +92,10 @@ def frequency_grid(loop: StateSpace) -> Array:
 
 
 def _below(loop: StateSpace, lowest: float) -> Array:
-    """Frequencies below ``lowest`` down to where an integrator has made the response large; none if it is already large.
+    """Frequencies below ``lowest``, down to where an integrator has made the response large; none if the response is already
+    large.
 
-    A slow integrator with fast poles crosses the unit circle far below all of them.
+    The response of a slow integrator with fast poles crosses the unit circle far below all these poles.
     """
     sizes = np.abs(np.linalg.eigvals(loop.A))
     at_lowest = float(np.abs(loop.response(np.array([lowest])))[0])
@@ -121,7 +122,7 @@ def _imaginary_part(loop: StateSpace) -> StateSpace:
 
 
 def zeros(system: StateSpace) -> Array:
-    """The system's finite zeros, as generalised eigenvalues of its pencil; rounding may add very large ones."""
+    """The finite zeros of the system, as generalised eigenvalues of its pencil; rounding may add very large ones."""
     from scipy.linalg import eig
 
     n = system.order
@@ -135,5 +136,5 @@ def zeros(system: StateSpace) -> Array:
 def axis_zeros(system: StateSpace) -> Array:
     """The positive w near which the system vanishes at s = j w."""
     found = zeros(system)
-    # a wide band, because a spurious zero costs some evaluations, but a missed one gives a wrong margin
+    # a wide band, because a spurious zero costs only a few evaluations, but a missed zero gives a wrong margin
     return np.asarray(found[(np.abs(found.real) <= 1e-3 * np.abs(found)) & (found.imag > 0)].imag)

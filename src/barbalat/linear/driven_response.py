@@ -16,9 +16,10 @@ MOST_INSTANTS = 20_000
 def driven_response(
     A: Array, B: Array, C: Array, x0: Array, signals: Sequence[Signal], t_end: float, steps: int
 ) -> tuple[Array, Array]:
-    """Instants (K,) from 0 to ``t_end`` [s], and the output C x at each, (K, outputs), of x' = A x + B [signals], x(0) = x0.
+    """Return instants (K,) from 0 to ``t_end`` [s], and the output C x at each, (K, outputs), of x' = A x + B [signals], x(0) =
+    x0.
 
-    There are ``steps`` intervals, or MOST_INSTANTS if that is fewer.
+    There are ``steps`` intervals, but at most MOST_INSTANTS.
     """
     t = np.linspace(0.0, t_end, min(steps, MOST_INSTANTS) + 1)
     driven = np.stack([signal_values(signal, t) for signal in signals], axis=1)
@@ -32,10 +33,10 @@ def driven_response(
 
 
 def _over_an_interval(A: Array, B: Array, dt: float) -> tuple[Array, Array, Array]:
-    """The factors, as rows, of the state and of the signals' values at both ends of an interval.
+    """The factors, as rows, of the state and of the signal values at both ends of an interval.
 
-    By one exponential of the system augmented with its signals and their slopes (Van Loan 1978). SciPy's ``lsim`` gives the
-    same bits, but its module takes half a second to import, an eighth of a command's time.
+    They follow from one exponential of the system augmented with its signals and their slopes (Van Loan 1978). SciPy's ``lsim``
+    gives the same bits, but its module takes half a second to import, one eighth of the time of a command.
     """
     from scipy.linalg import expm
 

@@ -1,4 +1,4 @@
-"""A number known to be between two floats, and rounding outward."""
+"""Numbers known to lie between two floats, and outward rounding."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from flint import arb
 class Enclosure:
     """An interval that provably contains a norm, and how it was obtained.
 
-    `lower` and `upper` are rounded outward: lower <= true value <= upper. `converged` says whether the
-    requested relative width was reached within the work limit; the interval is valid either way.
-    `sign_changes` counts the sign changes located, `segments` the pieces of time integrated (both over all
-    channels and attempts), `precision_bits` is the largest working precision used.
+    `lower` and `upper` are rounded outward: lower <= true value <= upper. `converged` says whether the requested relative width
+    was reached within the work limit; the interval is valid either way. `sign_changes` counts the sign changes located,
+    `segments` the integrated pieces of time (both over all channels and attempts), and `precision_bits` is the largest working
+    precision used.
     """
 
     lower: float
@@ -27,7 +27,7 @@ class Enclosure:
 
     @property
     def ends(self) -> dict[str, float]:
-        """Both ends, by name, as in the certificate's block for a norm."""
+        """Both ends, by name, as in the block for a norm in the certificate."""
         return {"lower": self.lower, "upper": self.upper}
 
     @property
@@ -42,7 +42,7 @@ class Enclosure:
 
 
 def power(value: arb, exponent: int) -> arb:
-    """value**exponent. For a ball around zero python-flint's own power is NaN, whatever the radius."""
+    """value**exponent. For a ball around zero, the power function of python-flint returns NaN, whatever the radius."""
     if exponent <= 0 or value.mid() != 0:
         return value**exponent
     end = value.abs_upper() ** exponent
@@ -50,12 +50,12 @@ def power(value: arb, exponent: int) -> arb:
 
 
 def float_above(value: arb) -> float:
-    """Return the float nearest above every point of the ball; ArithmeticError for an indeterminate ball."""
+    """Return the float nearest above every point of the ball; raises ArithmeticError for an indeterminate ball."""
     return 0.0 - float_below(-value)  # 0.0 - 0.0 is +0.0; a sign change would give -0.0
 
 
 def float_below(value: arb) -> float:
-    """Return the float nearest below every point of the ball; ArithmeticError for an indeterminate ball."""
+    """Return the float nearest below every point of the ball; raises ArithmeticError for an indeterminate ball."""
     if not value.is_finite():
         raise ArithmeticError("the ball is not finite and has no enclosing floats")
     bound = value.lower()

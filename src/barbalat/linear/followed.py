@@ -1,8 +1,8 @@
-"""The response of a linear system to a known signal, enclosed for all times up to an end: Taylor polynomials on short steps.
+"""The response of a linear system to a known signal, enclosed for all times up to an end by Taylor polynomials on short steps.
 
-A signal that is a sum of sines, or linear between instants, is the output of a linear system that restarts at each bend. With
-that system's states included, the response is c e^(At) z, computed in ball arithmetic; on each step the Bernstein coefficients of
-the Taylor polynomial, and its remainder, bound the outputs (docs/proofs.md, "Along the command").
+A signal that is a sum of sines, or linear between instants, is the output of a linear system that restarts at each bend. With the
+states of that system included, the response is c e^(At) z, computed in ball arithmetic. In each step, the Bernstein coefficients
+and the remainder of the Taylor polynomial bound the outputs (docs/proofs.md, "Along the command").
 """
 
 from __future__ import annotations
@@ -20,15 +20,17 @@ from barbalat.validate import Array, InputError
 
 FIRST_BITS, MOST_BITS = 192, 3072
 MOST_STEPS = 2000
-"""Largest number of steps; they take some seconds for ten states."""
+"""Largest number of steps; so many take several seconds for ten states."""
 MISSED = 2.0**-60
-"""Admissible remainder of a step's Taylor polynomial relative to the outputs, far below the printed digits of a certificate."""
+"""Admissible remainder of the Taylor polynomial of a step, relative to the outputs, far below the printed digits of a
+certificate."""
 SHORTEST_STEP = 2.0**-40
-"""Shortest step [s]. If a shorter one is needed, the cause is the balls' radii, and the precision is increased."""
+"""Shortest step [s]. If a shorter step is needed, the cause is the radii of the balls, and the precision is increased."""
 GROWTH_ROOM = 0.5
-"""Addition to the growth rate of the matrix of magnitudes [1/s], which keeps the components' weights within a moderate range."""
+"""Addition to the growth rate of the matrix of magnitudes [1/s], which keeps the weights of the components within a moderate
+range."""
 SPREAD = 2.0**-30
-"""Admissible radius of the state's balls, relative to the state; beyond it the precision is increased."""
+"""Admissible radius of the balls of the state, relative to the state; beyond it the precision is increased."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,11 @@ class Motion:
 
 
 class Followed(NamedTuple):
-    """The response up to the end of the signal's pieces, and the numbers that are needed to compute it again.
+    """The response up to the end of the last piece of the signal, and the numbers needed to recompute it.
 
-    bounds   for each step an array (outputs, 25), whose rows' largest entries bound the outputs; the entries are Bernstein
-             coefficients, so that sums of magnitudes of outputs can be bounded entry by entry too
-    steps    the durations [s] of each piece's steps except the last, which ends with the piece
+    bounds   for each step an array (outputs, 25), in which the largest entry of each row bounds an output. The entries are
+             Bernstein coefficients, so sums of magnitudes of outputs can also be bounded entry by entry
+    steps    the durations [s] of the steps of each piece, except the last step, which ends with the piece
     weights  v > 0 of ``growth``
     bits     the precision
     """
@@ -129,7 +131,7 @@ class _Steps:
         return float_above(max((abs(one) / v).upper() for one, v in zip(z.entries(), self.weights, strict=True)))
 
     def _longest(self, beyond: float) -> float | None:
-        """The longest power of two with a small remainder, at most twice the last step; None if rounding prevents it."""
+        """The longest power of two with a small remainder, at most twice the last step; None if rounding errors prevent it."""
         step, size = 2 * self.step, float(self.growth)
         scale = max(self.largest, self.first)
         room = math.log(MISSED * scale / self.gain) if self.gain * scale > 0 else math.inf
@@ -162,7 +164,7 @@ def growth(A: arb_mat) -> tuple[list[arb], arb]:
     """v > 0 and mu >= 0 with M v <= mu v, where M is A with the magnitudes of its off-diagonal entries.
 
     |e^(As) z| <= e^(mu s) max_i(|z_i|/v_i) v then holds in every component: the right side grows faster than any |z_i|. Any v > 0
-    is valid. Its entries are powers of two, so the last digits of LAPACK, which differ between processors, do not affect the
+    is valid. Its entries are powers of two, so that the last digits of LAPACK, which differ between processors, do not affect the
     bound.
     """
     M = np.array([[float(one) for one in row] for row in A.tolist()])

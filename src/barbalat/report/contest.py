@@ -67,7 +67,7 @@ def summary(found: Contest) -> list[list[str]]:
 
 
 def failures(found: Contest) -> list[list[str]]:
-    """Return a row for each entrant that meets the rule: failed runs, with the upper end of their share; diverged runs; runs
+    """Return a row for each entrant that meets the rule: failed runs, with the upper end of their fraction; diverged runs; runs
     that do not tolerate the delay and gains of the rule."""
     rows = []
     for name, held in found.held_out.items():
@@ -79,8 +79,8 @@ def failures(found: Contest) -> list[list[str]]:
 
 
 def margins(found: Contest) -> list[list[str]]:
-    """Return a row for each entrant: on the worst tuning plant the error relative to the model's motion, the margins, and the
-    smallest slack."""
+    """Return a row for each entrant: the error on the worst tuning plant relative to the motion of the model, the margins, and
+    the smallest slack."""
     rows = []
     for one in found.entrants:
         kept = one.margins[found.rule.until]
@@ -102,20 +102,20 @@ def errors(found: Contest) -> list[list[str]]:
 
 
 def pairs(found: Contest, *, neighbours: bool) -> list[list[str]]:
-    """Return a row for each pair of entrants, or with ``neighbours`` for each entrant and the next one only."""
+    """Return a row for each pair of entrants, or, with ``neighbours``, only for each entrant and the next one."""
     names = [one.name for one in found.entrants]
     chosen = [one for one in found.pairs if not neighbours or names.index(one.second) == names.index(one.first) + 1]
     return [[one.first, one.second, *_ratio(one), str(one.better.count), str(one.worse.count)] for one in chosen]
 
 
 def own(found: Contest) -> list[list[str]]:
-    """Return a row for each entrant: the tuning, the quantities that its designers use, and by how much the second half of
-    the trials changed the error."""
+    """Return a row for each entrant: the tuning, the quantities that designers examine, and by how much the second half of the
+    trials improved the error."""
     return [[one.name, tuning(one), _own(one), _settled(one)] for one in found.entrants]
 
 
 def tuning(one: Qualified) -> str:
-    """The numbers that were chosen for an entrant, by name."""
+    """The parameters chosen for an entrant, by name."""
     return ", ".join(f"{name} {value:.4g}" for name, value in one.tuning.items()) or "not tuned"
 
 

@@ -24,8 +24,8 @@ def title(found: Design) -> str:
 
 
 def rows(found: Design) -> list[list[str]]:
-    """Return a row for each scheme and requirement: the required value, the reached value, the fraction of the limit that is
-    used, and the number of validation plants that violate it."""
+    """Return a row for each scheme and requirement: the required value, the achieved value, the used fraction of the limit, and
+    the number of validation plants that violate the requirement."""
     return [_row(found, one, name) for one in found.candidates for name in one.factor]
 
 

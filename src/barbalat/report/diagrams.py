@@ -1,6 +1,6 @@
 """Block diagrams: the L1 output-feedback controller as in the paper's Figure 1, and its equivalent linear controllers.
 
-They are SVG in which text remains text, so a page shows them in its own font and colours.
+They are SVG drawings in which text remains text, so a page shows them in its font and colours.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ RADIUS, BLOCK_HEIGHT = 0.16, 1.1
 WIDTH, UNIT = 14.8, 60.0
 """Width of the drawing in units of length, and pixels per unit."""
 FONT, LABEL, CHARACTER = 17.0, 15.0, 0.6
-"""Largest size of a text and size of a line's label [px]; width of a character, as a fraction of the size, in the widest of the
-usual fonts."""
+"""Largest size of a text and size of a line label [px]; width of a character in the widest of the usual fonts, as a fraction of
+the size."""
 Y_HAT = f"y{HAT}"
 STYLE = (
     f"svg {{ color: #1a1a1a; font: {FONT}px serif }} .adaptive {{ color: {COLOURS[0]} }}"
@@ -40,7 +40,7 @@ Fraction = tuple[str, str]
 
 
 def of_controller(controller: Controller, problem: TrackingProblem) -> str | None:
-    """The block diagram of a scheme that has one, of L1 output feedback, as SVG."""
+    """The block diagram of a scheme that has one (L1 output feedback), as SVG."""
     # only this scheme has a diagram, which is drawn block by block
     if isinstance(controller, L1Output) and isinstance(problem, OutputProblem):
         return l1_output(controller, problem.plant)
@@ -48,7 +48,7 @@ def of_controller(controller: Controller, problem: TrackingProblem) -> str | Non
 
 
 def l1_output(controller: L1Output, plant: OutputPlant) -> str:
-    """Draw three loops, one below the other: the scheme, its equivalent inside the bounds of sigma, and its limit of fast
+    """Draw three loops, one below another: the scheme, its equivalent inside the bounds of sigma, and its limit for fast
     adaptation. Return the SVG."""
     inside = "inside the bounds of sigma" if controller.sigma_bound is not None else "everywhere, because sigma has no bounds"
     scheme = BlockDiagram(f"{controller.name}: the closed loop, as in Figure 1", top=4.1)
@@ -161,7 +161,7 @@ class BlockDiagram:
         self.line([start, end], arrow=True, label=label, colour=colour, sign=sign)
 
     def line(self, points: Sequence[Point], *, arrow: bool, label: str = "", colour: str = "", sign: str = "") -> None:
-        """Draw a line through the points, with the label at the middle of the first segment and the sign at the arrow's end."""
+        """Draw a line through the points, with the label at the middle of the first segment and the sign at the arrowhead."""
         pixels = [self._at(point) for point in points]
         self._add(f'<path class="line" d="M{"L".join(f"{x:g} {y:g}" for x, y in pixels)}"/>', colour)
         (x_0, y_0), (x_1, y_1) = pixels[-2], pixels[-1]

@@ -50,7 +50,7 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
-    """Return a row for each controller through one failure, sorted by losses and then by error."""
+    """Return a row for each controller through one failure, sorted first by losses and then by error."""
     return [
         [
             one.controller,
@@ -92,7 +92,7 @@ def _number(value: float, digits: int = 2) -> str:
 
 
 def losses(found: DispersedComparison) -> list[list[str]]:
-    """Return a row for each controller: the number of its lost flights, in total and for each failure."""
+    """Return a row for each controller: the number of lost flights, in total and for each failure."""
     counted = {one: dict.fromkeys(found.evidence.by_failure, 0) for one in found.evidence.lost}
     for failure, several in found.evidence.by_failure.items():
         for flown in several:
@@ -107,7 +107,7 @@ def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
 
 def verdicts(found: DispersedComparison) -> list[str]:
     """Return a sentence for each failure: the controller with the fewest losses, and the controllers that are significantly
-    better or worse than the vehicle's reference controller, by losses and by error."""
+    better or worse than the reference controller of the vehicle, by losses and by error."""
     said, beside = [], found.campaign.vehicle.drawing.beside[0]
     for failure, several in found.evidence.by_failure.items():
         least = several[0].lost.count
@@ -160,7 +160,7 @@ def _range(name: str, one: Uniform, unit: str) -> str:
 
 
 def as_document(found: DispersedComparison) -> dict[str, Any]:
-    """The document of ``fly --dispersions --json``: everything in the tables, and its sources."""
+    """The document of ``fly --dispersions --json``: everything in the tables, and where it comes from."""
     identity, vehicle = found.campaign.identity(), found.campaign.vehicle
     travel, _ = vehicle.drawing.travel
     packages = (vehicle.simulator, "numpy", "scipy")

@@ -32,7 +32,7 @@ def _finite(part: Any) -> Any:
 
 
 def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
-    """Return the sentences of the paper, each with the finding of its row or of that part of the row that the sentence states."""
+    """Return the sentences of the paper, each with the finding of its row, or of the part of the row that the sentence states."""
     from barbalat.papers.finding import Unmeasured
 
     measured, found = {claim.id: claim for claim in claims}, []
@@ -47,7 +47,7 @@ def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
 
 
 def by_side(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
-    """Return, for the beginning of the lines of each side of the dispute, the findings of its rows."""
+    """Return, for each side of the dispute, the findings of its rows, keyed by the beginning of its lines."""
     found: dict[str, Counter[Finding]] = {}
     for claim in claims:
         side = "statements of ours" if claim.ours else claim.sentence.source.side
@@ -58,7 +58,7 @@ def by_side(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
 def reproduction_document(
     paper: Paper, figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
 ) -> dict[str, Any]:
-    """The contract's document of ``reproduce --json``."""
+    """The document of ``reproduce --json``."""
     return {
         "figures": {figure.key: figure.as_json() for figure in figures},
         "claims": [claim.as_json() for claim in claims],
@@ -71,10 +71,10 @@ def reproduction_document(
 def run_document(
     case: str, results: Sequence[Result], certified: Certified | None, in_the_loop: Mapping[str, Mapping[str, Any]] | None = None
 ) -> dict[str, Any]:
-    """Return the contract's document of ``run --json``.
+    """Return the document of ``run --json``.
 
-    Further keys are the numerics, the certificates if they were made, the derived known set, the differences of a truth from
-    the design, and the results of ``--sil`` for each controller.
+    Further keys contain the numerics, the certificates if they were computed, the derived known set, the differences between
+    truth and design, and the results of ``--sil`` for each controller.
     """
     return {
         "case": case,
@@ -87,7 +87,7 @@ def run_document(
 
 
 def run_block(result: Result) -> dict[str, Any]:
-    """The contract's block for a controller, with the numerics as further keys."""
+    """The block for a controller in the JSON contract, with the numerics as further keys."""
     found = result.stiffness
     check = None if result.check is None else result.check.as_json()
     lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}

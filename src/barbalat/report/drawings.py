@@ -1,4 +1,4 @@
-"""Drawn pictures in the form for pages, and functions that a second process may call to draw them."""
+"""Drawn pictures in the form that pages need, and functions that a second process may call to draw them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class DrawnFile:
     svg: str
 
     def address(self, alone: bool) -> str:
-        """The address of its file or, if ``alone``, a data URL with its content. Characters that would end the URL or its
+        """The address of the file or, if ``alone``, a data URL with its content. Characters that would end the URL or its
         attribute are escaped."""
         if not alone:
             return self.file

@@ -12,7 +12,7 @@ PAGE, RUN, CERTIFICATES = "report.html", "run.json", "certify.json"
 TUNED_CASE = "tuned.toml"
 """The case file that ``tune`` writes."""
 COLUMNS = "datapackage.json"
-"""The description of the CSVs' columns. The standard defines this name."""
+"""The file that describes the columns of the CSVs. A standard defines this name."""
 PICTURE, LOOPS = "comparison", "loops"
 """Names without suffixes: each picture exists in several formats."""
 NARROW = "-narrow"
@@ -24,7 +24,7 @@ more readable."""
 
 
 def table_names(names: Sequence[str]) -> list[str]:
-    """Return the names of the controllers' CSV files. A number makes them unique."""
+    """Return the names of the controllers' CSV files. Numbers make them unique."""
     return [f"{i}-{file_name(name)}.csv" for i, name in enumerate(names, start=1)]
 
 

@@ -19,14 +19,14 @@ from barbalat.vehicles.flight import Failing, Flight
 from barbalat.vehicles.verdicts import said_of
 
 CSV_EVERY = 10
-"""Samples between rows of a CSV: ten rows per second, so a failure's flights take some 100 kB."""
+"""Samples between rows of a CSV: ten rows per second, so the flights through a failure take about 100 kB."""
 
 NAMED_FAILURES = 3
 """Largest number of failures that a title names. All failures of a vehicle would take two lines."""
 
 
 def title(found: FlightComparison) -> str:
-    """Return a title with the controllers and the failures. It names a few failures and counts more."""
+    """Return a title with the controllers and the failures. It names a few failures; if there are more, it gives their number."""
     names = [one.name for one in found.failures]
     if len(names) <= NAMED_FAILURES:
         return f"{found.name} through {', '.join(names)}"
@@ -55,14 +55,14 @@ def _is_judged(found: FlightComparison) -> bool:
 
 
 def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
-    """Return a row for each controller through one failure, the best first: name, verdict, and the metrics or the reason why
-    control was lost."""
+    """Return a row for each controller through one failure, best first: name, verdict, and the metrics or the reason why control
+    was lost."""
     judged = _is_judged(found)
     return [[one.controller, *([_verdict(one)] if judged else []), *_cells(found, one)] for one in found.through(failure)]
 
 
 def _verdict(flight: Flight) -> str:
-    """The verdict's class, and the error as a fraction of the scale."""
+    """The class of the verdict, and the error as a fraction of the scale."""
     one = flight.verdict
     if one is None or one.error is None or one.kind is Class.LOST:
         return "-" if one is None else str(one.kind)
@@ -117,7 +117,7 @@ def _delay(found: FlightComparison, seconds: float) -> str:
 
 
 def best_and_worst(found: FlightComparison, failure: Failing) -> str:
-    """Return a text that names the best and the worst controller of those that kept control."""
+    """Return a text that names the best and the worst of the controllers that kept control."""
     kept = [flight for flight in found.through(failure) if not flight.lost]
     if not kept:
         return "no controller kept control"
@@ -134,7 +134,7 @@ def facts(found: FlightComparison) -> list[tuple[str, str]]:
 
 
 def _in_the_loop(found: FlightComparison) -> list[str]:
-    """Return one sentence on all exported controllers that equal their simulation, and one on each that does not."""
+    """Return one sentence on all exported controllers that equal their simulation, and one on each controller that does not."""
     agreements = found.agreements or {}
     equal = {name: one for name, one in agreements.items() if one.equal and not one.refused}
     several = "every controller" if len(equal) == len(agreements) else f"{len(equal)} of {len(agreements)} controllers"

@@ -1,4 +1,4 @@
-"""An identification on the screen."""
+"""The screen of an identification."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def sentence(found: Identification) -> str:
 
 
 def equation(found: Identification) -> str:
-    """Return the equation of the printed coefficients. With an offset, its constants are those at the means of the samples."""
+    """Return the equation of the printed coefficients. With an offset, its constants apply at the means of the samples."""
     return "x' = A x + B u" if found.reference is None else "x' = A (x - mean) + B (u - mean) + constant"
 
 

@@ -21,13 +21,13 @@ from barbalat.pictures.theme import NARROW, dash_of
 from barbalat.validate import Array
 
 COLOUR_MAP = "viridis"
-"""A colour map of even lightness, readable in grey and with common colour blindness."""
+"""A colour map of uniform lightness, readable in grey and with common forms of colour blindness."""
 DASHES = ("-", "--", ":", "-.")
 MARKS = ("o", "s", "^", "D", "v")
 
 
 def draw(shown: Map, *, narrow: bool = False) -> Figure:
-    """Draw the map as a figure for a page, or with ``narrow`` for a phone."""
+    """Draw the map as a figure for a page, or, with ``narrow``, for a phone."""
     figure = Figure(figsize=(NARROW, 3.9) if narrow else (7, 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
@@ -60,7 +60,7 @@ def draw(shown: Map, *, narrow: bool = False) -> Figure:
 
 
 def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
-    """Draw a line, or marks for a set of points. Both have a white rim, which makes them visible on dark cells."""
+    """Draw a line, or marks for a set of points. Both have a white outline, which makes them visible on dark cells."""
     style = MARKS[k % len(MARKS)] if curve.marks else DASHES[k % len(DASHES)]
     rim = [withStroke(linewidth=3, foreground="white"), Normal()]
     (line,) = axes.plot(curve.x, curve.y, style, color="black", linewidth=1.4, label=curve.label, path_effects=rim)
@@ -79,7 +79,7 @@ PALETTE = (*COLOURS, "black")
 
 
 def draw_chart(shown: Chart, *, narrow: bool = False) -> Figure:
-    """Draw the chart as a figure for a page, or with ``narrow`` for a phone."""
+    """Draw the chart as a figure for a page, or, with ``narrow``, for a phone."""
     figure = Figure(figsize=(NARROW, 4.8) if narrow else (7, 5.2), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -90,7 +90,7 @@ def _typeset(token: re.Match[str]) -> Markup:
 
 
 def _number(token: re.Match[str]) -> Markup:
-    """Set a number such as 1e-4 s with a power of ten, and its unit on the same line."""
+    """Set a number such as 1e-4 s with a power of ten, and keep its unit on the same line."""
     digits, ten = token["digits"].replace("-", "−"), token["ten"]
     unit = (token["unit"] or "").replace(" ", "\u00a0")
     if ten is None:

@@ -11,7 +11,7 @@ _OMITTED = re.compile(r"(?P<who>.+?) is omitted: (?P<why>.+)")
 
 
 def grouped_omissions(sentences: Iterable[str]) -> list[str]:
-    """Return the sentences, with one sentence for all schemes that are omitted for the same reason."""
+    """Return the sentences, with one sentence for all schemes omitted for the same reason."""
     groups: dict[str, list[tuple[str, str]]] = {}
     for sentence in sentences:
         found = _OMITTED.fullmatch(sentence)
@@ -24,7 +24,7 @@ def grouped_omissions(sentences: Iterable[str]) -> list[str]:
 
 
 def _reason(why: str) -> str:
-    """Return the reason without the scheme's own name and without the list of schemes that support such a plant."""
+    """Return the reason without the name of the scheme and without the list of schemes that support such a plant."""
     first, _, rest = why.partition(" ")
     if first in SCHEMES:
         return rest.partition("; ")[0]

@@ -46,7 +46,7 @@ from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.dispersed import DispersedComparison
 
 REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "coverage.html": "Coverage", "guarantees.html": "Guarantees"}
-"""The pages of ``barbalat reproduce``: the file of each and its title in links."""
+"""The pages of ``barbalat reproduce``, each with its file and its title in links."""
 EXPLORER = "explorer.html"
 """The page of lessons in the same folder."""
 
@@ -66,7 +66,7 @@ def reproduction(
 
     pictures, maps  by key
     seconds         by part
-    tried           addresses of lessons by the names of claims and of figures, such as "figure-2"; empty without explorers
+    tried           addresses of lessons by the names of claims and figures, such as "figure-2"; empty without explorers
     """
     tally = Counter(claim.finding for claim in claims)
     described = [figure for figure in figures if figure.key != ADDED_FIGURE]
@@ -117,14 +117,14 @@ class Film:
     gif: bytes
 
     def address(self, alone: bool) -> str:
-        """The address of its file or, if ``alone``, a data URL with its content."""
+        """The address of the file or, if ``alone``, a data URL with its content."""
         return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
 
 
 def flight(
     found: FlightComparison, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None
 ) -> str:
-    """Return the page of ``barbalat fly``. The pictures over time and in space are given by the names of the failures."""
+    """Return the page of ``barbalat fly``. The pictures over time and in space are given by failure name."""
     told = {
         "title": flights.title,
         "facts": flights.facts,
@@ -224,8 +224,8 @@ def identification(found: Identification, picture: ReportFigure, source: str, te
 
 
 def replay(found: Mapping[str, Replay], problem: Problem, picture: ReportFigure, source: str, case: str) -> str:
-    """Return the page of a recording that was replayed through the estimators of a case: the estimates, and the controls
-    compared with the recorded one."""
+    """Return the page of a recording that was replayed through the estimators of a case: the estimates, and the controls compared
+    with the recorded control."""
     made = (replayed.title, replayed.rows, replayed.sentences)
     return _rendered(
         "replayed.html", found=found, problem=problem, picture=picture, source=source, case=case, COLUMNS=replayed.COLUMNS,

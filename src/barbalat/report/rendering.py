@@ -43,7 +43,7 @@ def figure_columns(results: Iterable[Result]) -> dict[str, str]:
 
 
 def told(results: Iterable[Result]) -> list[Told]:
-    """Return the findings of the runs, each once."""
+    """Return the findings of the runs, without duplicates."""
     return together({result.name: result.findings for result in results})
 
 
@@ -78,7 +78,7 @@ def templates() -> Environment:
 
 @cache
 def parts_of_charts() -> tuple[Markup | str, ...]:
-    """Return the parts of a page with charts, without the data: uPlot, its style, the colours on light and on dark, the script
+    """Return the parts of a page with charts, without the data: uPlot, its style, the colours for light and dark mode, the script
     and the licence."""
     own = resources.files("barbalat.report") / "templates" / "charts.js"
     light, dark = ("; ".join(f"--line-{k}: {one}" for k, one in enumerate(palette)) for palette in (COLOURS, ON_DARK))
@@ -90,7 +90,7 @@ def parts_of_charts() -> tuple[Markup | str, ...]:
 def render(
     template: str | Template, values: Mapping[str, object], filters: Mapping[str, Callable[..., object]] | None = None
 ) -> str:
-    """Return the page. ``filters`` are those that its template needs in addition to the common ones."""
+    """Return the page. ``filters`` are what its template needs in addition to the common filters."""
     environment = templates().overlay()
     environment.filters = environment.filters | dict(filters or {})
     found = environment.get_template(template)
@@ -104,7 +104,7 @@ def render(
 PHONE = 326
 """Width in pixels inside a card on a screen that is 390 pixels wide."""
 CHARACTER, PADDING = 9.2, 11.2
-"""In pixels: the width of a digit of DejaVu Sans at a table's size of 14.4, and the padding of a cell."""
+"""Width of a digit of DejaVu Sans at the font size of tables, 14.4, and padding of a cell, both in pixels."""
 
 
 def fits_a_phone(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:

@@ -26,7 +26,8 @@ def known_ends(problem: Problem, size: int) -> tuple[Array, Array] | None:
 
 
 def as_json(found: Mapping[str, Replay], problem: Problem) -> dict[str, Any]:
-    """Return for each controller the block of ``run --json`` on its estimates, and its control compared with the recorded one."""
+    """Return, for each controller, the block of ``run --json`` on its estimates, and its control compared with the recorded
+    control."""
     told = {}
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
@@ -47,7 +48,7 @@ COLUMNS = ("controller", "estimate", "at the end", "last quarter", "known set")
 
 
 def rows(found: Mapping[str, Replay], problem: Problem) -> list[list[str]]:
-    """Return rows with each controller's estimates at the end and over the last quarter, and with the known set."""
+    """Return rows with the final estimates of each controller, the estimates over the last quarter, and the known set."""
     told = []
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
@@ -64,7 +65,8 @@ def title(found: Mapping[str, Replay], problem: Problem) -> str:
 
 
 def sentences(found: Mapping[str, Replay]) -> list[str]:
-    """Return sentences on the distance of each controller's control from the recorded one, and warnings on the estimates."""
+    """Return sentences on the distance between each controller's control and the recorded control, and warnings on the
+    estimates."""
     apart = [
         f"The u of {name} differs from the recorded u by {one.apart:.3g} (RMS; that of the recorded u is {_rms(one.flown):.3g})."
         for name, one in found.items()
@@ -77,7 +79,7 @@ def _rms(values: Array) -> float:
 
 
 def show(found: Mapping[str, Replay], problem: Problem, screen: Screen) -> None:
-    """Print the estimates at the end and over the last quarter with the known set, and then the sentences on the controls."""
+    """Print the final estimates and those over the last quarter with the known set, and then the sentences on the controls."""
     screen.title(title(found, problem))
     screen.table(list(COLUMNS), rows(found, problem), leads=2)
     *apart, last = sentences(found)
@@ -87,7 +89,8 @@ def show(found: Mapping[str, Replay], problem: Problem, screen: Screen) -> None:
 
 
 def panels(found: Mapping[str, Replay], problem: Problem) -> list[Panel]:
-    """Return the panels: for each controller its estimates, each on its own axes, and its controls with the recorded ones."""
+    """Return the panels: for each controller, its estimates, each on separate axes, and its controls with the recorded
+    controls."""
     shown = []
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
@@ -106,7 +109,7 @@ def panels(found: Mapping[str, Replay], problem: Problem) -> list[Panel]:
 
 
 def _estimate(name: str, of: str, i: int, t: Array, values: Array, known: tuple[float, float] | None) -> Panel:
-    """Return the panel of one estimate, with those ends of the known set that are near its motion, or with a note on both."""
+    """Return the panel of one estimate, with the ends of the known set that are near its motion, or with a note on both ends."""
     near, beyond = reachable([] if known is None else list(known), span_of([values]))
     label = label_of(of)
     return Panel(

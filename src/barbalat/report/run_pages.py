@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def write_comparison(
     folder: Folder, case: str, results: Sequence[Result], certified: Certified, *, pictures: bool = False
 ) -> None:
-    """Write the page of ``barbalat run``, and with ``pictures`` also its charts and block diagrams as files."""
+    """Write the page of ``barbalat run`` and, with ``pictures``, its charts and block diagrams as files."""
     shown, t_end = panels(results), ends_at(results)
     drawn = [of_controller(result.controller, result.problem) for result in results]
     diagrams = {
@@ -47,7 +47,7 @@ def write_comparison(
 
 
 def write_certificates(folder: Folder, case: str, certified: Certified, document: str, *, pictures: bool = False) -> None:
-    """Write the page of ``barbalat certify`` and the JSON document, and with ``pictures`` also the loops as files."""
+    """Write the page of ``barbalat certify`` and the JSON document, and, with ``pictures``, the loops as files."""
     folder.write(CERTIFICATES, document)
     folder.write(PAGE, render("certified.html", {"name": case, **_certified(certified)}))
     if pictures:
@@ -60,7 +60,7 @@ def _certified(certified: Certified) -> dict[str, Any]:
 
 
 def loops_data(certificates: Mapping[str, Certificate]) -> list[dict[str, Any]]:
-    """Return the loops behind the margins of the certificates, in the form for a page's charts."""
+    """Return the loops behind the margins of the certificates, in the form that the charts of a page need."""
     return [responses_data(responses_of(some)) for some in grouped(distinct(certificates))]
 
 

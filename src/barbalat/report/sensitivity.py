@@ -14,7 +14,7 @@ from barbalat.report.terminal.layout import Screen
 from barbalat.validate import counted
 
 MOST_ROWS = 12
-"""Numbers that a screen lists for each controller; the others are in the JSON document."""
+"""How many numbers a screen lists for each controller; the others are in the JSON document."""
 REFUSED = "refused"
 
 
@@ -80,8 +80,8 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: 
 
 
 def _ranked(own: Sequence[Derivative]) -> list[tuple[str, dict[str, Derivative]]]:
-    """The derivatives by path and metric, the paths with the largest elasticity first; for a rejected one, that by
-    differences."""
+    """The derivatives by path and metric, the paths with the largest elasticity first; for a rejected derivative, the elasticity
+    by differences."""
     by_path: dict[str, dict[str, Derivative]] = {}
     for one in own:
         by_path.setdefault(str(one.path), {})[one.figure] = one
@@ -93,8 +93,8 @@ def _ranked(own: Sequence[Derivative]) -> list[tuple[str, dict[str, Derivative]]
 
 
 def _size(one: Derivative) -> float:
-    """The size of the elasticity, or of its estimate by differences; infinite if a run beside the number diverges, and -1 if
-    there is no elasticity."""
+    """The size of the elasticity, or of its estimate by differences; infinite if a run with a neighbouring value diverges, and -1
+    if there is no elasticity."""
     if one.elasticity is not None:
         return abs(one.elasticity)
     if one.refused and one.difference is None:
@@ -125,7 +125,7 @@ def _reasons(screen: Screen, own: Sequence[Derivative], labels: Labels | None) -
 
 
 def _refusals(own: Sequence[Derivative], labels: Labels | None) -> list[str]:
-    """Sentences on rejected derivatives: the number of those with the same reason, or the first few one by one."""
+    """Sentences on rejected derivatives: how many have the same reason, or the first few individually."""
     refused = [one for one in own if one.refused]
     found = []
     for why in dict.fromkeys(one.refused for one in refused):
@@ -138,4 +138,4 @@ def _refusals(own: Sequence[Derivative], labels: Labels | None) -> list[str]:
 
 
 MOST_REASONS = 6
-"""Rejections that a screen explains for each controller."""
+"""How many rejections a screen explains for each controller."""

@@ -19,7 +19,7 @@ def identity(found: Standings) -> str:
 
 
 def rebuilt(found: Standings) -> str:
-    """Return a sentence that compares the measured rows with the stored ones."""
+    """Return a sentence that compares the measured rows with the stored rows."""
     agree, differ = found.compared["agree"], found.compared["differ"]
     if not agree and not differ:
         return "none of the measured rows is stored"
@@ -48,7 +48,7 @@ def page_rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def without(stored: Mapping[str, Any]) -> list[str]:
-    """Return for each case of the stored table a sentence on its missing entries, grouped by the reason."""
+    """Return, for each case of the stored table, a sentence on its missing entries, grouped by reason."""
     return [
         f"{case} is without {'; '.join(group['entries'])}: each {group['reason']}"
         for case, groups in stored["left_out"].items()
@@ -57,7 +57,7 @@ def without(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _tuning(row: Mapping[str, Any]) -> str:
-    """The numbers by their names. A number at an end of its range is marked."""
+    """The parameters by name. A value at an end of its range is marked."""
     return ", ".join(f"{name} {value:.3g}{'*' if name in row['at_edge'] else ''}" for name, value in row["tuning"].items()) or "-"
 
 

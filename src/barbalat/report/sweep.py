@@ -23,7 +23,7 @@ SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "dive
 
 @dataclass(frozen=True, kw_only=True)
 class WorstMember:
-    """A controller's worst member by a metric, with the ``file`` of its explorer or the reason why there is none."""
+    """The worst member of a controller by a metric, with the ``file`` of its explorer or the reason why there is none."""
 
     controller: str
     figure: str
@@ -45,7 +45,7 @@ def varied(found: SweepResult) -> list[tuple[str, str]]:
 
 
 def shares(found: SweepResult) -> list[list[str]]:
-    """Return rows with the judged property, the controller, the number of members, their share and its interval."""
+    """Return rows with the judged property, the controller, the number of members, their fraction and its interval."""
     own = [one for one in found.evidence.shares.items() if not found.judged or one[0] not in (DIVERGED, OSCILLATED)]
     return [
         [
@@ -61,7 +61,7 @@ def shares(found: SweepResult) -> list[list[str]]:
 
 
 def _unsettled(share: Share) -> str:
-    """A text with the number of members that are not settled and may belong to the fraction as well."""
+    """A text with the number of unsettled members, which may belong to the fraction too."""
     unsettled = share.unsettled if isinstance(share, SplitShare) else 0
     return f", {unsettled} not settled" if unsettled else ""
 
@@ -73,7 +73,7 @@ def _judged(name: str) -> str:
 
 
 def meanings(found: SweepResult) -> list[str]:
-    """Return sentences, without full stops, on the meaning of the fractions' names."""
+    """Return sentences, without full stops, on the meanings of the names of fractions."""
     unexamined = found.evidence.unexamined.items()
     lacking = [f"Whether the estimates of {one} ring is not examined: {why}" for one, why in unexamined]
     if not found.judged:
@@ -125,9 +125,9 @@ def percent(share: float) -> str:
 
 
 def show(screen: Screen, found: SweepResult, labels: Labels | None) -> None:
-    """Print shares with their intervals, extremes with the member to examine, and how the numbers were obtained.
+    """Print fractions with their intervals, extremes with the member to examine, and how the numbers were obtained.
 
-    The labels of the case's states replace the indices of errors.
+    State labels of the case replace the indices of errors.
     """
     screen.line(f"{found.case}: {counted(len(found), 'member')} over {', '.join(map(str, found.plan.paths))}", "bold")
     for note in found.redesign_notes:

@@ -95,8 +95,8 @@ def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
 
 
 def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[list[str]]:
-    """Return the schemes sorted by the tolerated delay, the largest first. Schemes within the bisection's resolution are one
-    group."""
+    """Return the schemes sorted by the tolerated delay, the largest first. Schemes within the resolution of the bisection form
+    one group."""
     delays = {cloud.scheme: cloud.tolerates(which, criterion, error) for cloud in found.clouds}
     groups: list[list[str]] = []
     last = np.nan

@@ -18,14 +18,14 @@ from barbalat.report.file_names import file_name, table_names
 from barbalat.run.results.result import Result
 
 MOST_NUMBERS = 60_000
-"""Largest number of entries in all CSVs of a folder. At 17 bytes each they take some 1 MB of the folder's 2 MB. Results in
+"""Largest number of entries in all CSVs of a folder. At 17 bytes each, they take about 1 MB of the 2 MB of a folder. Results in
 Python contain everything that was recorded."""
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
     """Write one CSV for each controller, with the recorded instants as rows.
 
-    If there are too many, every second, third, ... instant is written, unless ``whole`` is set.
+    If there are too many, only every second, third, ... instant is written, unless ``whole`` is set.
     """
     tables = [{"t": result.t} | result.columns() for result in results]
     numbers = sum(len(columns) * len(columns["t"]) for columns in tables)
@@ -50,12 +50,12 @@ MEANINGS = {
     "y": "output",
     "x_observed": "the observer's estimate of the state",
 }
-"""Meanings of columns by the part of their name before the number. The meanings of a controller's own columns follow from
-their roles."""
+"""Meanings of columns by the part of their name before the number. The meanings of columns that are specific to a controller
+follow from their roles."""
 
 
 def data_package(case: str, results: Sequence[Result]) -> dict[str, Any]:
-    """Return the description of the CSVs, with one resource for each. A unit that the case does not state is left out."""
+    """Return the description of the CSVs, with one resource for each. Units that the case does not state are omitted."""
     files = table_names([result.name for result in results])
     return {
         "profile": "tabular-data-package",
@@ -89,7 +89,7 @@ def _field(column: str, result: Result) -> dict[str, str]:
 
 
 def _label(symbol: str, place: int, result: Result) -> tuple[str, str]:
-    """Return the case's label and unit."""
+    """Return label and unit from the case."""
     if symbol == "t":
         return "", "s"
     labels = result.problem.labels or UNLABELLED

@@ -24,7 +24,7 @@ def verdicts(found: Tuning) -> list[tuple[str, str, bool]]:
 
 
 def points(found: Tuning) -> list[list[str]]:
-    """Return rows with the controller, the kind of tuning, its numbers, the value of the objective, the values of the
+    """Return rows with the controller, the kind of tuning, its parameters, the value of the objective, the values of the
     constraints, and whether it meets them."""
     rows = []
     for name, one in found.controllers.items():
@@ -39,12 +39,12 @@ def columns(found: Tuning) -> tuple[str, ...]:
 
 
 def numbers(point: Point) -> str:
-    """The tuned fields of a point, each by the last part of its path."""
+    """The tuned fields of a point, each named by the last part of its path."""
     return ", ".join(f"{str(path).rsplit('.', 1)[-1]} {value:.4g}" for path, value in point.tuning.items())
 
 
 def changes(one: Tuned) -> list[str]:
-    """Return a line for each field of the chosen tuning: its path, its new number and its old number."""
+    """Return a line for each field of the chosen tuning: its path, its new value and its old value."""
     if one.chosen is None:
         return []
     before = one.start.tuning
@@ -58,7 +58,7 @@ def held_out(found: Tuning) -> list[list[str]]:
     """Return rows with the controller, the median and the worst value on validation plants, the worst plant, and the number of
     plants that violate each constraint.
 
-    Each number has Clopper and Pearson's interval of the fraction in the known set, or in the parameters' ranges, beside it.
+    Beside each number is the Clopper-Pearson interval for the fraction of the known set, or of the parameter ranges.
     """
     rows = []
     for name, one in found.controllers.items():
@@ -92,7 +92,8 @@ def _broken(share: Share, requirement: str) -> str:
 
 
 def front(one: Tuned, found: Tuning) -> list[list[str]]:
-    """Return rows with the numbers of each tuning on the front, the value of the objective and that of the first constraint."""
+    """Return rows with the parameters of each tuning on the front, the value of the objective and the value for the first
+    constraint."""
     first = found.aim.constraints[0]
     return [
         [numbers(point), number_text(_known(point.value)), number_text(_known(point.found.get(first)))] for point in one.front

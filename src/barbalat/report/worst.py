@@ -1,4 +1,4 @@
-"""The least and the largest values that a search over a set has found, in words and numbers."""
+"""The least and the largest values found by a search over a set, in words and numbers."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.sweeps.worst import NO_PROOF, Extremes, Member, WorstFound
 
 RESOLVED_WITHIN = 0.01
-"""Relative difference to the value with half the step below which the step is said to resolve the run."""
+"""Relative difference from the value with half the step, below which the step is said to resolve the run."""
 
 
 def show(screen: Screen, found: WorstFound, labels: Labels | None) -> None:
-    """Print a table of each controller's extremes, with the members at which they occur, and the guaranteed bounds."""
+    """Print a table of the extremes of each controller, with the members at which they occur, and the guaranteed bounds."""
     screen.line(f"{found.case}: {NO_PROOF}", "bold")
     for path, (low, high) in found.ranges.items():
         screen.line(f"{path} from {low:g} to {high:g}", start="  ", indent="    ")

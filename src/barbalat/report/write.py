@@ -49,7 +49,7 @@ class Drawn(Protocol):
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, ReportFigure]:
-    """Draw every figure, except those for phones, into the folder. ``drawn`` is called after each with its fraction of the
+    """Draw every figure, except those for phones, into the folder. ``drawn`` is called after each figure with its fraction of the
     work."""
     pictures = {}
     for figure in figures:
@@ -59,14 +59,15 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Cal
 
 
 class NarrowPictures:
-    """The figures for phones. Another process draws them, beginning with the first, while this one does other work."""
+    """The figures for phones. A second process draws them, beginning with the first, while this process does other work."""
 
     def __init__(self, figures: Sequence[PaperFigure], beside: Executor) -> None:
         self.given = {figure.key: (f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
         self.asked = {key: beside.submit(narrow_panels, *given) for key, given in self.given.items()}
 
     def joined(self, pictures: Mapping[str, ReportFigure]) -> dict[str, ReportFigure]:
-        """Return both versions of each figure, by key. Figures that have not been started are drawn here, the last one first."""
+        """Return both versions of each figure, by key. Figures that have not been started are drawn in this process, the last one
+        first."""
         found = {key: answer_of(self.asked[key], narrow_panels, *self.given[key]) for key in reversed(self.given)}
         return {key: replace(picture, narrow=found[key]) for key, picture in pictures.items()}
 
@@ -100,7 +101,7 @@ def write_sweep(
     """Write the page of a sweep (see ``page.sweep``) and its pictures: members by verdict, histograms, a map over two axes, and
     sensitivities.
 
-    runs  the worst member's number and its run, by controller
+    runs  number of the worst member and its run, by controller
     """
     pictures = {"histograms": _draw_both(folder, "histograms", partial(of_sweep.histograms, found))}
     if runs:
@@ -120,7 +121,7 @@ def write_sweep(
 
 
 def _worst_run(found: SweepResult, controller: str, member: int, result: Result) -> of_sweep.WorstRun:
-    """Return the run with the first panel of its page. A diverging run is cut off, so the model remains visible."""
+    """Return the run with the first panel of its page. A diverging run is cut off so that the model remains visible."""
     panel, *_ = panels([result])
     title = f"{controller}, the worst: member {member}, {found.kind_of(controller, member)}"
     motion, *others = panel.series
@@ -163,7 +164,7 @@ def _within(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
 
 
 def files_of_flights() -> set[str]:
-    """Return the names of files that ``barbalat fly`` may have left in a folder, besides those that it always writes."""
+    """Return the names of files that ``barbalat fly`` may have left in a folder, besides the files that it always writes."""
     names = {failure.name for vehicle in vehicles().values() for failure in vehicle.failures}
     return {FILM, *(f"{what}-{name}.{kind}" for name in names for what in ("flight", "path") for kind in ("png", "csv"))}
 
@@ -183,7 +184,7 @@ def write_contest(folder: Folder, found: Contest) -> None:
 
 
 def write_design(folder: Folder, found: Design, *, explorer: str | None, files: Sequence[str], text: str | None) -> None:
-    """Write the page, and the contest's page and picture."""
+    """Write the page, and the page and picture of the contest."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found.contest)) if found.contest.held_out else None
     folder.write("contest.html", page.contest(found.contest, picture))
     folder.write(PAGE, page.design(found, picture, explorer=explorer, files=files, text=text))
@@ -212,7 +213,7 @@ def _draw(folder: Folder, name: str, drawing: Figure) -> ReportFigure:
 
 
 def _draw_both(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
-    """Write the wide version as PNG and SVG and the narrow one as SVG."""
+    """Write the wide version as PNG and SVG, and the narrow version as SVG."""
     narrow = svg_of(f"{name}{NARROW}", figure(narrow=True))
     folder.write(narrow.file, narrow.svg)
     return replace(_draw(folder, name, figure(narrow=False)), narrow=narrow)

@@ -51,9 +51,7 @@ more."""
 
 def ideal(problem: Problem) -> Member:
     """The problem without a shell or faults, and the controller that knows its parameters."""
-    true = (
-        problem.true_parameters
-    )  # a truth with different states has no parameters; the parameters of the design plant are then used
+    true = problem.true_parameters  # a truth with different states has no parameters; the design plant's are used
     return problem.nominal, KnownParameters(theta=problem.parameters if true is None else true)
 
 

@@ -172,9 +172,7 @@ class _Measured:
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
-        known = (
-            "gain_margin" in values and "gain_reduction_margin" in values
-        )  # None means that no gain destabilises the linear loop
+        known = "gain_margin" in values and "gain_reduction_margin" in values  # None: no gain destabilises the linear loop
         linear = min(up or np.inf, 1 / down if down else np.inf)
         if known and linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
             said.append(

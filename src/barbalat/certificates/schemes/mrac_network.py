@@ -1,13 +1,13 @@
-"""The certificate of MRAC with a network: bounds from its modification, in numbers if the case allows; Table 1's column.
+"""The certificate of MRAC with a network: bounds from its modification, in numbers if the case allows, and the column of Table 1.
 
-No ideal weights are known, so nothing depends on how well the network approximates: see ``bounds``. For a plant that the model's
-feedback alone does not stabilise, no number is known.
+No ideal weights are known, so nothing depends on how well the network approximates (see ``bounds``). No numbers are known for a
+plant that the feedback of the model alone does not stabilise.
 
-The modification bounds the weights, and e on the plant (1).
+The modification bounds the weights and, on the plant (1), e.
 
 With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the Frobenius norm, the law makes U =
-|W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. The network adds
--2 mu'W_hat'h to (e'P e)', so with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
+|W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2), where x_bar drops out. The network
+adds -2 mu'W_hat'h to (e'P e)', so with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
 
     L' = -e'Q e + 2 mu'f - 2 w (|W_hat|^2 + |V_hat|^2):
 
@@ -46,11 +46,10 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 ROUNDING = 1e-12
-"""Tolerance as a fraction of |P| |A|: far more than the rounding errors of an entry of P A + A'P."""
+"""Tolerance as a fraction of |P| |A|, far above the rounding errors of an entry of P A + A'P."""
 MOST_TRIALS = 100
 GROWTH = 1.02
-"""Factor from one trial bound of e to the next, beyond the result of the last one: MOST_TRIALS of them span the whole useful
-range."""
+"""Factor from one trial bound on e to the next; MOST_TRIALS of them span the whole useful range."""
 
 
 NO_BOUND = (
@@ -60,8 +59,8 @@ NO_BOUND = (
 
 @dataclass(frozen=True)
 class WeightBounds:
-    """Bounds of every component of e, of one neuron's outer weights as a vector, and of |V_hat|. A bound that does not exist is
-    None, and ``why`` is the reason."""
+    """Bounds on every component of e, on the vector of outer weights of one neuron, and on |V_hat|. A missing bound is None, and
+    ``why`` is the reason."""
 
     error: float | None = None
     W_hat: float | None = None
@@ -71,13 +70,13 @@ class WeightBounds:
 
 @dataclass(frozen=True, eq=False)
 class NetworkLaw:
-    """The numbers of a law's modification that the bounds need."""
+    """The numbers that the bounds need from the modification of a law."""
 
     gamma: float
     gamma_v: float
     rows: int  # of W_hat, 1 + N
     start: float  # |V_hat(0)|^2/gamma_v, which is L(0) and U(0), rounded up
-    sigma: float | None  # of the sigma-modification
+    sigma: float | None  # coefficient of the sigma-modification
     nu: float | None  # of the e-modification
 
     @classmethod
@@ -93,7 +92,7 @@ class NetworkLaw:
         )
 
     def highest_level(self, F: Array, lowest: float, highest: float, p: Array) -> float:
-        """An upper bound of L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
+        """An upper bound on L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
         least, push, most = min(self.gamma, self.gamma_v), float(p @ F), float(F.max())
         farthest = 2 * push / lowest  # L decreases if |e| exceeds this
         if self.nu is not None:  # omega^2 <= (mu'f - lambda s^2/2)/(nu |mu|_1), mu'f <= most |mu|_1: convex in s, so at an end
@@ -106,7 +105,7 @@ class NetworkLaw:
 
     @property
     def whatever_acts(self) -> WeightBounds | None:
-        """The bounds of the weights from the e-modification, which hold under any disturbance of the loop."""
+        """The bounds on the weights from the e-modification, which hold under any disturbance."""
         if self.nu is None:
             return None
         far = math.sqrt(self.rows) / self.nu  # U decreases if omega^2 > far |W_hat|
@@ -122,7 +121,7 @@ def _largest(a: float, b: float, end: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ErrorBoundCase:
-    """The numbers of the problem that the bound of e needs."""
+    """The numbers that the bound on e needs from the problem."""
 
     problem: Problem
     law: NetworkLaw
@@ -140,7 +139,7 @@ class ErrorBoundCase:
         return cls(problem, NetworkLaw.of(equations), np.array(state_bounds(problem)), bound)
 
     def largest_matched(self, reach: float) -> Array:
-        """An upper bound of |theta_j'phi(x) + d_j| for each input, (m,), if every |x_i| is at most the model's bound plus
+        """An upper bound on |theta_j'phi(x) + d_j| for each input, (m,), if every |x_i| is at most the model's bound plus
         ``reach``."""
         plant, far = self.problem.plant, self.x_m + reach
         theta = plant.theta.reshape(-1, plant.inputs)
@@ -155,7 +154,7 @@ class ErrorBoundCase:
         return self.problem.known.b.reshape(self.problem.known.n, -1)
 
     def level(self, A: Array, F: Array) -> float:
-        """An upper bound of L with |f_j| <= F_j and e' = A e + b (f - W_hat'h)."""
+        """An upper bound on L with |f_j| <= F_j and e' = A e + b (f - W_hat'h)."""
         known = self.problem.known
         P = known.P
         require_lyapunov(known)
@@ -169,7 +168,7 @@ class ErrorBoundCase:
         return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD_FACTOR
 
     def driven(self, A: Array, F: Array) -> float:
-        """A bound of e with the network's outputs as bounded disturbances; only the e-modification gives one."""
+        """A bound on e that treats the outputs of the network as bounded disturbances; only the e-modification gives one."""
         bound = self.law.whatever_acts
         if bound is None or bound.W_hat is None:
             return math.inf
@@ -178,7 +177,7 @@ class ErrorBoundCase:
         return float(np.dot(norms, largest)) * OUTWARD_FACTOR
 
     def globally(self) -> tuple[float, float | None] | None:
-        """The bound of e, and of L if it follows from that, for phi(x) = x: the true A replaces A_m."""
+        """The bound on e, and the bound on L if it follows, for phi(x) = x; the true A replaces A_m."""
         A, F = self.problem.plant.A, self.largest_matched(0.0)
         found: list[tuple[float, float | None]] = []
         try:
@@ -192,7 +191,7 @@ class ErrorBoundCase:
         return min(finite, key=lambda each: each[0]) if finite else None
 
     def trapped(self) -> tuple[float, float | None] | None:
-        """A bound E of e for any phi: as long as |e| <= E holds, |e| stays below E."""
+        """A bound E on e for any phi: as long as |e| <= E holds, |e| stays below E."""
         A, reach = self.problem.known.A_m, 0.0
         for _ in range(MOST_TRIALS):
             F = self.largest_matched(reach)
@@ -208,12 +207,12 @@ class ErrorBoundCase:
 
 
 def bounds(problem: Problem, equations: Equations) -> WeightBounds:
-    """All bounds that can be found: of e, of the outer and of the inner weights."""
+    """All bounds that can be found on e and on the outer and inner weights."""
     always = NetworkLaw.of(equations).whatever_acts
     try:
         case = ErrorBoundCase.of(problem, equations)
         found = case.globally() if problem.plant.is_linear else case.trapped()
-    except InputError as refused:  # a command or a disturbance without a bound, an A_m too close to losing stability
+    except InputError as refused:  # a command or disturbance without a bound, or an A_m too close to instability
         return replace(always or WeightBounds(), why=str(refused))
     error, level = found if found is not None else (None, None)
     if always is not None:
@@ -225,8 +224,8 @@ def bounds(problem: Problem, equations: Equations) -> WeightBounds:
 
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
-    """A bound of every entry of |u|, from the bound of one neuron's outer weights or, with the sigma-modification, from that of
-    all outer weights together."""
+    """A bound on every entry of |u|, from the bound on the outer weights of one neuron or, with the sigma-modification, from the
+    bound on all outer weights together."""
     together = equations.leakage.per_error is None
     weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
     return (weights * W_hat + float(command_bounds(problem).max())) * OUTWARD_FACTOR**2
@@ -248,7 +247,7 @@ NOT_TO_ZERO = "its modification does not guarantee convergence of the error to z
 
 
 def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulation) -> Certificate:
-    """The guarantees of the scheme's modification, and the findings of its linearisations."""
+    """The guarantees of the modification, and the findings from the linearisations."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; a benefit is not proven")
     found, nominal, always = bounds(problem, equations), _nominal(problem), _of_the_weights(problem, controller)
@@ -270,7 +269,7 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
 
 
 def grounds(problem: Problem, controller: NetworkMrac, _: Simulation) -> dict[str, Any]:
-    """The numbers of the e-modification's bounds."""
+    """The numbers of the bounds from the e-modification."""
     equations = controller.bind(problem.known)
     law = NetworkLaw.of(equations)
     weights = {"neurons": equations.neurons, "V_hat0": equations.V_0.reshape(-1).tolist()}
@@ -279,7 +278,7 @@ def grounds(problem: Problem, controller: NetworkMrac, _: Simulation) -> dict[st
 
 
 def _of_the_weights(problem: Problem, controller: NetworkMrac) -> tuple[Assumption, ...]:
-    """The assumptions of their bounds: with the e-modification only the law itself."""
+    """The assumptions of the bounds on the weights; with the e-modification, only the law."""
     return WHATEVER_ACTS if _is_e_modified(controller) else _nominal(problem)
 
 

@@ -1,8 +1,8 @@
 """The certificate of any controller with an observer: margins and steps of its loop including the observer.
 
-Proofs of a scheme assume a measured state, and x_hat differs from it, so no entry of the scheme's own certificate applies. The
-loop is linearised by the exact Jacobians of all equations, including the observer's. A controller that is linear from sample to
-sample has the bounds of that loop; no bound is known for an adaptive one.
+The proofs of a scheme assume a measured state, from which x_hat differs, so no entry of the usual certificate of the scheme
+applies. The loop is linearised by the exact Jacobians of all equations, including those of the observer. A controller that is
+linear from sample to sample has the bounds of that loop; no bound is known for adaptive controllers.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NO_MORE = "with an observer nothing is proven beyond the bounds of x and e from 
 
 
 def certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Margins of the loop including the observer, and the step that its modes tolerate."""
+    """Margins of the loop including the observer, and the largest step for its modes."""
     draft, linear = Draft(own=OF_SAMPLED_LOOPS | bounded_response.OF_RESPONSES), _linear_when(problem, controller)
     if linear is None:
         why = _why(problem, controller)

@@ -1,4 +1,4 @@
-"""Bounds of y and e by small gain, and cells of Table 1, for the schemes that are a linear loop around y.
+"""Bounds on y and e by small gain, and cells of Table 1, for the schemes that are a linear loop around y.
 
 The bounds are guaranteed, by small gain in the L-infinity norm, for a loop that is linear except for f(t, y).
 
@@ -41,16 +41,16 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 ENLARGEMENT_FACTOR = 1.05
-"""Factor by which Y is enlarged beyond the resulting bound, until it is large enough."""
+"""Factor by which Y is repeatedly enlarged beyond the resulting bound, until it is large enough."""
 MOST_ENLARGEMENTS = 200
 
 
 @dataclass(frozen=True)
 class OutputBounds:
-    """Bounds of an output-feedback loop that hold at all times up to t_end.
+    """Bounds for an output-feedback loop that hold at all times up to t_end.
 
-    y, e    bounds of |y_G| and of |y - y_m|
-    sigma   bound of |sigma|; 0 for a controller without it
+    y, e    bounds on |y_G| and on |y - y_m|
+    sigma   bound on |sigma|; 0 for a controller without sigma
     slope   slope of f over |y_G| <= y; 0 without f
     gain    ||w -> y_G||_1
     steady  the steady error for constant r = 1 and d = 1 without f, up to rounding
@@ -65,7 +65,7 @@ class OutputBounds:
 
 
 def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) -> OutputBounds | NotApplicable:
-    """The bounds with a linear controller, such as an L1 controller without bounds of sigma."""
+    """The bounds with a linear controller, such as an L1 controller without bounds on sigma."""
     drivers = _bounded_drivers(problem)
     if isinstance(drivers, NotApplicable):
         return drivers
@@ -103,7 +103,7 @@ def _bounded_drivers(problem: OutputProblem) -> list[BoundedSignal | None] | Not
 
 
 def _self_consistent(slope_within: Callable[[float], float], gain: float, forced: float) -> tuple[float, float] | NotApplicable:
-    """(bound of |y_G|, slope of f within it)."""
+    """A consistent pair: a bound on |y_G|, and the slope of f within it."""
     if not np.isfinite(forced):
         return NotApplicable("f(t, 0) has no bound that could be found")
     Y = forced
@@ -120,7 +120,7 @@ def _self_consistent(slope_within: Callable[[float], float], gain: float, forced
 
 
 def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, Array, Array, Array]:
-    """A, B, C, D from (r, w, d_y) to (y_G, e) and, if it exists, sigma, by exact Jacobians of the loop's own equations."""
+    """A, B, C, D from (r, w, d_y) to (y_G, e) and, if it exists, sigma, by exact Jacobians of the equations of the loop."""
     import casadi as ca
 
     plant = replace(problem.plant, nonlinear=None)
@@ -137,7 +137,7 @@ def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, 
 
 
 def grounds_of_loop(problem: OutputProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
-    """The part of a proof on the bounds: the loop's matrices, and the bounds of f."""
+    """The part of a proof that concerns the bounds: the matrices of the loop, and the bounds on f."""
     A, B, C, D = linear_loop(problem, controller)
     facts: dict[str, Any] = {"scheme": "output", "loop": {"A": plain(A), "B": plain(B), "C": plain(C), "D": plain(D)}}
     found, f = output_bounds(problem, controller, simulation.t_end), problem.plant.f
@@ -161,7 +161,8 @@ SMALL_GAIN = (
         "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end"
     ),
 )
-"""The loop whose norms are computed includes the case's additions; if these cannot be included, ``output_bounds`` gives no bound.
+"""The loop whose norms are computed includes actuator, delay and sensor of the case; if these cannot be included,
+``output_bounds`` gives no bound.
 """
 
 NEGLIGIBLE_STEADY_ERROR = 1e-9
@@ -169,7 +170,8 @@ NEGLIGIBLE_STEADY_ERROR = 1e-9
 
 
 def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller, simulation: Simulation) -> OutputBounds | None:
-    """Add norm and steady error of the loop with a linear controller, and its bounds; None, with the reason, without them."""
+    """Add the norm, the steady error and the bounds of the loop with a linear controller; without bounds, return None and add the
+    reason."""
     found = output_bounds(problem, controller, simulation.t_end)
     if isinstance(found, NotApplicable):
         theorem = theorems.OUTPUT_LOOP if problem.plant.f is None else theorems.SLOPE
@@ -181,7 +183,7 @@ def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller
 
 
 def add_bounds(draft: Draft, problem: OutputProblem, found: OutputBounds) -> None:
-    """The bounds of y and e in this case."""
+    """Add the bounds on y and e for this case."""
     draft.guarantee("output_bound", found.y, *SMALL_GAIN)
     draft.guarantee("error_bound", found.e, *SMALL_GAIN)
     if problem.plant.f is not None:

@@ -1,6 +1,6 @@
 """The certificate of MRAC with a normalised law and of the robust MRAC (14)-(16), and their column of Table 1.
 
-The guarantees are Lemma 1's boundedness and convergence; its constants can't be computed from the case.
+The guarantees are boundedness and convergence by Lemma 1, whose constants can't be computed from the case.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ SEVERAL_INPUTS = "not known: Theorem 2 is for one input"
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
-    """The initial parameter error, the limits of the step, the margins with constant estimates; with an auxiliary input the
-    limit of tau."""
+    """The initial parameter error, the limits on the step, the margins with constant estimates and, with an auxiliary input, the
+    limit on tau."""
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
     draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
@@ -78,7 +78,7 @@ def grounds(problem: Problem, controller: NormalizedMrac | RobustMrac, _: Simula
 
 
 def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:
-    """Return the properties that the sampled form preserves: those of its law's own implicit step."""
+    """Return the properties that the sampled form preserves: those of the implicit step of its law."""
     return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 

@@ -1,7 +1,8 @@
-"""The changes that sampling makes to a continuous controller's certificate, and the limits of a law that takes Euler steps.
+"""How sampling changes the certificate of a continuous controller, and the limits on a law that takes Euler steps.
 
-Margins of the continuous loop don't apply to the sampled one. A linear time-invariant controller stays so from sample to sample;
-for any other, the loop is linearised from sample to sample at its equilibrium, with frozen estimates and with its law.
+Margins of the continuous loop don't apply to the sampled one. A linear time-invariant controller remains so from sample to
+sample; for any other controller, the loop is linearised from sample to sample at its equilibrium, with frozen estimates and with
+its law.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ WHOLE_LOOP_LIMITS = (
 )
 HELD_LIMITS = "gamma_max and step_max are those of the frozen law from sample to sample, with A_m's exact motion between samples"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
-"""Keys that belong to the continuous law; a sampled law has its own values where they are known."""
+"""Keys that belong to the continuous law; a sampled law has separate values where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst", "error_bound_command"}
 OF_THE_CONTINUOUS_LOOP = frozenset(
     {
@@ -64,16 +65,17 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 
 def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
-    """The sampled controller's certificate, from that of the continuous one at ``judged_at`` and from its own linear loops."""
+    """The certificate of the sampled controller, derived from that of the continuous controller at ``judged_at`` and from the
+    linear loops of the sampled controller."""
     controller.bind(problem.known)  # rejects controllers without a sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
-    own_states = problem.fixed is not None and problem.fixed.order > 0  # the linear bounds don't cover samples of these states
+    own_states = problem.fixed is not None and problem.fixed.order > 0  # the linear bounds don't cover sampling of these states
     linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) and not own_states else None
     with leaving_out(*OF_THE_CONTINUOUS_LOOP):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
     dropped = LIMIT_KEYS_AT_MODEL | OF_THE_CONTINUOUS_LOOP | {"margins_of", "unlimited"}
-    if linear:  # their small gain belongs to the continuous loop
+    if linear:  # their small-gain argument belongs to the continuous loop
         dropped |= {"norms", "condition"}
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in dropped]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
@@ -108,7 +110,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
 
 
 def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str, t_end: float) -> Certificate:
-    """The certificate with the sampled loop's own stability and margins; a solver's or a law's step is then irrelevant."""
+    """The certificate with the stability and margins of the sampled loop; the step of a solver or law is then irrelevant."""
     left = {entry.key: entry for entry in continuous.entries if entry.key not in LIMIT_KEYS}
     draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS | OF_RESPONSES), linearised(problem, controller)
     bounded_response.add(draft, problem, controller, t_end)
@@ -118,7 +120,7 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
 
 
 def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
-    """A sentence on what may be unstable (for most schemes their own states, for others also the plant) and what is known
+    """A sentence on what may be unstable (for most schemes only their states, for others also the plant) and on what is known
     about the actual loop."""
     at_rest = ""
     if radius is not None:
@@ -133,7 +135,7 @@ def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
 
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
-    """The part of a continuous controller's entry that remains valid for a controller that acts only at samples."""
+    """The part of an entry for a continuous controller that remains valid for a controller that acts only at samples."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return _at_samples(entry, f"sampled every {controller.sample_time:g} s")
     return entry
@@ -176,7 +178,7 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
 
 
 def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled, otherwise: Entry) -> Entry:
-    """V of the law from sample to sample, under the assumptions of the continuous law; see docs/sampled.md."""
+    """V of the law from sample to sample, under the assumptions of the continuous law (see docs/sampled.md)."""
     file = scheme_file(controller.controller)
     if not isinstance(file, MidpointFile):
         return otherwise

@@ -48,17 +48,17 @@ def linear_because(problem: TrackingProblem, controller: Controller) -> str | No
 
 
 def name_of(problem: TrackingProblem) -> str:
-    """The loop of the certificate's exact values."""
+    """The name of the loop to which the exact values of the certificate belong."""
     return OF_THE_LOOP + in_the_loop(problem)
 
 
 def add_loop(
     draft: Draft, problem: TrackingProblem, found: Linearised, linear: str, name: str = "", rest: PlaceOfRest | None = None
 ) -> bool:
-    """Add its spectral radius and, if it is stable, its margins; returns whether it is stable.
+    """Add the spectral radius of the loop and, if it is stable, its margins; return whether it is stable.
 
-    linear  why it is linear
-    name    of the loop; by default that with the true parameters
+    linear  why the controller is linear
+    name    name of the loop; by default the loop with the true parameters
     """
     radius, name = found.loop.radius(problem.delay), name or name_of(problem)
     draft.exact({"spectral_radius": radius}, name, linear, rest=rest)
@@ -70,14 +70,14 @@ def add_loop(
 
 
 def unstable(radius: float) -> str:
-    """Why an unstable loop has no margins."""
+    """The reason why an unstable loop has no margins."""
     return f"unstable from sample to sample: spectral radius {radius:.6g}"
 
 
 def add_margins(
     draft: Draft, problem: TrackingProblem, found: Linearised, linear: str, name: str, rest: PlaceOfRest | None
 ) -> None:
-    """Add the margins of the loop including its delay; the delay margin is the delay that it tolerates in addition."""
+    """Add the margins of the loop including its delay; the delay margin is the additional delay that it tolerates."""
     loop = found.loop
     try:
         delay = delay_margin(loop, problem.delay)
@@ -109,7 +109,7 @@ def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | 
 def _add_of_several(
     draft: Draft, problem: TrackingProblem, loop: SampledLoop, name: str, linear: str, rest: PlaceOfRest | None
 ) -> None:
-    """Add the margins of several inputs: for one factor on all inputs, and for each input alone."""
+    """Add the margins of several inputs: for a common factor on all inputs, and for each input alone."""
     delay = problem.delay
     draft.note(
         "gain_margin, gain_reduction_margin, delay_margin: for a common factor or delay in all inputs; _each: for one input "

@@ -1,7 +1,7 @@
-"""Margins of a sampled controller that is not linear: of its loop linearised from sample to sample at the equilibrium.
+"""Margins of a sampled controller that is not linear, from its loop linearised from sample to sample at the equilibrium.
 
-They are given with the estimates frozen at their true values, and with the law. For phi(x) = x the frozen loop is linear for
-every command.
+The margins are computed with the estimates frozen at their true values, and with the law. For phi(x) = x the frozen loop is
+linear for every command.
 """
 
 from __future__ import annotations
@@ -27,18 +27,20 @@ from barbalat.validate import InputError
 FROZEN = "from sample to sample with its estimates frozen"
 WITH_ITS_LAW = "from sample to sample with its law"
 LONGER_SAMPLE, SHORTER_SAMPLE = 1.4, 2.0
-"""Ratio of successive sample times, up and down from the present one; the first loss of stability counts."""
+"""Ratio of successive sample times, up and down from the actual sample time; the first loss of stability counts."""
 LONGEST_SAMPLE = 100.0
-"""Range of the search as a multiple of the present sample time, up and down; it also ends when the delay exceeds
+"""Range of the search as a multiple of the actual sample time, up and down; it also ends when the delay exceeds
 ``MOST_SAMPLES_OF_DELAY``."""
 SAMPLE_TIME_WITHIN = 2e-3
 NOT_SETTLING = 1e-10
-"""Distance of a spectral radius from 1 within which a mode neither grows nor decays, for example that of a vanished covariance.
+"""Distance of a spectral radius from 1 within which a mode neither grows nor decays, for example the mode of a vanished
+covariance.
 """
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Sampled, t_end: float) -> None:
-    """Add the margins with frozen estimates and with the law, and the longest sample time; or the reason why there are none."""
+    """Add the margins with frozen estimates and with the law, and the longest sample time, or the reason why they do not
+    exist."""
     adapting = adapting_of(problem, controller.controller)
     still = sampled_rest(problem, controller, adapting, frozen=True)
     if isinstance(still, NotApplicable):
@@ -89,7 +91,7 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled, a
 
 
 def _longest(problem: TrackingProblem, controller: Sampled, adapting: frozenset[str], *, stable: bool) -> float | NotApplicable:
-    """The sample time up to which the loop with its law is stable: at the first loss above the present one, or below it."""
+    """The sample time up to which the loop with its law is stable: at the first loss above or below the actual sample time."""
 
     def tolerates(T: float) -> bool:
         rest = sampled_rest(problem, replace(controller, sample_time=T), adapting, frozen=False)

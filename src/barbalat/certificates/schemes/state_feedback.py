@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 KNOWN_REGRESSOR = Assumption("the regressor phi(x) is known")
 LARGEST_STATE = 1e12
-"""The size at which a run counts as diverged: without a bound of e, phi is evaluated up to this size."""
+"""The size at which a run counts as diverged: without a bound on e, phi is evaluated up to this size."""
 
 
 def of_the_case(
@@ -49,7 +49,7 @@ def of_the_case(
 ) -> tuple[Assumption, ...]:
     """The assumptions of Theorem 1's bounds: the plant (1) without additions and, with projection, theta in the known set.
 
-    ``error`` is the bound of |e_i| that would follow, if there is one; ``acting`` replaces the assumption that nothing acts on
+    ``error`` is the bound on |e_i| that would follow, if there is one; ``acting`` replaces the assumption that nothing acts on
     the plant.
     """
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, error))
@@ -57,7 +57,7 @@ def of_the_case(
 
 
 def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certificate: Certificate) -> tuple[Assumption, ...]:
-    """The assumptions of a Lyapunov law's V; with a leakage or a dead zone V is still bounded."""
+    """The assumptions for the V of a Lyapunov law; with a leakage or a dead zone, V is still bounded."""
     estimate_set, bound = controller.bind(problem.known).estimate_set, certificate.entry("error_bound")
     case = of_the_case(problem, estimate_set, None if bound is None else bound.value)
     return (*case, laws.keeps_V_in_corners(controller.gamma, estimate_set))
@@ -69,7 +69,7 @@ def carried(problem: Problem, controller: laws.ModifiedScheme) -> Assumption:
 
 
 def carried_along(problem: Problem, estimate_set: EstimateSet | None, *, learns: bool = False) -> Assumption:
-    """Disturbances that the bound of V includes: bounded ones, if the estimates are projected."""
+    """Disturbances that the bound on V includes: bounded disturbances, if the estimates are projected."""
     if not disturbed.is_disturbed(problem):
         return undisturbed(problem)
     words = []
@@ -86,12 +86,13 @@ def carried_along(problem: Problem, estimate_set: EstimateSet | None, *, learns:
 
 
 def inside(problem: Problem, estimate_set: EstimateSet | None) -> tuple[Assumption, ...]:
-    """Theta is in the set of the projection, if there is one."""
+    """The assumption that theta is in the projection set, if there is one."""
     return () if estimate_set is None else (projected_onto(problem, estimate_set),)
 
 
 def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
-    """A formula may divide by zero; bounded states then do not bound phi(x), and a solution may end in finite time."""
+    """The assumption that bounded states bound phi(x). A formula may divide by zero, and a solution may then end in finite
+    time."""
     reach = np.full(problem.plant.n, LARGEST_STATE) if error is None else np.array(state_bounds(problem)) + error
     finite = np.isfinite(largest_square(problem.plant.regressor, -reach, reach))
     why = "" if finite else "phi(x) is not known to be finite for all x that may occur"
@@ -99,7 +100,7 @@ def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
 
 
 def commands_and_gains(problem: Problem) -> tuple[str, str]:
-    """The words for the commands and gains for which a Lyapunov function holds: only the case's own if phi(x) is known to be
+    """The words for the commands and gains for which a Lyapunov function holds: only those of the case, if phi(x) is known to be
     finite only for these.
 
     The first phrase is about r alone.
@@ -109,7 +110,7 @@ def commands_and_gains(problem: Problem) -> tuple[str, str]:
 
 
 def lyapunov_estimates(problem: Problem, controller: laws.ModifiedScheme, certificate: Certificate, *, bounded: bool) -> Entry:
-    """The estimates of the law (4), (7); convergence is stated only if the signals are ``bounded``."""
+    """The estimates of the law (4), (7); convergence is claimed only if the signals are ``bounded``."""
     void = laws.why_no_bound(controller, problem)
     if void is not None:
         return nothing("estimates", void)
@@ -138,7 +139,7 @@ def projected(estimate_set: EstimateSet | None) -> bool:
 
 
 def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, closed: Known | None = None) -> None:
-    """Add nu_0 for the case's theta, and for the worst theta in the known set, with P of ``closed``."""
+    """Add nu_0 for the theta of the case and for the worst theta in the known set, with the P of ``closed``."""
     known, known_set = closed or problem.known, problem.uncertainty
     _add_nu_0(draft, problem, equations, known)
     if known_set is not None and problem.input_gain is None:
@@ -156,7 +157,7 @@ def add_ingredients(
 ) -> None:
     """Add the quantities in (9) and (10) that depend neither on the controller nor on theta.
 
-    adapted  the known set of the part that is adapted; by default that of theta
+    adapted  the known set of the adapted part; by default that of theta
     """
     known = problem.known
     draft.advise({"P": known.P.tolist()})
@@ -169,10 +170,10 @@ def add_ingredients(
 def of_lyapunov_law_beyond(
     excited: any_regressor.Excited, simulation: Simulation, filter_poles: Array | None = None, *, no_bound: str = ""
 ) -> Certificate:
-    """Certify a plant that is more general than the paper's: the Lyapunov bound, which the generalisations do not change, and the
-    solver's limits.
+    """Certify a plant that is more general than the paper's: with the Lyapunov bound, which the generalisations do not change,
+    and the limits of the solver.
 
-    ``no_bound`` is the reason if a scheme has none even with the plain law.
+    ``no_bound`` is the reason if a scheme has no bound even with the plain law.
     """
     problem, controller, draft = excited.problem, excited.controller, Draft()
     draft.note(BEYOND_ONE_LINEAR_INPUT)
@@ -195,7 +196,7 @@ def of_lyapunov_law_beyond(
 
 
 def _add_worst_beyond(draft: Draft, problem: Problem, controller: laws.LyapunovScheme, equations: laws.Bound) -> None:
-    """Add the bounds for the worst parameters, theta and the input's gains, in the set of the projection."""
+    """Add the bounds for the worst parameters, theta and the input gains, in the projection set."""
     known_set, P = equations.estimate_set, problem.known.P
     if known_set is None or not known_set.bounds_theta or disturbed.is_disturbed(problem):
         return
@@ -209,7 +210,7 @@ def _add_worst_beyond(draft: Draft, problem: Problem, controller: laws.LyapunovS
 
 
 def add_margins_at_rest(draft: Draft, problem: Problem) -> None:
-    """Add the margins of the loop with C = 1, at the case's theta and over the known set."""
+    """Add the margins of the loop with C = 1, at the theta of the case and over the known set."""
     plant = problem.plant
     add_margins(draft, problem, known_parameters(plant, plant.theta), over_known_set.LOOP_AT_REST)
     over_known_set.add_at_rest(draft, problem)

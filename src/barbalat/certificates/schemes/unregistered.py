@@ -1,7 +1,7 @@
 """The certificate of a controller without a known proof, such as a class from outside the package: the parts that need no proof.
 
-Its loop is linearised at its equilibrium for a constant command, by the exact Jacobians of its own equations: margins with frozen
-estimates and with the law, and the step that these modes tolerate. Everything else is marked as unknown.
+The loop is linearised at its equilibrium for a constant command, by the exact Jacobians of its equations. This gives margins with
+frozen estimates and with the law, and the largest step for the modes. Everything else is marked as unknown.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MANY_RESTS = "it differs between the equilibria of the loop, of which there are 
 
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Margins and the step's limit by exact linearisation."""
+    """Margins and the step limit by exact linearisation."""
     draft = Draft(own=entries.OWN)
     handed = entries.handed_in(problem, controller)
     if handed is None:
@@ -48,7 +48,7 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
 def add_linearised(
     draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, bent: str = ""
 ) -> None:
-    """Add the values that follow from the equations alone: margins, and the step that the modes tolerate.
+    """Add the values that follow from the equations alone: margins, and the largest step for the modes.
 
     ``bent`` says why the law is not differentiable at the equilibrium.
     """
@@ -60,8 +60,8 @@ def add_linearised(
 
 
 def add_step_of_modes(draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> None:
-    """Add the step that the loop's modes tolerate; if the draft already has a limit for a part of the loop, the smaller of the
-    two."""
+    """Add the largest step for the modes of the loop or, if the draft already has a limit for a part of the loop, the smaller of
+    the two."""
     of_a_part = draft.get("step_max")
     _add_step(draft, simulation, rest_of(problem, ClosedLoop.of(problem, controller), frozen=False), of_a_part)
 
@@ -109,7 +109,7 @@ def add_at_rest(draft: Draft, problem: TrackingProblem, controller: Controller, 
 
 
 def add_adapting(draft: Draft, problem: TrackingProblem, controller: Controller, *, none: str = "") -> None:
-    """Add the delay margin with the law, for one input; ``none`` is the reason if the scheme has none."""
+    """Add the delay margin with the law, for one input; ``none`` is the reason if the scheme has no law."""
     loop = ClosedLoop.of(problem, controller)
     if not is_needed("delay_margin_adapting") or loop.inputs > 1 or not loop.parameters:
         return
@@ -121,7 +121,7 @@ def add_adapting(draft: Draft, problem: TrackingProblem, controller: Controller,
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still: Rest | NotApplicable) -> bool:
-    """Add the margins with frozen estimates; returns whether the loop has an equilibrium."""
+    """Add the margins with frozen estimates; return whether the loop has an equilibrium."""
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
         return False

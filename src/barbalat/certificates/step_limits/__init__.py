@@ -1,1 +1,1 @@
-"""The largest gain and step that a solver tolerates: estimates from frozen laws, made before any simulation."""
+"""The largest gain and step for a solver, estimated from frozen laws before any simulation."""

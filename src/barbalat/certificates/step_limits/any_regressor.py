@@ -1,10 +1,10 @@
-"""The limits of the numerics for any regressor, several inputs and an unknown input gain, from a bound of |phi(x)| on a box.
+"""The numerical limits for any regressor, several inputs and an unknown input gain, from a bound on |phi(x)| over a box.
 
 |x_i| <= |x_m,i| + |e|, and |e| <= nu_0/sqrt(Gamma) by (9), which holds for MRAC with every regressor; for L1-AC it is an
-assumption. On that box ball arithmetic bounds |phi(x)|_2, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||.
+assumption. Over that box, ball arithmetic bounds |phi(x)|_2, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||.
 
-Oscillations are expected beyond the limits for the model's own motion, for which x = x_m and u has its ideal value. A plant with
-an actuator, a limit or a disturbance does not follow that motion, and has no such limits. Source: docs/numerics.md.
+Oscillations are expected beyond the limits for the motion of the model, where x = x_m and u has its ideal value. A plant with an
+actuator, a limit or a disturbance does not follow that motion and has no such limits. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, signal_values
 
 MOST_HALVINGS = 60
-"""Number of gains tried below the largest possible one, each half the previous one."""
+"""Number of gains tried below the largest possible one, each half of the previous one."""
 
 
 def of_lyapunov_law(
     excited: Excited, simulation: Simulation, nu_0: float, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
 ) -> dict[str, Any]:
-    """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` if there is no such limit."""
+    """adaptation_frequency, gamma_max, step_max under the keys of the JSON contract; ``None`` where there is no limit."""
     problem, controller, gamma = excited.problem, excited.controller, excited.controller.gamma
     oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     g = Gain(gamma).largest * excited.largest_square(laws.error_level(problem, controller, nu_0))
@@ -62,10 +62,10 @@ def of_lyapunov_law(
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """Bounds of the law's regressor.
+    """Bounds on the regressor of the law.
 
-    divides_by_gain  whether u is divided by the estimate of an unknown input gain, as in MRAC, without a filter or a predictor
-                     that compensates it: the coupling is then multiplied by omega/omega_hat
+    divides_by_gain  whether u is divided by the estimate of an unknown input gain, as in MRAC, without a filter or predictor that
+                     compensates this; the coupling is then multiplied by omega/omega_hat
     """
 
     problem: Problem
@@ -87,11 +87,12 @@ class Excited:
 
     @cached_property
     def _model(self) -> Array:
-        """(n,) bounds of the model's state, cached because a search for a gain uses them repeatedly."""
+        """(n,) bounds on the state of the model, cached because a search for a gain uses them repeatedly."""
         return np.array(state_bounds(self.problem))
 
     def _largest_theta(self) -> float:
-        """A bound of |theta_hat|_2 without the gains: |theta|_2 plus the bound of its error from V, or the known set's."""
+        """A bound on |theta_hat|_2 without the gains: |theta|_2 plus the bound on its error from V, or the bound from the known
+        set."""
         problem = self.problem
         equations, theta = self.controller.bind(problem.known), problem.plant.theta
         error = equations.theta_hat0 - problem.parameters
@@ -103,9 +104,9 @@ class Excited:
 
 
 def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | NotApplicable | None:
-    """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, for which no gain is too large.
+    """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, where the gain is unlimited.
 
-    |phi|^2 decreases with Gamma, as the error does, so its limit for Gamma -> infinity gives a gain that is too large.
+    |phi|^2 decreases with Gamma, as the error does, so its limit for Gamma -> infinity yields a gain that is too large.
     """
 
     def tolerates(gamma: float) -> bool:
@@ -150,7 +151,7 @@ def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
     phi, matched = known.matched.regressor(x), known.matched.phi(x).T @ problem.plant.theta
     parts = ca.Function("parts", [state_column], [column(phi), column(np.reshape(matched, -1))])
     phi_m, matched_m = (np.array(part) for part in parts(x_m.T))
-    with np.errstate(over="ignore", invalid="ignore"):  # NaN has no limit
+    with np.errstate(over="ignore", invalid="ignore"):  # there is no limit for NaN
         squares = np.sum(phi_m**2, axis=0)
     if known.gains is not None:
         commands = np.stack([signal_values(signal, t) for signal in problem.commands])
@@ -166,7 +167,7 @@ def of_parametric_model_at_model(
 ) -> dict[str, Any]:
     """The gain limit of a law on (13) at the model's motion, from ``values``, which hold for |phi|^2 < m_s^2.
 
-    phi is x_m after the filters, m_s^2 = 1 + |phi|^2: the dynamic part is ignored, which would make the law even slower.
+    phi is x_m after the filters, m_s^2 = 1 + |phi|^2: the dynamic part, which would make the law even slower, is ignored.
     """
     gamma = values.get("gamma_max")
     if not isinstance(equations, Equations) or not isinstance(gamma, float) or departures(problem):

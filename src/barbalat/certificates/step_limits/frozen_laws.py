@@ -1,4 +1,4 @@
-"""The contract's limits of the numerics: adaptation_frequency, gamma_max and step_max of a controller under its solver.
+"""The numerical limits in the JSON contract: adaptation_frequency, gamma_max and step_max of a controller under its solver.
 
 All of them are estimates, made before any simulation with slow quantities frozen. Source: docs/numerics.md.
 """
@@ -27,7 +27,7 @@ from barbalat.validate import Array
 STEP_TOO_LONG = NotApplicable("the step is too long for the controller's other states, at any gain of the law")
 
 KEYS_AT_MODEL = {key: f"{key}_at_model" for key in ("gamma_max", "step_max")}
-"""The certificate's keys of the limits at the model's motion."""
+"""The certificate keys for the limits along the model's motion."""
 
 
 class FrozenLaw(Protocol):
@@ -46,7 +46,7 @@ class FrozenLaw(Protocol):
 
 
 def under_the_solver(problem: Problem, simulation: Simulation, filter_poles: Array | None) -> Oscillator:
-    """The frozen law with the other integrated parts: the dynamics before the plant's inputs, and C(s)."""
+    """The frozen law together with the other integrated parts: the dynamics before the plant's inputs, and C(s)."""
     others = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
     return Oscillator(problem.known, simulation.solver, np.concatenate(others))
 
@@ -60,10 +60,11 @@ def of_lyapunov_law(
     filter_poles: Array | None = None,
     oscillator: FrozenLaw | None = None,
 ) -> dict[str, Any]:
-    """Limits of a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), from a matrix's extreme eigenvalues.
+    """Limits on a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), from the extreme eigenvalues of a
+    matrix.
 
-    gamma_max is ``None`` if no gain is too large, which requires x = 0, and for a matrix; it is the reason, as a text, if no gain
-    is shown to be tolerated.
+    gamma_max is ``None`` for a gain matrix, and if the gain is unlimited, which requires x = 0. If no gain can be shown to be
+    tolerated, gamma_max is the reason, as a text.
     """
     oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     root_g = math.sqrt(Gain(gamma).largest) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
@@ -82,9 +83,10 @@ def of_the_motion(
     oscillator: FrozenLaw | None = None,
     filter_poles: Array | None = None,
 ) -> dict[str, Any]:
-    """The limits for |x| as large as |x_m| under the case's own command, with separate keys.
+    """The limits for |x| as large as |x_m| under the command of the case, with separate keys.
 
-    If the bound of |x| is far above the motion for this command, oscillations begin at these limits; the others are conservative.
+    If the bound on |x| is far above the motion for this command, oscillations begin at these limits, and the other limits are
+    conservative.
     """
     if not is_needed(*KEYS_AT_MODEL.values()):
         return {}
@@ -94,10 +96,10 @@ def of_the_motion(
 
 
 def with_modifications(values: dict[str, Any], controller: ModifiedScheme, simulation: Simulation) -> dict[str, Any]:
-    """Return the limits with the contribution of a leakage and a memory: the estimates decay by themselves, at up to Gamma (w +
-    gamma_c R).
+    """Return the limits with the contribution of a leakage and a memory: the estimates also decay, at up to Gamma (w + gamma_c
+    R).
 
-    The gain up to which that is stable is not computed. If w or R has no bound (an epsilon-modification, a memory without
+    The gain up to which this decay is stable is not computed. If w or R has no bound (an epsilon-modification, a memory without
     forgetting and capacity), there is no step_max.
     """
     law, learning = controller.leakage, controller.learning
@@ -132,7 +134,8 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
 def of_parametric_model(
     problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation
 ) -> dict[str, Any]:
-    """Limits of a law on the parametric model (13), whose adaptation is a decay: the estimates don't affect the regressor."""
+    """Limits on a law on the parametric model (13), whose adaptation is a decay because the estimates don't affect the
+    regressor."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))
@@ -141,8 +144,7 @@ def of_parametric_model(
 
 
 def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[str, Any]:
-    """step_max and gamma_max of a law whose adaptation is a decay; ``others`` is the largest step that everything else
-    tolerates."""
+    """step_max and gamma_max of a law whose adaptation is a decay; ``others`` is the largest step for everything else."""
     limit, values = simulation.solver.real_limit, dict[str, Any]()
     if isinstance(law, RatedLaw) and (fastest := law.fastest_rate) is not None:
         values["step_max"] = min(others, limit / fastest)

@@ -1,14 +1,14 @@
-"""The largest gain and step that a solver tolerates: the frozen, damped oscillation of adaptation and its region of stability.
+"""The largest gain and step for a solver, from the frozen, damped oscillation of adaptation and the solver's stability region.
 
 With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x changes only along q =
-theta_tilde'x: x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so its modes depend only on g = Gamma |x|^2. With several inputs
-q has an entry for each; for any phi(x), |phi|^2 replaces |x|^2.
+theta_tilde'x. This gives x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so the modes depend only on g = Gamma |x|^2. With
+several inputs q has an entry for each; for any phi(x), |phi|^2 replaces |x|^2.
 
-If MRAC's law takes Euler steps while the plant continues with its input held, q and e go from sample to sample as
+If MRAC's law takes Euler steps while the plant moves with its input held, q and e go from sample to sample as
 
     e_next = e^(A_m T) e - integral_0^T e^(A_m s) ds b q,   q_next = q + T g b'P e,   g = Gamma |x|^2,
 
-which is exact for the plant. The limits of a solver of differential equations are then irrelevant. Source: docs/numerics.md.
+which is exact for the plant. The limits of a differential-equation solver are then irrelevant. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from barbalat.validate import Array
 
 
 def largest_step(simulation: Simulation, modes: Array) -> float:
-    """The largest step up to which the solver amplifies no stable mode."""
+    """The largest step at which the solver does not amplify stable modes."""
     beyond = 2 * simulation.solver.reach / float(np.abs(modes).max())
     return largest(lambda h: not amplifies(simulation, h, modes), 0.0, beyond)
 
 
 def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
-    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by enough to give a factor e up to t_end."""
+    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by enough for a factor e over the run."""
     z = h * modes
     with np.errstate(divide="ignore"):
         spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)
@@ -46,7 +46,7 @@ oscillation."""
 
 @dataclass(frozen=True, eq=False)
 class FrozenErrorSystem:
-    """The error system of a problem with x, and so the regressor, frozen."""
+    """The error system of a problem with frozen x, and so a frozen regressor."""
 
     known: Known
 
@@ -57,7 +57,7 @@ class FrozenErrorSystem:
 
     @property
     def bPb(self) -> float:
-        """b'P b; with several inputs its largest eigenvalue, which belongs to the fastest direction."""
+        """b'P b; with several inputs, its largest eigenvalue, which belongs to the fastest direction."""
         return float(np.linalg.eigvalsh(self.b.T @ self.known.P @ self.b)[-1])
 
 
@@ -65,7 +65,7 @@ class FrozenErrorSystem:
 class Oscillator(FrozenErrorSystem):
     """The frozen error system of a problem under a solver.
 
-    others   eigenvalues of the other integrated parts, which do not depend on g: the input filter, an actuator
+    others   eigenvalues of the other integrated parts, such as the input filter and an actuator, which do not depend on g
     """
 
     solver: Tableau
@@ -83,7 +83,7 @@ class Oscillator(FrozenErrorSystem):
 
     @property
     def fixed(self) -> Array:
-        """The eigenvalues that exist at g = 0: A_m's own modes, and those of the other parts."""
+        """The eigenvalues that exist at g = 0: the modes of A_m and of the other parts."""
         return np.concatenate([np.linalg.eigvals(self.known.A_m), self.others])
 
     def largest_g(self, h: float) -> float:
@@ -103,7 +103,8 @@ class Oscillator(FrozenErrorSystem):
     def largest_step(self, g: float) -> float:
         """The largest step at which no mode is amplified for any frozen gain from 0 to g.
 
-        By bisection: along a ray into the left half plane the registered solvers leave their regions only once (tested).
+        Found by bisection, because along a ray into the left half plane the registered solvers leave their regions only once
+        (tested).
         """
         modes = self.fixed if g == 0 else np.concatenate([self.fixed, self.modes(g * GAIN_FRACTIONS).ravel()])
         beyond = 2 * self.solver.reach / float(np.abs(modes).max())
@@ -118,7 +119,7 @@ class Oscillator(FrozenErrorSystem):
 
 
 TRIAL_RATIO = 1.1
-"""Ratio of successive gains or sample times, upwards from one inside the region; the first exit counts."""
+"""Ratio of successive gains or sample times, upwards from a value inside the region; the first exit counts."""
 HELD_FRACTIONS = np.geomspace(1e-6, 1.0, 40)
 """Fractions of the largest g at which a sample time is checked."""
 

@@ -18,7 +18,7 @@ from barbalat.validate import InputError
 
 DEGREES = math.degrees(1.0)
 MOST_MEASURED = 2
-"""The measurements that a controller of one axis may have: an angle and its rate."""
+"""Largest number of measurements for a controller of one axis: an angle and its rate."""
 TIMED = (
     "const uint64_t now = AP_HAL::micros64();",
     "in.sample_time = _last == 0 ? _period : float(now - _last) * 1e-6f;",
@@ -26,13 +26,13 @@ TIMED = (
 )
 """The time between two updates, if the case's shell checks it; the first update after a start counts as on time."""
 OWN = 4
-"""Number of parameters that every backend has."""
+"""Number of parameters common to all backends."""
 MOST_PARAMETERS = 63
 """Largest number of parameters of one group, whose indices have six bits."""
 LONGEST_NAME = 16 - len("CC3_")
-"""Longest name of a parameter, after the frontend's prefix."""
+"""Longest name of a parameter, after the prefix of the frontend."""
 LONGEST_LABELS, LONGEST_FORMAT = 64, 16
-"""Largest lengths of the description of a line of the log: of its entries' names with commas, and of their type letters."""
+"""Largest lengths of the description of a log line: the names of its entries with commas, and their type letters."""
 TOLD = """
 Parameters that the controller refuses leave it unchanged and are reported once. They are tried again with each update, so that
 two bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in
@@ -42,7 +42,7 @@ LINES = "123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 def files(asked: Request) -> dict[str, str]:
-    """The files by name; InputError as in ``export_controller``, and for a controller of more than one axis."""
+    """The files by name; raises InputError as ``export_controller`` does, and for a controller of more than one axis."""
     if asked.closed_loop:
         raise InputError("the target ardupilot exports only the controller: use the target c99 for the closed loop")
     name = asked.name or prefix_of(asked.controller.name)
@@ -117,7 +117,7 @@ def _handing_over(printed: Printed) -> dict[str, str]:
 
 
 def parameters(printed: Printed) -> list[str]:
-    """ArduPilot's names of the case's numbers, from the last key and its indices; raises InputError if there are too many."""
+    """ArduPilot names for the numbers of the case, from the last key and its indices; raises InputError if there are too many."""
     found = printed.contents.parameters
     if len(found) + OWN > MOST_PARAMETERS:
         most = MOST_PARAMETERS - OWN
@@ -163,7 +163,7 @@ def _info(i: int, name: str, one: Parameter, printed: Printed) -> str:
 
 
 def _lines(printed: Printed) -> list[str]:
-    """C++ that logs the internal signals, in as many lines as are needed."""
+    """C++ code that logs the internal signals, in as many lines as needed."""
     members, calls = [one.name for one in logged(printed)], list[str]()
     while members and len(calls) < len(LINES):
         count = 1
@@ -190,12 +190,13 @@ sample on whose measurement, command and result it accepts, with the estimates k
 stuck, or a bad value that persists, therefore leaves the axis to the main controller.
 """
 ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "deg/s": DEGREES}
-"""Units of a case's labels and their factors relative to ArduPilot's rad and rad/s, which a case without labels uses."""
+"""Units in the labels of a case and their factors relative to ArduPilot's rad and rad/s. A case without labels uses rad and
+rad/s."""
 
 
 def _units(printed: Printed) -> dict[str, str]:
-    """The factors of the measurements from ArduPilot's units to the case's, and a phrase; raises InputError for a different
-    unit."""
+    """The factors from ArduPilot's units to those of the case, for each measurement, and a phrase; raises InputError for a
+    different unit."""
     labels, measured = printed.contents.problem.measured_labels, printed.contents.sizes[0]
     units = ("",) * measured if labels is None or not labels.units else labels.units
     admitted = (ANGLES, RATES) if measured == MOST_MEASURED else (ANGLES | RATES,)
@@ -211,7 +212,7 @@ def _units(printed: Printed) -> dict[str, str]:
 
 
 def _axis(printed: Printed) -> int:
-    """The default axis: the one in the export's name or else in the case's labels; pitch if they contain none or
+    """The default axis, taken from the name of the export or else from the labels of the case; pitch if they name none or
     several."""
     labels = printed.contents.problem.measured_labels
     for words in (printed.name.split("_"), [] if labels is None else " ".join(labels.names).replace("_", " ").split()):

@@ -1,4 +1,4 @@
-"""Named exports in one folder form one component: a header, a README and a CMake target join them."""
+"""Named exports in one folder form a component, joined by a header, a README and a CMake target."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from barbalat.export.texts import comment, filled, indented
 from barbalat.validate import InputError
 
 HEADER = "_controller.h"
-"""The name of the header of a named export, after the export's name."""
+"""The file name of the header of a named export, after the name of the export."""
 
 
 def joined(present: Mapping[str, str]) -> dict[str, str]:
@@ -38,8 +38,8 @@ def joined(present: Mapping[str, str]) -> dict[str, str]:
 
 
 def _require_distinct(present: Mapping[str, str]) -> None:
-    """Raise InputError if two headers define the same identifier, as ``pitch_read_log`` is the function of ``pitch`` that reads
-    the log, and the type of the log of ``pitch_read``."""
+    """Raise InputError if two headers define the same identifier. For example, ``pitch_read_log`` is both the function of
+    ``pitch`` that reads the log and the type of the log of ``pitch_read``."""
     owner: dict[str, str] = {}
     for name in sorted(present):
         own = {found[found.lastindex or 0] for found in DEFINED.finditer(present[name])}
@@ -56,7 +56,7 @@ DEFINED = re.compile(r"^#define (\w+)|^\} (\w+);$|^(?:unsigned|void) (\w+)\(", r
 
 
 def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
-    """The headers of named exports in a folder, by their names, without these names."""
+    """The headers of named exports in a folder, by name, without the given names."""
     found = {file.name.removesuffix(HEADER): file.read_text("utf-8", "replace") for file in folder.glob(f"?*{HEADER}")}
     return {name: text for name, text in found.items() if name not in names and f"#define {name.upper()}_EXPORT " in text}
 
@@ -64,7 +64,7 @@ def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
 def require_apart(folder: Path, made: Iterable[str]) -> None:
     """Raise InputError if only one of the new export and the export in the folder has a name.
 
-    Both would write ``README.md``: that of the unnamed export, and that of the component.
+    Both would write ``README.md``: the unnamed export its own, and the named one that of the component.
     """
     joint, where = any(file.endswith(HEADER) for file in made), validate.show(str(folder))
     if not joint and (found := sorted(present(folder))):
@@ -84,6 +84,6 @@ def _is_export(header: Path) -> bool:
 
 
 def _origin(header: str) -> str:
-    """The description in a header's first lines: the controller, its scheme, its sample time, its case."""
+    """The description in the first lines of a header: the controller, its scheme, its sample time, its case."""
     lines = [line.removeprefix(" * ").strip() for line in header.splitlines()[1:3]]
     return comment(" ".join(lines).partition(". Made by")[0])

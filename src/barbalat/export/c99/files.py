@@ -43,7 +43,7 @@ def files(
     place: int = 0,
     warning: Callable[[], str] = lambda: "",
 ) -> dict[str, str]:
-    """The files of an export in C99, by name; InputError as in ``export_controller``."""
+    """The files of an export in C99, by name; raises InputError as ``export_controller`` does."""
     given = {"float32": float32, "closed_loop": closed_loop, "parameters": parameters}
     return sources(problem, controller, simulation, name=name, place=place, warning=warning, **given)[1]
 
@@ -60,7 +60,7 @@ def sources(
     place: int = 0,
     warning: Callable[[], str] = lambda: "",
 ) -> tuple[Printed, dict[str, str]]:
-    """The same files, together with the export from which they are printed, for wrappers around the C."""
+    """The files in C99 together with the export from which they are printed, for wrappers around the C."""
     require_case(problem, simulation)
     contents = made_of(problem, controller, simulation, FLOAT if float32 else DOUBLE, parameters=parameters, place=place)
     printed = Printed(contents, name)
@@ -86,7 +86,7 @@ def sources(
 def made_of(
     problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real, *, parameters: bool, place: int = 0
 ) -> Contents:
-    """An export's contents, with the case's numbers compiled in or as ``parameters`` that can be set."""
+    """The contents of an export, with the numbers of the case compiled in or as ``parameters`` that can be set."""
     if not parameters:
         return Contents.of(problem, controller, simulation, real)
     opened = Opened.of(problem.nominal, controller, simulation, tunable=True, place=place)
@@ -97,7 +97,7 @@ def made_of(
 
 
 FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\.md)\b")
-"""Files of an export, by their names in its texts; for Arduino, the user renames controller.c to controller.cpp."""
+"""The files of an export, by their names in its texts; for Arduino, the user renames controller.c to controller.cpp."""
 
 
 def named(files: dict[str, str], name: str) -> dict[str, str]:
@@ -177,7 +177,7 @@ EXISTING = """
 
 
 def _handed(printed: Printed) -> str:
-    """The lines that pass the control of an external baseline."""
+    """The lines that pass the control of an external baseline to the controller."""
     controls = len(printed.contents.problem.handed_controls)
     places = [f"{printed.macro}_U_BASELINE{f' + {i}' if i else ''}" for i in range(controls)]
     return "".join(f"    in.{printed.measured}[{place}] = ...;   /* u of the existing loop */\n" for place in places)
@@ -191,7 +191,7 @@ def _measured(printed: Printed) -> str:
 
 
 def _units(printed: Printed) -> str:
-    """The case's labels and units in one sentence."""
+    """The labels and units of the case in one sentence."""
     each = channels(printed)
     said = [f"{printed.measured}[{i}] is {one}" for i, one in enumerate(each) if one]
     said += [f"u is in {input_units(printed).strip(' []')}"] if input_units(printed) else []
@@ -206,7 +206,7 @@ def _counted(printed: Printed, y: int) -> str:
 
 
 def _is_checked(contents: Contents) -> bool:
-    """Whether an estimate outside of the known set is rejected."""
+    """Whether an estimate outside the known set is rejected."""
     return contents.checked_limits is not None and bool(np.isfinite(contents.checked_limits).any())
 
 
@@ -297,7 +297,7 @@ def _rows(values: Array) -> str:
 
 
 def _noise(plant: PlantContents, count: int) -> Array:
-    """(K, channels) the values of the simulation's generator at each sample."""
+    """(K, channels) the values of the simulation's noise generator at each sample."""
     noise, members = plant.problem.noise, plant.opened.members
     assert noise is not None
     hold = members.rhythm.noise_hold
@@ -306,7 +306,7 @@ def _noise(plant: PlantContents, count: int) -> Array:
 
 
 def _disturbances(plant: PlantContents, count: int) -> Array:
-    """(steps, nodes * disturbances) at each solver step's instants."""
+    """(steps, nodes * disturbances) the disturbances at the instants of each solver step."""
     members, timed = plant.opened.members, plant.loop.signals.timed
     in_pieces = members.program.shape.in_pieces
     table = signal_table(members.signals, members.simulation, 0, count * plant.steps_per_sample, in_pieces=in_pieces)

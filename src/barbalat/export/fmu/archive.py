@@ -31,15 +31,15 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 OPTIONS = ("-std=c99", "-ffp-contract=off")
-"""Options that keep the simulation's arithmetic: no fused multiply-adds except those of the list."""
+"""Options that preserve the arithmetic of the simulation: no fused multiply-adds except those in the list."""
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The date of every file in an archive, so its bytes do not depend on the time of writing."""
+"""The date of every file in an archive, so that its bytes do not depend on the time of writing."""
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
 CROSS_COMPILERS = {"x86_64": "x86_64-linux-gnu-gcc", "aarch64": "aarch64-linux-gnu-gcc"}
-"""The names of cross compilers in Linux distributions, by processor: a unit made on Linux has a binary from each compiler that
-is installed."""
+"""The names of cross compilers in Linux distributions, by processor: a unit made on Linux has a binary from each installed
+compiler."""
 HIDDEN = "-fvisibility=hidden"
 
 STATE_NAMES = {
@@ -58,7 +58,7 @@ class Archive:
     stop: float
 
     def bytes(self, *, compiled: bool) -> bytes:
-        """The archive; raises InputError if it must be compiled but cannot be."""
+        """The archive; raises InputError if compilation is required but impossible."""
         token, texts = self._sources()
         names = [name for name in texts if name.endswith(".c")]
         whole: dict[str, bytes] = {f"sources/{name}": text.encode("ascii") for name, text in texts.items()}
@@ -235,7 +235,7 @@ _FMI3 = {
     "fmi3ActivateModelPartition": "fmi3ValueReference clock, fmi3Float64 time",
 }
 _FMI3_TYPES = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "String")
-"""Types without variables in a unit."""
+"""FMI 3 types that no variable of a unit has."""
 _FMI3_OF_NONE = {
     **{f"fmi3Get{name}": f"{_R}, fmi3{name} value[], size_t values" for name in _FMI3_TYPES},
     **{f"fmi3Set{name}": f"{_R}, const fmi3{name} value[], size_t values" for name in (*_FMI3_TYPES, "Int32")},
@@ -397,7 +397,7 @@ def units(
     place: int = 0,
     name: str = "",
 ) -> dict[str, bytes]:
-    """The units of an export in version 2 or 3 of FMI, by name; InputError as in ``export_controller``."""
+    """The units of an export in version 2 or 3 of FMI, by name; raises InputError as ``export_controller`` does."""
     require_case(problem, simulation)
     surrounded, problem = problem, problem.nominal
     opened = Opened.of(problem, controller, simulation, tunable=True, place=place)

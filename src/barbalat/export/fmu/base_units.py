@@ -31,7 +31,7 @@ PART = re.compile(r"(/?)\s*([A-Za-z%°]+|1)(?:\^?(-?\d+)|([²³]))?\s*[·*]?\s*"
 
 
 def base_unit(unit: str) -> dict[str, str] | None:
-    """Attributes of FMI's BaseUnit for "rad/s", "m/s^2", "N m" or "deg"; None for a unit that is not known."""
+    """Attributes of FMI's BaseUnit for "rad/s", "m/s^2", "N m" or "deg"; None for an unknown unit."""
     factor, exponents, at = 1.0, dict.fromkeys(BASES, 0), 0
     while at < len(unit):
         found = PART.match(unit, at)

@@ -25,7 +25,7 @@ STATUS = Variable("status", "output", "discrete", "0: the last sample was accept
 
 @dataclass(frozen=True, eq=False)
 class Unit:
-    """A unit of a closed loop: the controller, the plant, or the loop of both."""
+    """An FMU of a closed loop: the controller, the plant, or the loop of both."""
 
     printed: Printed
     controller: bool
@@ -76,7 +76,7 @@ class Unit:
         return require_distinct(Variables(tuple(found), (FREEZE, STATUS) if self.controller else ()))
 
     def _state_of_plant(self, one: Variable) -> Variable:
-        """A state of the plant or its initial value, with the case's label and unit if the labels name these states."""
+        """A state of the plant or its initial value, with the label and unit of the case if the labels name these states."""
         problem = self.printed.contents.problem
         which = re.fullmatch(r"plant\.(x0?)\[(\d+)\]", one.name)
         if which is None:
@@ -88,7 +88,7 @@ class Unit:
         return _with_label(replace(one, meaning=meaning), problem.measured_labels if own else None, i)
 
     def _labelled(self, found: list[Variable]) -> list[Variable]:
-        """The measurements under the case's labels, with underscores for characters that are not allowed in names.
+        """The measurements under the labels of the case, with underscores for characters that are not allowed in names.
 
         A channel whose label yields no unique name keeps ``x[1]``. The description contains the label and ``x[1]``.
         """
@@ -236,7 +236,7 @@ class Unit:
         return [*lines, measure, *(f"in.{self.printed.measured}[{i}] = ({real})y[{i}];" for i in range(y))]
 
     def _moved(self) -> list[str]:
-        """The plant's steps up to the next sample, or one of them."""
+        """The steps of the plant up to the next sample, or one of them."""
         assert self.made is not None
         name, macro = self.printed.name, self.printed.macro
         step = f"{name}_plant_step(&m->plant, &given);"
@@ -291,7 +291,7 @@ class Unit:
 
 
 def _has_other_states(problem: TrackingProblem) -> bool:
-    """Whether the simulated plant has states of its own, of which the labels name only some."""
+    """Whether the simulated plant has separate states, only some of which are named by labels."""
     return isinstance(problem, Problem) and problem.truth is not None and problem.truth.states is not None
 
 

@@ -20,7 +20,7 @@ class Variable:
     start        None for a calculated variable
     kind         "real", "truth" or "whole"
     path         its place in the case's symbols, "x[1]", if the name differs; else empty
-    bounds       of the parameter, if they depend on no other parameter: "> 0", "< 1"
+    bounds       bounds on the parameter, if they depend on no other parameter: "> 0", "< 1"
     """
 
     name: str
@@ -46,8 +46,8 @@ class Variable:
 
 @dataclass(frozen=True)
 class Variables:
-    """All variables of a unit: real ones first, then the independent one, then the others; their references increase in this
-    order."""
+    """All variables of a unit: first the real variables, then the independent variable, then the others; their references
+    increase in this order."""
 
     reals: tuple[Variable, ...]
     wholes: tuple[Variable, ...]
@@ -68,12 +68,12 @@ class Variables:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The units that are used, each once."""
+        """The units that are used, without duplicates."""
         return tuple(dict.fromkeys(["s", *(one.unit for one in self.reals if one.unit)]))
 
 
 def entries(name: str, count: int, *, scalar: bool = False) -> list[str]:
-    """The names of an array's entries; for a scalar its own name."""
+    """The names of the entries of an array; for a scalar, its name."""
     return [name] if scalar else [f"{name}[{i + 1}]" for i in range(count)]
 
 
@@ -101,7 +101,7 @@ def _same(count: int, *values: str) -> list[list[str]]:
 
 
 def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter], opened: Opened) -> list[Variable]:
-    """Parameters; initial values of states do not change after the start."""
+    """A variable for a parameter; initial values of states do not change after the start."""
     begun, made = set(fixed), []
     for one in found:
         i = opened.parameters.index(one)
@@ -113,7 +113,7 @@ def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter], opened: O
 
 
 def require_distinct(variables: Variables) -> Variables:
-    """Raise InputError for two variables with the same name, since a user's scheme may have states of any name."""
+    """Raise InputError for two variables with the same name, because a user's scheme may have states with any name."""
     names = sorted(one.name for _, one in variables.by_reference)
     same = [a for a, b in pairwise(names) if a == b]
     assert not same, same

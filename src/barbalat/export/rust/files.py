@@ -12,11 +12,11 @@ from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import Array, InputError
 
 TESTED = 100
-"""Samples of the simulation that the crate's own test replays; ``selftest.c`` replays all of them."""
+"""Number of samples of the simulation that the test of the crate replays; ``selftest.c`` replays all samples."""
 
 
 def files(asked: Request) -> dict[str, str]:
-    """The files by name; InputError as in ``export_controller``."""
+    """The files by name; raises InputError as ``export_controller`` does."""
     if asked.closed_loop:
         raise InputError("the target rust exports only the controller: use the target c99 for the closed loop")
     printed, texts = sources(
@@ -59,7 +59,7 @@ def files(asked: Request) -> dict[str, str]:
 
 
 def _settable(printed: Printed, number: str) -> dict[str, str]:
-    """The parts of lib.rs for the parameters; they are empty if there are none."""
+    """The parts of lib.rs for the parameters; empty without parameters."""
     macros = parameter_names(printed)
     if not macros:
         return dict.fromkeys(("set_declared", "parameters", "set", "set_tested"), "")

@@ -18,18 +18,18 @@ from numpy.typing import NDArray
 
 FloatMatrix = NDArray[np.float64]
 
-# Bits at which the sign of a real part is first determined, and the precision beyond which the attempt ends: an eigenvalue of a
-# float64 matrix this close to the axis (2^-4096 relative) counts as on it.
+# Number of bits with which the sign of a real part is first determined, and the precision beyond which the attempt ends: an
+# eigenvalue of a float64 matrix this close to the axis (2^-4096 relative) counts as being on it.
 _SPECTRUM_BITS = 64
 _SPECTRUM_BITS_LIMIT = 4096
-# Bits of the largest entry in units of the smallest one's last bit: 160 if the entries are 1e30 apart. The roots of a cubic
-# whose coefficients have 800 bits take eight seconds.
+# Number of bits of the largest entry in units of the last bit of the smallest entry: 160 if the entries are 1e30 apart. The roots
+# of a cubic whose coefficients have 800 bits take eight seconds.
 _WIDEST_ENTRIES = 400
 
 
 @dataclass(frozen=True)
 class ScaledSystem:
-    """Exact balls of a system in rescaled states and time, with the same transfer gain and the same L1 norm.
+    """Exact balls of a system in rescaled states and time. Transfer gain and L1 norm are unchanged.
 
     A (n, n), B (n, m), C (p, n); `time_exponent` is the k for which one unit of time is 2^-k s.
     """
@@ -43,14 +43,14 @@ class ScaledSystem:
 def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     """Return the system (A (n, n), B (n, m), C (p, n)) with states and time rescaled by powers of two.
 
-    The states follow LAPACK's gebal (Parlett and Reinsch 1969); time is scaled so that A has entries about 1, which keeps every
-    steering float in range. The product by a power of two is exact in Arb, so the result is exactly the given system.
-    Integral norms keep their value: A and B are both divided by 2^k.
+    The states follow LAPACK's gebal (Parlett and Reinsch 1969); time is scaled so that A has entries about 1, which keeps all
+    floats that steer the computation in range. The product by a power of two is exact in Arb, so the result is exactly the given
+    system. Integral norms keep their value: A and B are both divided by 2^k.
     """
     from scipy.linalg.lapack import dgebal
 
     n, m, p = A.shape[0], B.shape[1], C.shape[0]
-    # gebal scales by powers of two. Any other scale is reduced to a power of two, so exactness does not depend on gebal.
+    # gebal scales by powers of two. Any other scale is reduced to a power of two, so that exactness does not depend on gebal.
     _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
     exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
     rows = A.tolist()
@@ -80,7 +80,7 @@ def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb,
     """Return enclosures, at a precision in bits, of the eigenvalues of a matrix given row by row."""
     n = math.isqrt(len(entries))
     fractions = [value.as_integer_ratio() for value in entries]
-    denominator = max(bottom for _, bottom in fractions)  # a power of two that divides all others
+    denominator = max(bottom for _, bottom in fractions)  # the power of two that divides all others
     bits = max(abs(top) * (denominator // bottom) for top, bottom in fractions).bit_length()
     if n > 2 and bits > _WIDEST_ENTRIES:
         raise ArithmeticError(
@@ -125,7 +125,7 @@ class DecayCertificate:
     factor: arb_mat  # upper triangular R with R'R = P, (n, n)
 
     def norm(self, x: arb_mat) -> arb:
-        """Return an upper bound of sqrt(x'Px) for the column x (n, 1)."""
+        """Return an upper bound on sqrt(x'Px) for the column x (n, 1)."""
         return euclidean_norm(self.factor * x)
 
     def tail(self, norm: arb) -> arb:
@@ -134,15 +134,15 @@ class DecayCertificate:
 
 
 def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float) -> DecayCertificate | None:
-    """Return a verified certificate for A (n, n), C (p, n) at the rate (1/s), None if this precision fails.
+    """Return a verified certificate for A (n, n), C (p, n) at the rate (1/s), None if this precision is insufficient.
 
     `spectrum` holds approximate eigenvalues of A, which only steer the iteration. P is found by Smith's
     doubling of the Cayley transform (R. A. Smith, SIAM J. Appl. Math. 16, 1968), then verified.
     """
     n = A.nrows()
     shifted = A + identity(n) * arb(rate)
-    # C'C alone may be singular; the added multiple of I makes P definite and absorbs the rounding of P.
-    # With a third of the digits it is far below C'C and far above the rounding.
+    # C'C alone may be singular; the added multiple of I makes P definite and absorbs the rounding of P. With a third of the
+    # digits, it is far below C'C and far above the rounding errors.
     gram = C.transpose() * C
     largest = max((abs(gram[i, i]) for i in range(n)), key=float).upper()
     slack = (largest if largest > 0 else arb(1)) * arb(2) ** (-(ctx.prec // 3))
@@ -159,7 +159,7 @@ def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate:
 
 
 def euclidean_norm(x: arb_mat) -> arb:
-    """Return an upper bound of the Euclidean norm of the column x (n, 1)."""
+    """Return an upper bound on the Euclidean norm of the column x (n, 1)."""
     # The square of a ball around 0 extends below 0, where the root is undefined; only its upper end counts.
     return (x.transpose() * x)[0, 0].upper().sqrt().upper()
 
@@ -170,7 +170,7 @@ def identity(n: int) -> arb_mat:
 
 
 def _approximate_lyapunov(M: arb_mat, weight: arb_mat, spectrum: Sequence[complex]) -> arb_mat | None:
-    """Return an approximate symmetric solution P of M'P + PM = -weight, None if that breaks down."""
+    """Return an approximate symmetric solution P of M'P + PM = -weight, None if the method breaks down."""
     shift = math.sqrt(min(abs(value) for value in spectrum)) * math.sqrt(max(abs(value) for value in spectrum))
     if not (0.0 < shift < math.inf) or any(value.real >= 0.0 for value in spectrum):
         return None
@@ -193,7 +193,7 @@ def _doublings(spectrum: Sequence[complex]) -> int:
     # -2 ln|(1 + z)/(1 - z)| = -ln(1 + 4 Re z/|1 - z|^2), for each eigenvalue z of M scaled by the shift
     decays = [-0.5 * math.log1p(max(4.0 * z.real / abs(1.0 - z) ** 2, -1.0 + 2.0**-52)) for z in spectrum]
     slowest = max(min(decays), 2.0**-1000)
-    # Three squarings more leave room for the transient growth of defective blocks.
+    # Three more squarings leave room for the transient growth of defective blocks.
     return max(1, math.ceil(math.log2(ctx.prec * math.log(2.0)) - math.log2(slowest))) + 3
 
 

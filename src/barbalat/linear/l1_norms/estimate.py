@@ -1,4 +1,5 @@
-"""L1 norms in floating point, accurate to a few percent. They determine which norms are enclosed, and are never reported."""
+"""L1 norms in floating point, accurate to a few percent. They determine which norms are worth enclosing and are never
+reported."""
 
 from __future__ import annotations
 
@@ -7,10 +8,11 @@ import numpy as np
 from barbalat.validate import Array
 
 POINTS, MOST_BLOCKS = 128, 40
-"""Instants of a block, a power of two, and the largest number of blocks; each block has steps twice as long as the one before."""
+"""Instants of a block, a power of two, and the largest number of blocks; the steps of each block are twice as long as those of
+the previous block."""
 FIRST_STEP, LAST_TIME = 0.05, 6.0
-"""The first step, in units of the inverse of the largest eigenvalue's magnitude, and the earliest end, in units of the slowest
-time constant."""
+"""The first step, in units of the inverse of the largest eigenvalue magnitude, and the earliest end, in units of the slowest time
+constant."""
 NEGLIGIBLE = 1e-4
 """The first block that contributes less than this fraction of each sum is the last one."""
 

@@ -18,9 +18,9 @@ from barbalat.linear.l1_norms.decay import (
 )
 from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, remainder_constant
 
-# Stepping through time takes about one segment per sign change; the closed form costs about as much as this many.
+# Stepping through time takes about one segment per sign change; the closed form costs about as much as this many segments.
 _WORTHWHILE_SIGN_CHANGES = 12.0
-# Time constants until an oscillation has fallen below a tolerance of about 1e-9: ln(1e10).
+# Number of time constants until an oscillation has decayed below a tolerance of about 1e-9: ln(1e10).
 _TIME_CONSTANTS = 23.0
 
 
@@ -28,9 +28,9 @@ _TIME_CONSTANTS = 23.0
 class SlowOscillation:
     """The simple complex pair eigenvalue, conj(eigenvalue) that decays more slowly than every other mode.
 
-    `projector` (n, n) is the complex spectral projector on the eigenvalue with positive imaginary part;
-    `complement` is I - 2 Re(projector), the projector on all other modes. `remainder` bounds the motion of
-    the other modes, None if there are none (n = 2).
+    `projector` (n, n) is the complex spectral projector on the eigenvalue with positive imaginary part; `complement` is I - 2
+    Re(projector), the projector on all other modes. `remainder` bounds the motion of the other modes, None if there are no other
+    modes (n = 2).
     """
 
     eigenvalue: acb
@@ -51,7 +51,7 @@ class SlowOscillation:
 
 
 def slow_oscillation(A: arb_mat, C: arb_mat, spectrum: list[tuple[acb, int]]) -> SlowOscillation | None:
-    """Return the slowest pair of A (n, n) with its projector; None if it would not shorten the work.
+    """Return the slowest pair of A (n, n) with its projector; None if using it would not shorten the work.
 
     `spectrum` are the exact eigenvalue enclosures with multiplicities. None is also returned if the projector or the decay of
     the rest cannot be verified at the working precision.
@@ -76,7 +76,7 @@ def slow_oscillation(A: arb_mat, C: arb_mat, spectrum: list[tuple[acb, int]]) ->
     pair = arb_mat(A.nrows(), A.ncols(), [2 * entry.real for entry in projector.entries()])
     remainder = None
     if rest:
-        # Shifting the pair to the decay of the rest leaves e^(As) unchanged on the rest, since the projector commutes with A;
+        # Shifting the pair to the decay of the rest leaves e^(As) unchanged on the rest, because the projector commutes with A;
         # the certificate then depends only on the faster decay.
         shifted = A - pair * arb(rest_decay - decay)
         roots = [complex(root.mid()) for root, multiplicity in rest for _ in range(multiplicity)]
@@ -107,8 +107,8 @@ def _spectral_projector(A: arb_mat, eigenvalue: acb, others: list[tuple[acb, int
 def _oscillation_integral(amplitude: acb, eigenvalue: acb) -> arb:
     """Return integral_0^inf |Re(amplitude e^(eigenvalue s))| ds for Re(eigenvalue) < 0 < Im(eigenvalue).
 
-    The integral depends on the amplitude with Lipschitz constant 1/decay, so it is evaluated at an exact
-    amplitude and the ball widened; zeros lie pi/frequency apart and the arcs form a geometric series.
+    The integral depends on the amplitude with Lipschitz constant 1/decay, so it is evaluated at an exact amplitude and the ball
+    is widened. Zeros lie pi/frequency apart, and the arcs form a geometric series.
     """
     decay, frequency = -eigenvalue.real, eigenvalue.imag
     centre = acb(amplitude.mid())
@@ -149,7 +149,7 @@ _GUARD_BITS = 40
 # Longest segment, in units of 1/(slowest eigenvalue). A handful of such segments reaches the tail; the rounding noise of fast
 # modes, which the Taylor coefficients magnify, grows with the power POLYNOMIAL_DEGREE + 1 of the length.
 LONGEST_STEP = 4.0
-# Fraction of the width for each of Taylor remainders, the tail, and unresolved signs: with 1/8 each, the sum and the final
+# Fraction of the width allotted to each of Taylor remainders, the tail and unresolved signs; with 1/8 each, the sum and the final
 # rounding to floats stay below one half although only a lower bound of the scale is known.
 _TRUNCATION_SHARE = 0.125
 
@@ -176,9 +176,9 @@ class System:
 
 @dataclass(frozen=True)
 class NormModel:
-    """Everything about the system that does not depend on the tolerance, at one working precision.
+    """Everything that is needed about the system at one working precision and does not depend on the tolerance.
 
-    States and time are rescaled (`scaled`), so times are in its unit, not in seconds.
+    States and time are rescaled (`scaled`), so times are in the rescaled unit, not in seconds.
     """
 
     A: arb_mat
@@ -196,7 +196,7 @@ class NormModel:
 
 
 def build_model(system: System) -> NormModel | None:
-    """Return the model of the system at the current precision; None if the decay is not certified there."""
+    """Return the model of the system at the current precision; None if the decay cannot be certified at this precision."""
     plant = scaled(system.A, system.B, system.C)
     A, C = plant.A, plant.C
     unit = arb(2) ** -plant.time_exponent
@@ -209,8 +209,8 @@ def build_model(system: System) -> NormModel | None:
     certificate = decay_certificate(A, C, roots, 0.5 * decay)
     if certificate is None:
         return None
-    # The radii of repeated products grow with the powers of |A|, the products only with those of A: with twice the digits the
-    # difference is negligible.
+    # The radii of repeated products grow with the powers of |A|, but the products only with the powers of A; with twice the
+    # digits, the difference is negligible.
     with ctx.workprec(2 * ctx.prec):
         powers = [C]
         for order in range(1, POLYNOMIAL_DEGREE + 1):
@@ -236,16 +236,16 @@ def build_model(system: System) -> NormModel | None:
 
 
 def norm_lower_bound(model: NormModel) -> arb:
-    """Return a rigorous lower bound of the norm: the largest row sum of step-response variations.
+    """Return a rigorous lower bound on the norm: the largest row sum of step-response variations.
 
-    The step response of a channel changes by at most the integral of |h| between any two instants, here
-    the octaves from the fastest to the slowest time scale. It only sets the tolerances.
+    The step response of a channel changes by at most the integral of |h| between any two instants, here the octaves from the
+    fastest to the slowest time scale. This bound only sets the tolerances.
     """
     first = math.floor(-math.log2(model.fastest)) - 1
     last = math.ceil(-math.log2(model.decay)) + 2
     try:
         gain = model.A.transpose().solve(model.C.transpose()).transpose()
-    except ZeroDivisionError:  # singular only at this precision, since A is Hurwitz
+    except ZeroDivisionError:  # singular only at this precision, because A is Hurwitz
         return arb(0)
     transition = (model.A * arb(2) ** first).exp()
     previous = (gain * model.B).entries()
@@ -272,8 +272,8 @@ def needed_bits(model: NormModel, budget: arb) -> int:
         for j in range(model.B.ncols())
     ]
     rounding = max(log2_above(model.certificate.tail(model.certificate.norm(box))) for box in boxes)
-    # Rounding also excites decayed fast modes again, and through the Taylor remainder these would keep the segments
-    # short. They must be negligible over the longest segment.
+    # Rounding also re-excites decayed fast modes, which would keep the segments short through the Taylor remainder. They must be
+    # negligible over the longest segment.
     longest = arb(LONGEST_STEP / model.slowest)
     constant = longest * remainder_constant(longest)
     stiffness = max(log2_above(constant * euclidean_norm(model.remainder * box)) for box in boxes)
@@ -288,7 +288,7 @@ class Tolerances:
 
     remainder_rate: arb  # Taylor remainder per unit of time
     tail: arb
-    piece: arb  # unresolved sign of one piece
+    piece: arb  # allowance for the unresolved sign of one piece
     horizon: float  # time until the tail begins
 
 

@@ -45,7 +45,7 @@ class Counters:
 
 
 def integrate(model: NormModel, budget: arb, counters: Counters, work_limit: int) -> tuple[list[arb], list[arb]]:
-    """Return lower and upper bounds (as balls) of each output row's sum over inputs of |D| + integral |h|."""
+    """Return lower and upper bounds (as balls) on the sum over inputs of |D| + integral |h| for each output row."""
     ladder = _Ladder(model)
     lowers = [sum(row, arb(0)) for row in model.feedthrough]
     uppers = list(lowers)

@@ -1,1 +1,1 @@
-"""The commands' output on a terminal: one file for each screen, with a common layout."""
+"""The output of the commands on a terminal: one file for each screen, with a common layout."""

@@ -1,4 +1,4 @@
-"""The screen of ``barbalat certify``: five lines for each controller, or in full all values by their kinds, and Table 1."""
+"""The screen of ``barbalat certify``: five lines for each controller, or, in full, all values by kind and Table 1."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GROUPS = {
 """The heading of each kind of values, in the order of display; searched values are grouped."""
 STYLES = {"guaranteed": "green", "guaranteed for the design": "yellow", "exact": "green", "does not apply": "red"}
 LABEL_COLUMNS = 10
-"""Width in columns of the five lines' labels, which is the length of the longest."""
+"""Width in columns of the labels of the five lines, which is the length of the longest label."""
 LEGEND = (
     "condition: what keeps all signals bounded. bound of e: for every component. margin: the added delay that linear loops "
     "tolerate: at the case's theta; at the worst plant found in the known set or the parameters' ranges, where frozen estimates "
@@ -38,7 +38,7 @@ LONGEST_KEY, LONGEST_VALUE = 30, 14
 
 
 def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
-    """Print five lines for each controller, with long reasons folded, and then the notes, each once."""
+    """Print five lines for each controller, with long reasons folded, and then the notes without duplicates."""
     screen.line(case, "bold")
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
@@ -47,7 +47,7 @@ def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], tab
 
 
 def _how_sure(certificates: Mapping[str, Certificate]) -> str:
-    """Say how reliable the limits of gain and step are: "at least", or "about" if they rely on the loop's own damping."""
+    """Say how reliable the limits on gain and step are: "at least", or "about" if they rely on the damping of the loop."""
     found = [counts_on_damping(one, key) for one in certificates.values() for key in ON_DAMPING if key in one.values]
     if all(found):
         return "about" if found else "at least"

@@ -1,4 +1,4 @@
-"""Text that fits a terminal. Lines do not break inside a name or between a number and its unit, and none is longer than the
+"""Text that fits a terminal. Lines do not break inside a name or between a number and its unit, and no line is longer than the
 screen is wide."""
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def capitalized(text: str) -> str:
 
 
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
-    """Break the text into lines of at most ``width`` columns and indent all but the first. A wider word has its own line."""
+    """Break the text into lines of at most ``width`` columns and indent all but the first. A wider word has a separate line."""
     lines, line, empty = [], start, True
     words = [
         part for word in re.split(r"[ \n]+", _bound_to_units(text).strip(" \n")) for part in _released(word, width - len(indent))
@@ -63,7 +63,7 @@ def _released(word: str, width: int) -> list[str]:
 
 
 def console(*, to_standard_error: bool = False) -> Console:
-    """Return the console for screens, or with ``to_standard_error`` for notes and progress. Its width is that of the terminal
+    """Return the console for screens, or, with ``to_standard_error``, for notes and progress. Its width is that of the terminal
     or of COLUMNS."""
     width = max(shutil.get_terminal_size((FALLBACK, 24)).columns, NARROWEST)
     return Console(stderr=to_standard_error, highlight=False, markup=False, emoji=False, width=width)
@@ -92,7 +92,7 @@ class Screen:
         return fold(self._shown(text), self.width, indent, start)
 
     def name(self, text: str) -> str:
-        """Return a controller's name in a form that is not broken between lines."""
+        """Return the name of a controller in a form that is not broken across lines."""
         return held(self._shown(text))
 
     def whole(self, text: str) -> None:
@@ -103,7 +103,7 @@ class Screen:
         """Print a label in ``room`` columns, followed by a paragraph. The paragraph is below the label if the label is too wide
         or the screen is narrow."""
         label, text, hanging = self._shown(label), self._shown(text), " " * (room + 4)
-        enclosed = ENCLOSED.sub("-...-", text)  # one word of the same width
+        enclosed = ENCLOSED.sub("-...-", text)  # becomes one word of the same width
         widest = max((cell_len(word) for word in enclosed.replace(HELD_BLANK, " ").split()), default=0)
         if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
             for line in fold(label, self.width, "    ", "  "):
@@ -120,8 +120,8 @@ class Screen:
     def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
         """Print a table. Without rows nothing is printed.
 
-        Each row is one line if that fits. Otherwise the first entries are above their rows or, if that is still too wide, each
-        row is a paragraph. A row whose first entry is empty belongs to the row above.
+        Each row is one line if that fits. Otherwise the first entries are printed above their rows or, if that is still too wide,
+        each row is a paragraph. A row whose first entry is empty belongs to the row above.
 
         leads  number of leading columns that identify a row; they are left-justified
         left   indices of further columns that are left-justified
@@ -146,7 +146,7 @@ class Screen:
         return self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width
 
     def _below_names(self, table: Table, names: Sequence[str]) -> None:
-        """Print a table in which each name has a line of its own above its rows."""
+        """Print a table in which each name has a separate line above its rows."""
         lines = self.console.render_lines(table, pad=False)
         before = len(lines) - len(names)
         self.console.print(SegmentLines(lines[:before], new_lines=True))
@@ -179,7 +179,7 @@ class Screen:
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, left: Sequence[int]) -> Table:
-    """Return a table with one line for each row, or as many lines as the row's first entry has."""
+    """Return a table with one line for each row, or as many lines as the first entry of the row has."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     for i, heading in enumerate(headings):
         table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
@@ -189,7 +189,7 @@ def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, l
 
 
 def grouped(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Return the rows with an empty first entry where it repeats the one above."""
+    """Return the rows with an empty first entry where it repeats the entry above."""
     found: list[list[str]] = []
     for _, group in groupby(rows, key=lambda row: row[0]):
         found += [[row[0] if i == 0 else "", *row[1:]] for i, row in enumerate(group)]

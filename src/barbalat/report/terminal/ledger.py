@@ -14,11 +14,12 @@ from barbalat.report.terminal.layout import Screen, capitalized
 
 STYLES: dict[Finding, str] = {"holds": "green", "holds if": "yellow", "mixed": "yellow", "fails": "red", "erratum": "red"}
 NAME_COLUMNS = 26
-"""Width in columns of a row's name, which is the length of the longest."""
+"""Width in columns of the names of rows, which is the length of the longest name."""
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """Print the names of the rows that hold, the headlines of the others, the number of rows of each side, and the figures."""
+    """Print the names of the rows that hold, the headlines of the others, the number of rows of each side, and the results for
+    the figures."""
     for finding in get_args(Finding):
         mine = [claim for claim in claims if claim.finding == finding]
         if mine:
@@ -33,7 +34,7 @@ def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Clai
 
 
 def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
-    """Print how many of the paper's figures, and of the statements on them, hold, and list the statements that do not."""
+    """Print how many of the paper's figures and of the statements about them hold, and list the statements that do not hold."""
     paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
     if not paper:

@@ -23,14 +23,14 @@ LABEL_COLUMNS = 24
 MOST_LINES = 30
 """Lines of the short screen at 80 columns for up to three controllers. Findings that do not fit are counted."""
 LINES_BEHIND = 3
-"""Number of lines that give the location of the files."""
+"""Number of lines that say where the files are."""
 FEWEST_FINDING_LINES = 4
 """Smallest number of lines for the findings, whatever the number of controllers."""
 
 
 def show(screen: Screen, case: str, results: Sequence[Result], room: int = MOST_LINES - LINES_BEHIND) -> None:
-    """Print a sentence for each controller, one table, and the findings, each once, as far as they fit into ``room`` lines of
-    80 columns."""
+    """Print a sentence for each controller, one table, and the findings, without duplicates, as far as they fit into ``room``
+    lines of 80 columns."""
     _head(screen, case, results)
     _worst(screen, results)
     _told_together(screen, results, room)
@@ -50,7 +50,7 @@ def show_full(screen: Screen, case: str, results: Sequence[Result]) -> None:
 
 
 def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
-    """Print the head: what was simulated, and one sentence for each controller."""
+    """Print the head of the screen: what was simulated, and one sentence for each controller."""
     simulation = results[0].simulation
     count = counted(len(results), "controller")
     screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.how}", "bold")
@@ -136,7 +136,7 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
         for i in range(len(errors[0])):
             of = "e" if len(errors[0]) == 1 else f"e_{i + 1}"
             rows.append([name, f"{of} {labels.unit(i)}".rstrip(), *(_at(values, i) for values in (*errors, *once))])
-        if several:  # each input has its own line, because on a line of e it would be read as belonging to that component
+        if several:  # each input has a separate line; on a line of e it would seem to belong to that component
             units = [bracketed(labels.input_units[i : i + 1]) for i in range(len(controls))]
             rows += [[name, f"u_{i + 1} {unit}".rstrip(), "", "", "", _at(controls, i)] for i, unit in enumerate(units)]
     screen.table(headings, grouped(rows), leads=2)
@@ -250,7 +250,7 @@ def _sentence(text: str) -> str:
 
 
 def numerics(result: Result) -> str:
-    """Return the numerics of a run, without the part that all runs have in common."""
+    """Return the numerics of a run, without what all runs have in common."""
     if result.simulation.tolerance is not None:
         return result.numerics
     found = result.stiffness

@@ -225,9 +225,7 @@ class Result:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Findings about the numerics, the problem and this run."""
-        own = self.check is None or (
-            self.label is None and self.check.origin == "loop"
-        )  # a finer step then shows the same behaviour
+        own = self.check is None or (self.label is None and self.check.origin == "loop")  # a finer step shows the same
         outside = "; ".join(filter(None, (self.label, None if own or self.check is None else self.check.sentence)))
         settled = self.verdict is not None and self.verdict.settled
         numeric = {

@@ -1,4 +1,4 @@
-"""The certificate of L1 output feedback: condition (20), its equivalent linear controller, margins; its column of Table 1.
+"""The certificate of L1 output feedback: condition (20), the equivalent linear controller, margins, and the column of Table 1.
 
 With G = N_g/D_g, C = N_c/D_c, G_m = m/(s + m),
     H(s) = G G_m/(C G + (1 - C) G_m) = m N_g D_c/[N_c N_g (s + m) + m (D_c - N_c) D_g],
@@ -51,7 +51,7 @@ OWN_QUANTITIES = OF_LINEAR_LOOPS | {
     "delay_margin_limit": Quantity("the same for gamma -> infinity", "s"),
 }
 LIMITS_TOLERANCE = 1e-9
-"""Relative accuracy of the limits of gain and step, far better than needed for an estimate."""
+"""Relative accuracy of the limits on gain and step, far better than needed for an estimate."""
 
 
 def small_gain_system(controller: L1Output, G: TransferFunction) -> TransferFunction:
@@ -72,7 +72,7 @@ def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
 
 
 def certificate(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> Certificate:
-    """Condition (20), the bounds of y and e, the equivalent linear controller, its margins."""
+    """Condition (20), the bounds on y and e, the equivalent linear controller and its margins."""
     plant, draft = problem.plant.transfer_function, Draft(own=OWN_QUANTITIES)
     G = plant if controller.design_plant is None else controller.design_plant
     _add_bounds(draft, problem, controller, simulation)
@@ -110,7 +110,7 @@ def grounds(problem: OutputProblem, controller: L1Output, simulation: Simulation
 
 
 def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simulation: Simulation) -> None:
-    """Add bounds of y, e and sigma, for the linear controller to which the scheme reduces while sigma is inside its bounds."""
+    """Add bounds on y, e and sigma, for the linear controller to which the scheme reduces while sigma is inside its bounds."""
     found, limit = add_linear_loop(draft, problem, replace(controller, sigma_bound=None), simulation), controller.sigma_bound
     if found is None:
         return
@@ -126,8 +126,8 @@ def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simu
 
 
 def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> float | None:
-    """L of (20): the given value unless f contradicts it, 0 without f, or the slope of f within the bound of y; None if none
-    is known."""
+    """L of (20): the given value unless f contradicts it, 0 without f, or the slope of f within the bound on y; None if L is
+    unknown."""
     f, given = problem.plant.f, controller.lipschitz
     if f is None:
         return given or 0.0
@@ -165,7 +165,7 @@ def _add_condition(draft: Draft, controller: L1Output, G: TransferFunction, L: f
 
 
 def same_response(one: TransferFunction, other: TransferFunction) -> bool:
-    """Whether two transfer functions have the same coefficients, to rounding."""
+    """Whether two transfer functions have the same coefficients, up to rounding."""
     return all(
         len(a) == len(b) and np.allclose(a, b, rtol=1e-12, atol=0) for a, b in ((one.num, other.num), (one.den, other.den))
     )

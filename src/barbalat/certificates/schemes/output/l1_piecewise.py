@@ -1,21 +1,21 @@
 """The certificate of L1 output feedback with the piecewise-constant law: a linear sampled controller whose loop is known exactly.
 
-For T -> 0 it keeps c'x_hat = y, so u = C/((1 - C) M) [M r - y] for every g: ``linear_equivalent_limit``, as for the scheme with a
-first-order model. For T > 0 it has no pole at z = 1: a small part of a constant disturbance remains.
+For T -> 0 the law keeps c'x_hat = y, so u = C/((1 - C) M) [M r - y] for every g: ``linear_equivalent_limit``, as for the scheme
+with a first-order model. For T > 0 the controller has no pole at z = 1, and a small part of a constant disturbance remains.
 
 On a plant that equals the model, under a constant sigma at equilibrium, x~ = Phi x~ + Gamma (sigma_hat - sigma), sigma_hat = -G
 c'x~ and Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and the effect of sigma on y, s = c'(I - Phi)^-1 Gamma sigma, this gives
-sigma_hat = G s/(1 + q), of rank one, whose effect on y is s q/(1 + q): 1/(1 + q) remains, which is 1 - e^(a T) for a first-order
-model.
+sigma_hat = G s/(1 + q), of rank one, whose effect on y is s q/(1 + q). The fraction 1/(1 + q) remains, which is 1 - e^(a T) for a
+first-order model.
 
-``error_bound`` bounds e = y - y_m for every r and d as large as the case's.
+``error_bound`` bounds e = y - y_m for every r and d as large as those of the case.
 
-Plant, controller and the model under the sampled command are one linear system from sample to sample: the largest effect of r on
-e at the samples is the sum of its impulse response. d acts all the time: in a sample its effect on a row c is at most |d|
+Plant, controller and the model under the sampled command are one linear system from sample to sample, so the largest effect of r
+on e at the samples is the sum of its impulse response. d acts all the time: in a sample its effect on a row c is at most |d|
 integral_0^T |c e^(A s) B| ds, and within a part of the sample e^(A s) B differs from its value at the start of the part s_j by at
 most |e^(A s_j)| (e^(|A| T/P) - I) |B|. Between samples, a motion under a held input differs from the straight line by at most
-T^2/8 times its second derivative, as in ``piecewise_reference``. The model's motion between samples under r itself is covered by
-``missed``.
+T^2/8 times its second derivative, as in ``piecewise_reference``. The motion of the model between samples under the continuous r
+is covered by ``missed``.
 """
 
 from __future__ import annotations
@@ -48,12 +48,11 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 PARTS = 16
-"""Number of parts of a sample in each of which d is bounded: more parts do not change the displayed digits for a slow
-plant."""
+"""Number of parts of a sample, in each of which d is bounded; for a slow plant, more parts do not change the displayed digits."""
 
 
 class ErrorBound(NamedTuple):
-    """Bounds of |e| at all times, with respect to the model driven by the sampled command and to the model driven by r."""
+    """Bounds on |e| at all times, with respect to the model driven by the sampled command and to the model driven by r."""
 
     held: float
     error: float | NotApplicable
@@ -110,7 +109,7 @@ def _held(loop: _Loop, T: float, r: float, d: float) -> float:
     curved += np.abs(model.C) @ grown(model.A, T) @ largest(of_model, model.A @ model.B)
     within = (
         np.abs(plant.C @ reached) @ weights * d
-    )  # at the end of a sample it is part of the bound at the samples, not of the straight line
+    )  # at the end of a sample, this is part of the bound at the samples, not of the straight line
     return float(at_samples + 2 * within + T**2 / 8 * curved) * OUTWARD_FACTOR
 
 
@@ -164,7 +163,8 @@ def fast_limit(controller: L1OutputPiecewiseConstant, M: TransferFunction) -> tu
 
 
 def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, simulation: Simulation) -> Certificate:
-    """Loop, margins, noise, bounds of e, the steady error for constant r and d, the continuous controller that it tends to."""
+    """Loop, margins, noise, bounds on e, the steady error for constant r and d, and the continuous controller in the limit T ->
+    0."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_error_bound(draft, problem, equations, simulation.t_end)
     _add_at_dc(draft, equations)
@@ -215,7 +215,7 @@ def _add_at_dc(draft: Draft, equations: Equations) -> None:
 
 
 def _measured(problem: OutputProblem, found: Linearised) -> Array:
-    """(s, 1): a state of the plant with y = 1, since the controller uses only y; or the sensor's."""
+    """(s, 1) a state of the plant, or of the sensor, with y = 1; the controller uses only y."""
     direction = np.zeros((len(found.loop.A), 1))
     at, C = found.rows["measured"], problem.plant.dynamics.system.C
     direction[at, 0] = 1.0 if problem.sensor_lag is not None else C / (C @ C)
@@ -223,7 +223,8 @@ def _measured(problem: OutputProblem, found: Linearised) -> Array:
 
 
 def steady_error(problem: OutputProblem, equations: Equations) -> dict[str, float]:
-    """The steady error e = y - y_m for constant r and d, each per unit: the equilibrium from sample to sample, without f."""
+    """The steady error e = y - y_m for constant r and d, per unit of each, from the equilibrium from sample to sample without
+    f."""
     plant, n = problem.plant.transfer_function, len(equations.c)
     # the unknowns are x_hat, sigma_hat, y and u; at equilibrium the filter's output is C(0) w_1 - h'w_um
     filter, Phi, Gamma = equations.filter, equations.model.Phi, equations.model.Gamma

@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 
 
 def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> Certificate:
-    """The bounds of y and e, the margins of the loop, the step that its modes tolerate."""
+    """The bounds on y and e, the margins of the loop, the largest step for its modes."""
     draft = Draft(own=OF_LINEAR_LOOPS)
     found = add_linear_loop(draft, problem, controller, simulation)
     if found is not None:

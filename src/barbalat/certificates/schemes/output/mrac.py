@@ -1,4 +1,4 @@
-"""The certificate of the output-feedback MRAC: theta*, the linear loop with it, the guarantees of the law."""
+"""The certificate of the output-feedback MRAC: theta*, the linear loop with theta*, and the guarantees of the law."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
 
 
 def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> Certificate:
-    """theta*, the margins with it, the limits of gain and step; there is no numerical bound of the error of these schemes."""
+    """theta*, the margins with it, the limits on gain and step; these schemes have no numerical bound on the error."""
     controller.bind(problem.known)  # rejects settings that contradict the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     draft, n = Draft(own=OWN_QUANTITIES), controller.order
@@ -86,12 +86,12 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
 
 
 def midpoint_form(problem: OutputProblem, controller: MracOutput, _: float) -> midpoint.MidpointForm:
-    """Return the properties that the sampled form preserves: those of its law's own implicit step."""
+    """Return the properties that the sampled form preserves: those of the implicit step of its law."""
     return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
-    """The assumptions of these schemes' guarantees, checked on the case."""
+    """The assumptions of the guarantees of these schemes, checked for the case."""
     n, n_star, order = controller.order, controller.relative_degree, len(problem.plant.transfer_function.poles)
     beyond = f"the plant is of order {order} and the design of {n}: the rest is unmodelled" if order > n else ""
     known_set, theta = controller.bind(problem.known).estimate_set, _theta_star(problem, controller)
@@ -175,7 +175,7 @@ LYAPUNOV = (
 )
 NORMALISED = "gamma_max and step_max: estimates, of the plain law with a frozen regressor, without filters and plant"
 GAIN_FRACTIONS = np.geomspace(1e-12, 1.0, 240)
-"""Fractions of the largest g that are checked in addition to g = 0."""
+"""Fractions of the largest g at which the loop is checked, in addition to g = 0."""
 
 
 class Frozen(NamedTuple):
@@ -193,7 +193,7 @@ class Frozen(NamedTuple):
 
 
 def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> None:
-    """Add the limits under the contract's keys."""
+    """Add the limits under the keys of the JSON contract."""
     law = controller.law
     if not isinstance(law, OutputErrorLaw):
         draft.estimate(_of_parametric_model(problem, controller, law, simulation), NORMALISED)
@@ -232,7 +232,7 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
     step = largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if law.leakage is not None:
-        if math.isinf(law.leakage.largest):  # the decay of its estimates has no largest rate
+        if math.isinf(law.leakage.largest):  # the decay rate of its estimates has no upper bound
             return values
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
@@ -252,7 +252,7 @@ def _frozen(
     """The loop with frozen estimates, from the exact Jacobian at equilibrium with r = 1."""
     plain = replace(controller, law=law.plain, lower=None, upper=None, c_0_min=None)
     loop = ClosedLoop.of(problem, plain)
-    loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # it does not act
+    loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # the law does not act
     if loop.delayed:
         return NotApplicable("the delay is not in the frozen loop")
     if not isinstance(problem.reference, BoundedSignal):
@@ -262,7 +262,7 @@ def _frozen(
     state, rows = np.zeros(loop.size), np.arange(loop.size)[loop.theta_hat_rows]
     state[rows] = equations.theta_hat0 if theta is None else theta
     at_rest, commanded = np.zeros(loop.signal_count), np.zeros(loop.signal_count)
-    commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column contain the law and its effect on the loop
+    commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last row and column contain the law and its effect on the loop
     J = np.asarray(jacobian_function(loop)(state, commanded))
     places = loop.unpack(np.arange(loop.size))
     others = np.setdiff1d(np.arange(loop.size), rows)
