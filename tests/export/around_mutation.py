@@ -27,6 +27,8 @@ FUNCTION = re.compile(r"^((?:static )?\w[\w ]*? )(\w+)\(([^;{}]*?)\)\n\{\n(.*?)^
 FIRST = "/* Whether every number is in range"
 """The line at which the export's own functions begin, after those of the library."""
 STATEMENT = re.compile(r"^ +((?:\+\+|--)?[\w*][\w>.\[\]-]*(?: [-+*|]?= .+)?|\w+\(.*\)|\(void\)\w+\(.*\));$")
+NUMBER = r"0x1\.[0-9a-f]+p[-+][0-9]+f?"
+"""A rate, a limit or an initial value, other than zero."""
 RULES = (
     (r"<=", "<"), (r">=", ">"), (r"(?<=\s)<(?=\s)", "<="), (r"(?<=\s)>(?=\s)", ">="), (r"==", "!="), (r"!=", "=="),
     (r"&&", "||"), (r"\|\|", "&&"), (r"(?<=\w|\]|\)) \+ ", " - "), (r"(?<=\w|\]|\)) - ", " + "), (r" / ", " * "),
@@ -35,6 +37,7 @@ RULES = (
     (r"!(?=[\w(])", ""), (r"\|= ", "= "), (r" \| ", " & "), (r"\b0\.5f?\b", "0.6"), (r"\b1\.5f?\b", "1.0"),
     (r"\b1000000000L\b", "1000L"), (r"_FADE\b", "_LONGEST_OUTAGE"), (r"_LONGEST_OUTAGE\b", "_FADE"),
     (r"\? (\w[\w.>\[\]-]*) : (\w[\w.>\[\]-]*)", r"? \2 : \1"),
+    *((rf"(?:-|\b)(?:{NUMBER}|\w+_(?:RANGE|BAND)\b)", rf"(\g<0> * {factor})") for factor in (0.95, 1.05, 0.01, 100.0)),
 )  # fmt: skip
 """The replacements that a mutant makes at one place of a line."""
 SECONDS = 10

@@ -32,6 +32,18 @@ PLANTED = (
     ("c->refused = 0;\n    c->outage = 0L;\n    c->age = 1", "c->refused = 0;\n    c->outage = 1L;\n    c->age = 1"),
     ("> 0 && c->refused < {M}_REFUSALS", "> -5 && c->refused < {M}_REFUSALS"),
     ("> 0 && c->refused < {M}_REFUSALS", "> 0 && c->refused <= {M}_REFUSALS"),
+    ("in->r[0] - c->held_r[0] <= ", "in->r[0] - c->held_r[0] <= 1.01 * "),
+    ("-(in->r[0] - c->held_r[0]) <= ", "-(in->r[0] - c->held_r[0]) <= 0.99 * "),
+    ("in->x[0] - c->held_measured[0] <= ", "in->x[0] - c->held_measured[0] <= 0.99 * "),
+    ("-(in->x[0] - c->held_measured[0]) <= ", "-(in->x[0] - c->held_measured[0]) <= 1.01 * "),
+    ("    if (out->u[0] < ", "    if (out->u[0] < 1.01 * "),
+    ("    if (out->u[0] > ", "    if (out->u[0] > 0.99 * "),
+    ("    if (u[0] < ", "    if (u[0] < 0.99 * "),
+    ("    if (u[0] > ", "    if (u[0] > 1.01 * "),
+    ("|| !(x[0] >= ", "|| !(x[0] >= 0.99 * "),
+    ("&& c->theta_hat[1] <= ", "&& c->theta_hat[1] <= 1.01 * "),
+    ("sample_time <= {M}_SAMPLE_TIME + ", "sample_time <= {M}_SAMPLE_TIME + 0.99 * "),
+    ("values[i] <= {M}_RANGE", "values[i] <= 1.01 * {M}_RANGE"),
     ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples > 1L ? samples : 0L;"),
 )
 """Statements and their replacements. The self-test once missed these faults."""

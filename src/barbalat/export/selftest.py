@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat.export.bounds_selftest import bounds_tests
 from barbalat.export.contents import FEWEST_VECTORS, Contents
+from barbalat.export.edges_selftest import edges_tests
 from barbalat.export.evidence import PRIME, chosen_tests, digest_calls, digests, number_rows
 from barbalat.export.log import log_of_u, log_values
 from barbalat.export.outage_selftest import GOOD, MISS, outage_tests, surrounded
@@ -79,6 +80,7 @@ def selftest(printed: Printed) -> str:
         + outage_tests(printed)
         + recovery_tests(printed)
         + bounds_tests(printed)
+        + edges_tests(printed)
         + settable_tests(printed, _where_u_is_large(contents), FADE),
         timer_tests=_timer_tests(printed),
         mirror_outage=indented(_mirrored(contents.around), 12),
@@ -90,7 +92,7 @@ def selftest(printed: Printed) -> str:
             ["test_fade();" if longest is None or longest > 0 else "(void)test_fade; /* no outage is tolerated */"]
         ),
         told="" if longest is None else f" & ~{macro}_FALLBACK",
-        shell_test=indented(["test_recovery();", "test_bounds();"])
+        shell_test=indented(["test_recovery();", "test_bounds();", "test_edges();"])
         + indented(["test_shell();"] if contents.around is not None else [])
         + indented(["test_outages();"] if longest is not None else [])
         + indented(["test_parameters();"] if contents.parameters else []),

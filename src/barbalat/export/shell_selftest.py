@@ -110,7 +110,7 @@ def alone_of(printed: Printed) -> str:
     return f"const {printed.real} alone[] = {{ {', '.join(terms)} }};" if terms else ""
 
 
-def _checked(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, ...], ...], tuple[Array, ...]]]:
+def checked_inputs(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, ...], ...], tuple[Array, ...]]]:
     """For measurements and for commands: the input member, the status, the samples of the simulation, the positions with a range
     and with a rate, and the limits."""
     around, vectors, x = printed.contents.around, printed.contents.vectors, printed.measured
@@ -125,7 +125,7 @@ def _checked(printed: Printed) -> list[tuple[str, str, Array, tuple[tuple[int, .
 def _ranges(printed: Printed) -> list[str]:
     """The tests of ranges: the ends are accepted, and the next numbers beyond them are rejected."""
     lines, number = list[str](), printed.contents.real.numbers
-    for member, lost, _, (ranged, _), (lows, highs, _) in _checked(printed):
+    for member, lost, _, (ranged, _), (lows, highs, _) in checked_inputs(printed):
         for i in ranged:
             for end, far in ((lows[i], -np.inf), (highs[i], np.inf)):
                 beyond = c99.constant(float(np.nextafter(number(end), number(far))), printed.contents.real)
@@ -139,7 +139,7 @@ def _rates(printed: Printed) -> list[str]:
     """The tests of rates: a change beyond the rate is rejected and accepted a sample later, when enough time has passed; the same
     change back is rejected, because the gap has ended."""
     lines, step = list[str](), "{n}_step(&c, &in, &out)"
-    for member, lost, samples, (_, rated), (lows, highs, rates) in _checked(printed):
+    for member, lost, samples, (_, rated), (lows, highs, rates) in checked_inputs(printed):
         for i in rated:
             for value in (samples[1, i] + sign * BEYOND_RATE * rates[i] for sign in (-1, 1)):
                 if not (lows[i] <= value <= highs[i] and abs(value) < printed.contents.range):

@@ -130,7 +130,7 @@ def _usable_result(printed: Printed) -> str:
     """The condition that every number that a sample computes is in range, and the estimates in their set up to rounding; a set
     with bounds on all estimates implies the range."""
     contents, theta_hat, bounds = printed.contents, printed.contents.layout.theta_hat, list[str]()
-    ends = _estimate_ends(contents)
+    ends = estimate_ends(contents)
     for i, (low, high) in enumerate(ends.tolist()):
         text = theta_hat.entry(theta_hat.start + i)
         bounds += [f"{text} >= {c99.constant(low, contents.real)}"] if np.isfinite(low) else []
@@ -149,7 +149,7 @@ def stored(contents: Contents) -> list[StatePart]:
     return [layout.measured, layout.r, layout.started, *counted]
 
 
-def _estimate_ends(contents: Contents) -> Array:
+def estimate_ends(contents: Contents) -> Array:
     """(p, 2) the bounds within which estimates are accepted; empty without a checked set."""
     if contents.checked_limits is None:
         return np.zeros((0, 2))
