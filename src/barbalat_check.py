@@ -2,7 +2,8 @@
 # requires-python = ">=3.11"
 # dependencies = ["python-flint>=0.7"]
 # ///
-"""``barbalat-check FILE``: verifies that every guaranteed number of a proof follows from the case's numbers in the same file.
+"""``barbalat-check FILE``: verifies that every guaranteed number of a proof follows from the numbers of the case in the same
+file.
 
 This is a separate program that imports nothing from Barbalat. The numbers in the file are binary64 numbers or dyadic ones ("5p-3"
 is 5 * 2**-3), and both are read exactly. Rational quantities are computed exactly; roots and integrals are enclosed in ball
@@ -83,7 +84,7 @@ def zeros(rows: int, columns: int) -> fmpq_mat:
 
 
 def blocks(parts: list[list[fmpq_mat]]) -> fmpq_mat:
-    """A block matrix. Callers leave out empty blocks."""
+    """A block matrix. Callers omit empty blocks."""
     rows: list[list[Any]] = []
     for line in parts:
         tables = [part.tolist() for part in line]
@@ -116,7 +117,7 @@ def root(value: fmpq | arb) -> arb:
 
 
 def at_least(claimed: Any, needed: fmpq | arb, what: str) -> None:
-    """Require that the claimed number is provably at least the needed one."""
+    """Require that the claimed number is provably at least as large as the needed number."""
     value = number(claimed)
     holds = value >= needed if isinstance(needed, fmpq) else bool(arb(value) >= needed)
     require(holds, f"{what} must be at least {text(needed)}, and {text(value)} is claimed")
@@ -152,11 +153,11 @@ class Norms:
         self.upper = [[ends[1] for ends in row] for row in zip(*found, strict=True)]
 
     def _size(self, x: arb_mat) -> arb:
-        """An upper bound of sqrt(x'Px)."""
+        """An upper bound on sqrt(x'Px)."""
         return arb(max((x.transpose() * self.P * x)[0, 0].upper(), arb(0))).sqrt().upper()
 
     def _transition(self, step: fmpq) -> arb_mat:
-        """e^(A step), by repeated squaring from a part of the step so short that |A| times it is below 1."""
+        """e^(A step), by repeated squaring, starting from a part of the step so short that |A| times its length is below 1."""
         if step not in self._transitions:
             halvings, size = 0, max(sum((abs(entry) for entry in row), arb(0)).upper() for row in self.A.tolist()) * arb(step)
             while not size * arb(2) ** -halvings < 1:
@@ -196,7 +197,7 @@ class Norms:
 
     @property
     def norm(self) -> tuple[arb, arb]:
-        """A lower and an upper bound of the largest row sum."""
+        """A lower and an upper bound on the largest row sum."""
         below, above = arb(0), arb(0)
         for low, high in zip(self.lower, self.upper, strict=True):
             below, above = below.max(sum(low, arb(0))), above.max(sum(high, arb(0)))
@@ -219,7 +220,7 @@ def bernstein_matrix(_: int) -> arb_mat:
 
 
 class Case:
-    """The plant x' = A_m x + b (diag(gain) u + d + Phi(x)'theta) as its designer knows it, with the signals that act on it."""
+    """The plant x' = A_m x + b (diag(gain) u + d + Phi(x)'theta) as the designer knows it, with the signals that act on it."""
 
     def __init__(self, facts: dict[str, Any]) -> None:
         self.facts, self.assumed = facts, dict[str, None]()
@@ -270,7 +271,7 @@ class Case:
 
     @property
     def origin(self) -> list[fmpq]:
-        """theta_0 of a baseline, from which the adaptive part of L1-AC departs; 0 without one."""
+        """theta_0 of a baseline, from which the adaptive part of L1-AC departs; 0 without a baseline."""
         return [fmpq(0)] * len(self.theta) if self.theta_0 is None else self.theta_0
 
     def adapted(self) -> arb:
@@ -287,7 +288,7 @@ class Case:
         return self.facts["disturbance"] is not None or bool(self.facts["unmatched"])
 
     def push(self, P: fmpq_mat) -> arb:
-        """An upper bound of |P w|, where w = b d + sum of E_j d_j is the contribution of the disturbances to x'."""
+        """An upper bound on |P w|, where w = b d + sum of E_j d_j is the contribution of the disturbances to x'."""
         acting = [(list(map(number, one["direction"])), one["signal"]) for one in self.facts["unmatched"]]
         if self.facts["disturbance"] is not None:
             require(self.m == 1, "a matched disturbance needs one input")
@@ -300,8 +301,8 @@ class Case:
         return total
 
     def require_nominal(self, *, any_gain: bool = False, disturbed: bool = False) -> None:
-        """Require that the plant is (1): nothing else acts on it, there is nothing before or around it, its state is measured,
-        and the command is bounded.
+        """Require that the plant is (1): nothing else acts on it, there are no further dynamics before or around it, its state is
+        measured, and the command is bounded.
 
         With ``disturbed``, disturbances are allowed here and checked elsewhere.
         """
@@ -316,7 +317,7 @@ class Case:
         self.command_bounds()
 
     def require_no(self, *names: str) -> None:
-        """Require that no input has a delay or one of these before it."""
+        """Require that inputs have neither a delay nor one of these before them."""
         for path in self.facts["inputs"]:
             for name in names:
                 require(path[name] is None, f"the plant must be (1), but its input has {name}")
@@ -379,7 +380,7 @@ class Box:
 
     @property
     def faces(self) -> int:
-        """The components that have an end within 1e150. No run reaches the other ends."""
+        """The components that have an end within 1e150. Runs do not reach the other ends."""
         ends = zip(self.lower, self.upper, strict=True)
         return sum(min(abs(a), abs(b)) < fmpq(10) ** 150 for a, b in ends)
 
@@ -560,7 +561,7 @@ def weighted(off: list[fmpq], gamma: Any) -> fmpq:
 
 
 def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
-    """A lower bound of Gamma's smallest eigenvalue. For a matrix this is the line's witness."""
+    """A lower bound on the smallest eigenvalue of Gamma. For a matrix, this is the witness of the line."""
     gamma = controller.fact("gamma")
     if not isinstance(gamma, list):
         return number(gamma)
@@ -804,7 +805,8 @@ def require_projected(c: Controller) -> None:
 
 
 def require_known_gain(c: Controller) -> None:
-    """Require a known gain. With an unknown gain the filter acts in a loop with that gain, and W_b(1 - C) is not its G."""
+    """Require a known gain. With an unknown gain the filter acts in a loop with that gain, and W_b(1 - C) is not the G of that
+    loop."""
     require(c.case.interval is None, "the input's gain must be known")
 
 
@@ -948,10 +950,10 @@ def worst_V(c: Controller, line: dict[str, Any]) -> arb:
 
 @rule("error_bound_worst", "error_bound_command")
 def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """|e|^2 <= V/lambda_min and e_i^2 <= V (P^-1)_ii. The bound under the command uses the second one.
+    """|e|^2 <= V/lambda_min and e_i^2 <= V (P^-1)_ii. The bound under the command uses the second inequality.
 
-    V(0) of the direct MRAC is largest at the ends of the intervals of omega. A bound for every command is also one for the case's
-    command.
+    V(0) of the direct MRAC is largest at the ends of the intervals of omega. A bound for every command is also a bound for the
+    command of the case.
     """
     of_command = line["key"] == "error_bound_command"
     if of_command and line.get("witness", {}).get("follows_from") == "error_bound_worst":
@@ -994,7 +996,7 @@ def slope_of_f(c: Controller) -> arb:
 
 
 def lipschitz(c: Controller) -> arb:
-    """L of condition (20), which is the given value, which is assumed, or else the slope of f."""
+    """L of condition (20): the given value, which is assumed, or else the slope of f."""
     given = c.fact("lipschitz")
     if given is None:
         return slope_of_f(c)
@@ -1009,7 +1011,7 @@ def _slope(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 
 def small_gain(c: Controller) -> tuple[arb, list[arb]]:
-    """The bounds of |y_G|, then those of e and sigma, by the small-gain theorem."""
+    """The bounds on |y_G| and then on e and sigma, by the small-gain theorem."""
     case, f = c.case, c.fact("f")
     case.require_no("quantization", "saturation", "rate_limit")
     require(case.facts["noise"] is None and "sample_time" not in c.facts, "a continuous loop without noise is needed")
@@ -1032,7 +1034,8 @@ def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("W_hat_bound", "V_hat_bound", "control_bound")
 def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """The bound by the e-modification, which holds whatever else acts. For a sampled loop it is part of the response."""
+    """The bound by the e-modification, which holds whatever else acts on the loop. For a sampled loop it is part of the
+    response."""
     if c.scheme == "sampled":
         at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
         return
@@ -1176,7 +1179,7 @@ def size_1(values: list[fmpq]) -> arb:
 
 
 def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
-    """The bound of |e_i| up to t_end for the case's command and every theta in the known set."""
+    """The bound on |e_i| up to t_end for the command of the case and every theta in the known set."""
     part, (N, _), t_end = LinearPart(c, line), gain_and_size(c), number(line["witness"]["t_end"])
 
     def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
@@ -1190,7 +1193,7 @@ def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
 
 
 def for_all_commands(c: Controller, line: dict[str, Any]) -> arb:
-    """The bound of |e_i| for every command of the case's size and every theta in the known set, by norms for each cell."""
+    """The bound on |e_i| for every command of the case's size and every theta in the known set, by norms for each cell."""
     part, [r], n, x0 = LinearPart(c, line), c.case.command_bounds(), c.case.n, c.case.x0.entries()
 
     def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
@@ -1293,7 +1296,7 @@ class SampledLoop:
         self.M = arb_mat([*top.tolist(), *(row for one in u[: self.depth] for row in one.tolist())])
 
     def over(self, t: fmpq, model: bool = False) -> tuple[arb_mat, arb_mat]:
-        """e^(A t) and its integral times E. With ``model``, those of A_m and b_r."""
+        """e^(A t) and its integral times E. With ``model``, the same for A_m and b_r."""
         A, E = (self.A_m, self.b_r) if model else (self.A, self.E)
         rows = [[*a, *e] for a, e in zip(A.tolist(), E.tolist(), strict=True)]
         whole = (arb_mat([*rows, *([arb(0)] * len(rows[0]) for _ in range(E.ncols()))]) * arb(t)).exp().tolist()
@@ -1311,7 +1314,7 @@ class SampledLoop:
         return arb_mat([*part.tolist(), *([arb(0)] * part.ncols() for _ in range(self.size - self.s))])
 
     def bounds(self, r: list[arb], d: list[arb], witness: dict[str, Any]) -> tuple[arb, arb, arb]:
-        """Bounds of x - x_m under the sampled command, of x and of u."""
+        """Bounds on x - x_m under the sampled command, on x and on u."""
         times = sorted({fmpq(k, PARTS) * self.T for k in range(PARTS + 1)} | {self.part * self.T})
         X, model, R = self.unit(range(self.s)), self.unit(self.x_m), self.unit(self.r)
         blocks, lengths = [[X, model]], list[fmpq]()
@@ -1358,7 +1361,7 @@ class SampledLoop:
         return each + [sum((off[i, j] * one for j, one in enumerate(d)), arb(0)) for i in range(self.s)]
 
     def sizes(self, rows: arb_mat, r: list[arb], d: list[arb], witness: dict[str, Any]) -> list[arb]:
-        """The theorem's bound of every row of z."""
+        """The bound on every row of z by the theorem."""
         peaks, sums = [self.tall(self.free), self.tall(self.first)], [self.tall(self.N)]
         of_peaks, of_sums = [arb(1), *r], list(r)
         if d:
@@ -1409,7 +1412,7 @@ def side_by_side(parts: list[arb_mat]) -> arb_mat:
 
 
 def sizes_of(columns: arb_mat, P: arb_mat) -> list[arb]:
-    """An upper bound of sqrt(s'Ps) for each column."""
+    """An upper bound on sqrt(s'Ps) for each column."""
     moved = (P * columns).tolist()
     squares = [sum((a[j] * b[j] for a, b in zip(columns.tolist(), moved, strict=True)), arb(0)) for j in range(columns.ncols())]
     return [arb(max(one.upper(), arb(0))).sqrt().upper() for one in squares]
@@ -1509,7 +1512,7 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
 
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Sentences on the accepted claims of each controller, and the assumptions. Rejected names the first line that fails."""
+    """Sentences on the accepted claims of each controller, and the assumptions. Refused names the first line that fails."""
     require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
     said, assumed = [], dict[str, None]()
     with ctx.workprec(256):

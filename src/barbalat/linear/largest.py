@@ -15,7 +15,7 @@ SMALLEST_FLOAT = sys.float_info.min
 """The smallest float with full precision; a downward search that reaches it has found no tolerated value."""
 
 NEIGHBOUR_GAP = 4 * sys.float_info.epsilon
-"""Relative distance at which a search for neighbouring floats ends; the geometric mean of closer ones may not lie between
+"""Relative distance at which a search for neighbouring floats ends; the geometric mean of closer floats may not lie between
 them."""
 
 
@@ -24,10 +24,10 @@ SECANTS = 5
 
 
 def largest(tolerates: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
-    """A value between ``low``, which is tolerated or 0, and ``high``, which is not: it is tolerated, and the value larger by the
-    fraction ``within`` is not.
+    """Return a tolerated value between ``low``, which is tolerated or 0, and ``high``, which is not tolerated. The value larger
+    by the fraction ``within`` is not tolerated.
 
-    ``within`` is relative. 0 if no positive value was found to be tolerated.
+    ``within`` is relative. The result is 0 if no positive value was found to be tolerated.
     """
     while high - low > within * high:
         middle = geometric_mean(low, high) if low > 0 else high / 16
@@ -45,9 +45,10 @@ def largest_from(
     within: float = NEIGHBOUR_GAP,
     least: float = SMALLEST_FLOAT,
 ) -> float:
-    """Search without known ends: by steps of ``factor`` from ``start`` down to a tolerated value, then up to one that is not.
+    """Search without known ends: by steps of ``factor`` from ``start`` down to a tolerated value, then up to an untolerated
+    value.
 
-    0 if nothing is tolerated down to ``least``; infinite if every float is.
+    The result is 0 if nothing is tolerated down to ``least``, and infinite if every float is tolerated.
     """
     low, high = _ends(tolerates, start, factor, least)
     return low if low == 0 or math.isinf(high) else largest(tolerates, low, high, within=within)
@@ -56,7 +57,7 @@ def largest_from(
 def largest_of_size(size: Callable[[float], float], start: float, *, within: float) -> float:
     """The search of ``largest_from`` for values that are tolerated if their ``size``, a smooth function of them, is below 1.
 
-    It uses secants of the logarithms (the Illinois algorithm), which need some eight sizes, compared with 25 for bisection.
+    It uses secants of the logarithms (the Illinois algorithm), which need about eight sizes, compared with 25 for bisection.
 
     Source: Dowell and Jarratt, A modified regula falsi method for computing the root of an equation, BIT 11 (1971).
     """
@@ -74,7 +75,7 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
         if high - low <= within * high:
             break
         middle = low * (high / low) ** (below / (below - above))
-        # passes the root by a third of the requested width, towards the farther end, so both ends approach the root
+        # passes the root by a third of the requested width, towards the farther end, so that both ends approach the root
         middle *= 1 - within / 3 if middle > geometric_mean(low, high) else 1 + within / 3
         if step % SECANTS == 0 or not low < middle < high:
             middle = geometric_mean(low, high)
@@ -86,7 +87,8 @@ def largest_of_size(size: Callable[[float], float], start: float, *, within: flo
 
 
 def _ends(tolerates: Callable[[float], bool], start: float, factor: float, least: float) -> tuple[float, float]:
-    """A tolerated value, and one larger by ``factor`` that is not; the first is 0 if none is tolerated, infinite if all are."""
+    """A tolerated value, and a value larger by ``factor`` that is not tolerated; the first is 0 if no value is tolerated,
+    infinite if all are."""
     low = start
     while not tolerates(low):
         if low <= least:
@@ -104,7 +106,7 @@ def largest_whole(tolerates: Callable[[int], bool], *, stride: int, most: int) -
     """A tolerated whole number up to ``most`` such that the next one is not, by strides from 0, which is assumed to be
     tolerated, and then by bisection.
 
-    ``most`` if all numbers tried are tolerated.
+    The result is ``most`` if all tried numbers are tolerated.
     """
     high = next((trial for trial in range(stride, most + 1, stride) if not tolerates(trial)), None)
     if high is None:

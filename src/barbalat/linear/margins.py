@@ -18,16 +18,16 @@ from barbalat.validate import Array, InputError
 
 LARGEST_FACTOR = 1e6
 """Largest change of the gain, up or down: a loop that is practically open, or that tolerates this change, has no margin. A
-crossing beyond it depends on the last bits of a cancellation in L or on a theta that is practically zero, and no actuator's
-gain varies so much."""
+crossing beyond it depends on the last bits of a cancellation in L or on a theta that is practically zero, and actuator gains do
+not vary so much."""
 
 
 @dataclass(frozen=True)
 class Margins:
     """The margins of the loop L e^(-s d) closed by u = -L v; infinite where no change of that kind destabilises it.
 
-    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite and 0 if there is none up to
-                        ``LARGEST_FACTOR``, or down to its inverse
+    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite if there is none up to ``LARGEST_FACTOR``,
+                        0 if there is none down to its inverse
     phase               the smallest phase lag or lead [rad] at which the loop loses stability, over all crossovers
     delay               the smallest additional delay [s] at which the loop loses stability, over all crossovers
     crossovers          (K,) frequencies [rad/s] with |L| = 1
@@ -45,8 +45,8 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
 
     loop   L(s): a StateSpace, a TransferFunction or a SISO python-control system
 
-    Raises InputError if it is not stable, with the closed loop's largest real part, or with the delay that it tolerates. A loop
-    with |L(infinity)| >= 1 tolerates none.
+    Raises InputError if the loop is not stable; the message gives the largest real part of the closed loop, or the delay that it
+    tolerates. A loop with |L(infinity)| >= 1 tolerates no delay.
     """
     loop, delay = StateSpace.accept("loop", loop), validate.not_negative("delay", delay)
     closed = sensitivity(loop).A

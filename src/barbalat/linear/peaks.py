@@ -1,9 +1,9 @@
 """Peak gains over all frequencies: H-infinity norms of SISO systems, Ms and Mt of a loop.
 
 Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak if no zero of level^2 -
-G(-s)G(s) is on the imaginary axis, so no peak between grid points is missed.
+G(-s)G(s) is on the imaginary axis, so peaks between grid points are not missed.
 
-For a loop with a delay, the peaks of |S| and |T| are found by branch and bound over frequency, which misses no peak either.
+For a loop with a delay, the peaks of |S| and |T| are found by branch and bound over frequency, which does not miss peaks either.
 
 |S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With the zeros and poles r_i of X, the
 middle w_m of an interval and half its width delta,
@@ -24,7 +24,7 @@ from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
 
 PEAK_PRECISION = 1e-6
-"""Relative precision: the true peak is at most this much below the returned level."""
+"""Relative precision; the true peak is at most this much below the returned level."""
 
 
 class Peak(NamedTuple):
@@ -56,7 +56,7 @@ def peak_gain(system: StateSpace) -> Peak:
 
 
 class Peaks(NamedTuple):
-    """Upper bounds of the peaks, which are at most ``PEAK_PRECISION`` lower."""
+    """Upper bounds on the peaks, which are at most ``PEAK_PRECISION`` lower."""
 
     sensitivity: float
     complementary: float

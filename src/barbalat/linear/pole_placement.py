@@ -18,7 +18,7 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     """A - b K with the requested poles, where K is found by state feedback; b is (n,) or (n, m).
 
     A complex pole is given once, as [real, imaginary], or as a complex number; a pole may be repeated as often as there are
-    inputs, or, with one input, any number of times.
+    inputs; with one input, any number of times.
 
     Source: Ackermann's formula for repeated poles with one input; otherwise Tits and Yang (1996), in SciPy's implementation.
     """
@@ -60,7 +60,7 @@ def observer_gain(A: Array, C: Array, wanted: list[complex], field: str) -> Arra
 
 
 def wanted_poles(poles: Iterable[Any], n: int, field: str) -> list[complex]:
-    """Both poles of each pair; raises InputError unless there are n, in Re s < 0."""
+    """Both poles of each pair; raises InputError unless there are n poles, all in Re s < 0."""
     wanted = _wanted(poles, n, field)
     unstable = [pole for pole in wanted if not pole.real < 0]
     if unstable:
@@ -69,7 +69,7 @@ def wanted_poles(poles: Iterable[Any], n: int, field: str) -> list[complex]:
 
 
 def _wanted(poles: Iterable[Any], n: int, field: str) -> list[complex]:
-    """Both poles of each pair; raises InputError unless there are n."""
+    """Both poles of each pair; raises InputError unless there are n poles."""
     given, wanted = list(poles), []
     for pole in _once_each(given):
         parts = np.atleast_1d(pole)
@@ -111,7 +111,7 @@ def _text(pole: complex) -> str:
 
 
 def _once_each(given: list[Any]) -> list[Any]:
-    """Poles in the form of case files: one of each pair of complex numbers, as [real, imaginary]."""
+    """Poles in the form of case files: one pole of each complex pair, as [real, imaginary]."""
     pairs = [pole for pole in given if isinstance(pole, complex) and pole.imag > 0]
     alone = [pole for pole in given if isinstance(pole, complex) and pole.imag < 0 and pole.conjugate() not in pairs]
     real = [pole.real if isinstance(pole, complex) else pole for pole in given if not isinstance(pole, complex) or pole.imag == 0]

@@ -39,7 +39,7 @@ def discrete(A: Array, B: Array, Q: Array, R: Array) -> Array:
 
 
 def _scaled(solve: Callable[..., Array], A: Array, B: Array, Q: Array, R: Array) -> Array:
-    """P = S^-1 X S^-1 with X of the states x = S z, S = diag(s), and of the inputs R^(1/2) u."""
+    """P = S^-1 X S^-1, where X is the solution for the states z of x = S z, S = diag(s), and for the inputs R^(1/2) u."""
     n = len(A)
     unit = np.linalg.solve(np.linalg.cholesky(R), B.T).T
     _, scale = balance(np.block([[A, -unit @ unit.T], [-Q, -A.T]]))

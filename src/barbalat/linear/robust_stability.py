@@ -1,8 +1,8 @@
 """The uncertainty that a linear loop tolerates: mu of the matched family over all frequencies, and the parameters that
 destabilise it.
 
-A grid proves nothing between its points. Therefore every peak of mu is refined, the frequencies at which a single real parameter
-could act are computed, and the destabilising parameters found by mu are verified by eigenvalues.
+A grid proves nothing between its points, so every peak of mu is refined, the frequencies at which a single real parameter could
+act are computed, and the destabilising parameters found by mu are verified by eigenvalues.
 
 The family is the matched one, (1) and (11): real parameters, and complex dynamics at the plant's input.
 
@@ -13,7 +13,7 @@ w_i e_i'(jw I - A)^-1 b S(jw), the responses of the states to a perturbation at 
     mu = max {t real: t = sum delta_i a_i + rho z, |delta_i| <= 1, |z| <= 1}
        = min over m of  sum |Re a_i + m Im a_i| + rho sqrt(1 + m^2).
 
-Every m gives an upper bound; the function is convex, and its minimum is computed exactly among the breakpoints and the points
+Every m gives an upper bound. The function is convex, and its minimum is computed exactly among the breakpoints and the points
 between them.
 """
 
@@ -33,14 +33,14 @@ REAL_TO_ROUNDING = 1e-9
 
 
 class Mu(NamedTuple):
-    """At K frequencies: mu (K,), and the minimising m (K,)."""
+    """Values at K frequencies: mu (K,), and the minimising m (K,)."""
 
     value: Array
     m: Array
 
 
 def mu_of_family(a: Array, rho: Array) -> Mu:
-    """mu for the responses ``a`` (K, n), complex, and the radius of the dynamic uncertainty ``rho`` (K,), not negative."""
+    """mu for the complex responses ``a`` (K, n) and the nonnegative radius ``rho`` (K,) of the dynamic uncertainty."""
     alpha, beta = a.real, np.where(np.abs(a.imag) <= REAL_TO_ROUNDING * np.abs(a), 0.0, a.imag)
     with np.errstate(divide="ignore", invalid="ignore"):
         breakpoints = np.where(beta != 0, -alpha / beta, 0.0)  # (K, n)
@@ -59,7 +59,7 @@ def mu_of_family(a: Array, rho: Array) -> Mu:
 
 
 def destabilising(a: Array, m: float) -> Array:
-    """The delta (n,) in [-1, 1] that attains mu = sum delta_i a_i at one frequency, for real parameters alone.
+    """The delta (n,) in [-1, 1] that attains mu = sum delta_i a_i at a frequency, for real parameters alone.
 
     If alpha_i + m beta_i vanishes, delta_i is free and cancels the imaginary part.
     """
@@ -78,9 +78,9 @@ def destabilising(a: Array, m: float) -> Array:
 class MatchedFamily:
     """x' = A_m x + b (theta'x + (1 + W Delta)[u]), theta in a box, |Delta(j w)| <= 1, with one linear controller.
 
-    loop    broken at the plant's input, with theta at the box's centre; its first n states are the plant's
-    width   (n,) half the box's sides
-    weight  W(s), the size of the unmodelled dynamics; ``None`` if there are none
+    loop    the loop broken at the plant's input, with theta at the centre of the box; its first n states are those of the plant
+    width   (n,) half widths of the box
+    weight  W(s), the size of the unmodelled dynamics; ``None`` without unmodelled dynamics
 
     Raises InputError if the loop is unstable at the centre: mu is then meaningless.
     """
@@ -97,7 +97,8 @@ class MatchedFamily:
             )
 
     def channels(self, w: Array) -> tuple[Array, Array]:
-        """a (K, n): the states' responses to a perturbation at the plant's input, times the half widths; rho (K,) = |W T|."""
+        """a (K, n), the responses of the states to a perturbation at the plant's input, times the half widths; rho (K,) = |W
+        T|."""
         S = sensitivity(self.loop)
         a = states_response(S.A, S.B, w)[:, : len(self.width)] * self.width
         if self.weight is None:
@@ -123,12 +124,13 @@ class RobustStability:
 
     @property
     def scale(self) -> float:
-        """The factor by which the uncertainty may grow before the loop can lose stability; infinite if it never does."""
+        """The factor by which the uncertainty may grow before the loop can lose stability; infinite if it never loses
+        stability."""
         return 1 / self.peak if self.peak > 0 else np.inf
 
 
 def robust_stability(family: MatchedFamily) -> RobustStability:
-    """mu of the family: a grid around the closed loop's poles, the critical frequencies, each peak refined."""
+    """mu of the family, on a grid around the closed-loop poles and at the critical frequencies, with each peak refined."""
     grid = np.unique(np.concatenate([[0.0], frequency_grid(sensitivity(family.loop))]))
     w = np.unique(np.concatenate([grid, _real_crossings(family, grid)]))
     w = np.unique(np.concatenate([w, _refined(family, w)]))
@@ -159,7 +161,8 @@ def _refined(family: MatchedFamily, w: Array) -> Array:
 
 
 def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
-    """Frequencies at which some a_i is real: a parameter can act alone there, and mu of real parameters may jump."""
+    """Frequencies at which some a_i is real: a parameter can act alone at these frequencies, and mu of real parameters may
+    jump."""
     from scipy.optimize import brentq
 
     def imaginary(point: float, i: int) -> float:

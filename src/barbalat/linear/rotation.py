@@ -1,8 +1,8 @@
 """Loops with a delay: all frequencies at which L(j w) e^(-j w d) is real and negative, and its distance from -1.
 
-With the delay the loop's phase rotates without end, and the pencils of ``crossings`` need rational functions. But the phase is a
-sum of arcs, each monotone in w: one for every zero and pole of L, and -w d. It can therefore be bounded over an interval of w,
-and intervals are halved until each provably contains no crossing, or exactly one.
+With the delay the loop's phase rotates without end, and the pencils of ``crossings`` need rational functions. But the phase is
+the sum of -w d and one arc for every zero and pole of L, and each of these is monotone in w. The phase can therefore be bounded
+over an interval of w, and intervals are halved until each provably contains no crossing, or exactly one.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
 
 HALVING_STEPS = 60
-"""Number of halvings of an interval, down to rounding errors. If an interval is still undecided then, its phase touches -pi
+"""Number of halvings of an interval, down to rounding errors. If an interval is then still undecided, its phase touches -pi
 without crossing it."""
 
 CLEAR_OF_A_LEVEL = 1e-9
 """Relative allowance, far above the rounding errors of a phase in whatever order it is summed."""
 
 START_SHARE = 1e-9
-"""The start of a search, as a fraction of the smallest zero, pole and 1/d: below it L is constant, or an integrator, within
+"""The start of a search, as a fraction of the smallest zero, pole and 1/d: below it, L is constant or an integrator to within
 1e-8."""
 
 
@@ -39,7 +39,7 @@ class Rotation:
         roots = np.concatenate([self.zeros, self.poles])
         sense = np.concatenate([np.ones(len(self.zeros)), -np.ones(len(self.poles))])
         self._sense = np.where(roots.real <= 0, sense, -sense)
-        """For each arc: 1 if it rises with w, as it does for a zero in the left half plane, else -1."""
+        """For each arc: 1 if it rises with w, as for a zero in the left half plane, otherwise -1."""
         self._width = np.maximum(np.abs(roots.real), 1e-150)  # its square must not underflow to zero
         self._at = roots.imag
         sizes = np.abs(roots)
@@ -64,7 +64,7 @@ class Rotation:
         return self._start + self._arcs(w)
 
     def swing(self, left: Array, right: Array) -> tuple[Array, Array]:
-        """The largest distance of the phase below and above its value at the left end, anywhere in the interval."""
+        """How far the phase lies, at most, below and above its value at the left end, anywhere in the interval."""
         rises = self._each(right) - self._each(left)
         return rises @ (self._sense < 0) + (right - left) * self.delay, rises @ (self._sense > 0)
 
@@ -98,7 +98,7 @@ class Rotation:
         return np.unique([*found, *right])
 
     def _crossed(self, left: Array, right: Array, levels: Array) -> Iterator[tuple[float, float, float]]:
-        """Return those few intervals of monotone phase whose ends may be on different sides of their level."""
+        """Return the few intervals of monotone phase whose ends may be on different sides of their level."""
         wanted = (2 * levels + 1) * np.pi
         off = np.array([self.phase(end) - wanted for end in (left, right)])
         clear = (np.abs(off) > CLEAR_OF_A_LEVEL * np.maximum(1.0, np.abs(wanted))).all(axis=0)
@@ -106,10 +106,10 @@ class Rotation:
             yield left[k], right[k], levels[k]
 
     def _at_level(self, left: float, right: float, level: float) -> list[float]:
-        """The frequency at which the phase, monotone between the two, has this value: one w or none."""
+        """The frequency at which the phase, which is monotone between the two, has this value; one w or none."""
         from scipy.optimize import brentq
 
-        def off(w: float) -> float:  # ``phase`` minus the level in one call, because most of a search's time is spent here
+        def off(w: float) -> float:  # ``phase`` minus the level in one call, because a search spends most of its time here
             arcs = np.arctan((np.array([[w]]) - self._at) / self._width) @ self._sense
             return float(self._start + (arcs[0] - w * self.delay)) - level
 
@@ -126,11 +126,12 @@ def _levels(lowest: Array, highest: Array) -> tuple[Array, Array]:
 
 
 def phase_crossings(crossings: Crossings, delay: float, crossovers: Array) -> Array:
-    """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest such value under 1.
+    """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest such magnitude that
+    is under 1.
 
-    Above the last crossover w_c the delay alone causes one: zeros and poles rotate the phase by at most pi each, so it falls
-    through an odd multiple of pi before w_c + (R + 2) pi/d. With k the factor there, no smaller one is beyond the last w with k
-    |L| = 1.
+    Above the last crossover w_c, the delay alone causes a crossing: zeros and poles rotate the phase by at most pi each, so it
+    falls through an odd multiple of pi before w_c + (R + 2) pi/d. If k is the factor at that crossing, smaller factors cannot
+    occur beyond the last w with k |L| = 1.
     """
     rotation = Rotation(crossings.loop, delay)
     last = float(crossovers.max(initial=0.0))

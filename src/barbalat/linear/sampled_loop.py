@@ -6,12 +6,12 @@ v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, at f
     X[k+1] = J (e^(A T) X[k] + e^(A (1-f) T) Gamma(f T) u[k-l-1] + Gamma((1-f) T) u[k-l]),  Gamma(t) = integral_0^t e^(A s) ds E.
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
-margins and peaks of one input are those of L(z) on the unit circle with the other inputs closed; with z = (1 + s T/2)/(1 - s
-T/2) they are those of a continuous system. Margins that no single L(z) gives are found by a search.
+margins and peaks at one input are those of L(z) on the unit circle with the other inputs closed; with z = (1 + s T/2)/(1 - s T/2)
+they are those of a continuous system. Margins that do not follow from a single L(z) are found by a search.
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are not whole samples) and 8.2.
 
-No single transfer function shows the delay margin, nor the gain margin of a gain that all inputs share.
+Neither the delay margin nor the margin for a common gain on all inputs follows from a single transfer function.
 
 The search starts from a stable loop and advances by steps over which stability is certain. For a delay, the step is certain if
 |change of L| < |1 + L| at every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For
@@ -40,8 +40,8 @@ from barbalat.validate import Array, InputError
 
 
 class Effects(NamedTuple):
-    """The effects of u[k-l] and u[k-l-1] on X at the next sample, for a delay of l samples and a fraction f of one; a column per
-    input."""
+    """The effects of u[k-l] and u[k-l-1] on X at the next sample, for a delay of l samples and a fraction f of one; with a column
+    per input."""
 
     whole: Array
     part: Array
@@ -97,7 +97,7 @@ class SampledLoop:
         return M, N, np.hstack([self.C, np.zeros((m, len(of_earlier)))])
 
     def broken_at(self, i: int, delay: float | Array) -> tuple[Array, Array, Array]:
-        """(M, N, C) of the loop that is opened only at the input i, with the others closed."""
+        """(M, N, C) of the loop opened only at input i, with the others closed."""
         M, N, C = self.broken(delay)
         others = np.arange(self.inputs) != i
         return M + N[:, others] @ C[others], N[:, [i]], C[[i]]
@@ -123,7 +123,7 @@ class SampledLoop:
         return np.asarray(M + factor * N @ C)
 
     def radius(self, delay: float | Array, factor: float = 1.0) -> float:
-        """The closed loop's spectral radius, which is below 1 if it is stable."""
+        """The spectral radius of the closed loop, which is below 1 if the loop is stable."""
         return float(np.abs(np.linalg.eigvals(self.closed(delay, factor))).max())
 
     def is_stable(self, delay: float | Array) -> bool:
@@ -199,10 +199,10 @@ of the grid of frequencies."""
 FREQUENCIES = 600
 """Number of frequencies up to pi/T on each of two grids, logarithmic and linear; the modes without feedback are added."""
 CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
-"""Number of refinements between the neighbours of a minimum on the grid, down to a hundredth of the grid's steps."""
+"""Number of refinements between the neighbours of a minimum on the grid, down to 1/100 of the grid spacing."""
 SHORT_STEP = 0.1
-"""If the search's step is shorter than this fraction of a sample (for a delay) or of the factor (for a gain), stability may be
-lost nearby, which is then examined."""
+"""If the step of the search is shorter than this fraction of a sample (for a delay) or of the factor (for a gain), stability may
+be lost nearby, which is then examined."""
 MOST_SAMPLES_OF_DELAY = 500
 """Largest delay, in samples, up to which the delay margin is searched."""
 BEYOND = 1 + 1e-12
@@ -218,28 +218,28 @@ FEW_MODES = 100
 EDGE_PLACES = 100
 """Number of positions of a delay's edge within a sample at which |L| < 1 is checked."""
 GRID_ALLOWANCE = 2e-3
-"""Allowance for a peak of |L| between the grid's frequencies; every mode that is not damped out within two samples has grid
-points near it."""
+"""Allowance for a peak of |L| between grid frequencies; every mode that does not decay within two samples has grid points near
+it."""
 LARGEST_TURN = 0.05
 """Largest rotation of e^(A t) between the instants within a sample at which it is evaluated."""
 SHARE_OF_ROOM = 0.9
-"""Fraction of the distance to the loss of stability by which the factor advances in one step, so the search does not end on the
-loss itself."""
+"""Fraction of the distance to the loss of stability by which the factor advances in one step, so that the search does not end on
+the loss itself."""
 
 
 def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:
     """The smallest additional delay [s] at which the loop with ``delay`` loses stability; infinite if there is none.
 
-    at  the one input whose delay grows; by default the delays of all inputs grow equally
+    at  the single input whose delay grows; by default the delays of all inputs grow equally
 
-    InputError if the loop is unstable, and if nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
+    Raises InputError if the loop is unstable, and if no loss is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
     """
     return _DelaySearch(_stable(loop, delay), delay, at).margin()
 
 
 def gain_margins(loop: SampledLoop, delay: float) -> tuple[float, float]:
     """The factors closest to 1, below and above it, that destabilise the loop if they multiply all inputs; 0 and infinite if
-    there are none.
+    there are no such factors.
 
     Factors up to ``LARGEST_FACTOR`` are examined. Raises InputError if the loop is unstable.
     """
@@ -406,7 +406,7 @@ class _DelaySearch:
         return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
-        """Whether |L| < 1 at all frequencies and for all positions of the edge, so no delay matters.
+        """Whether |L| < 1 at all frequencies and for all positions of the edge, in which case delays do not matter.
 
         Between the checked positions of the edge, L changes by at most what its slope allows.
         """

@@ -1,7 +1,6 @@
-"""The shell around a sampled controller, and the faults: the samples that the controller receives, and its output
-control.
+"""The shell around a sampled controller, and the faults: which samples the controller receives, and the control that is put out.
 
-Exported code has the same shell in C: ``export/templates/controller.c``. The operations here are the same, in the same order, and
+Exported code has the same shell in C: ``export/templates/controller.c``. The operations here are the same, in the same order;
 tests compare the two bit for bit.
 """
 
@@ -24,8 +23,8 @@ from barbalat.protocols import kept as choose
 from barbalat.validate import Array, InputError
 
 MOST_COUNTED = 10**9
-"""The largest count of consecutive misses, at which the counter stops. The count plus any increment fits into the long of
-every C compiler."""
+"""The largest count of consecutive misses; the counter stops there. The count plus any increment fits into the long of every C
+compiler."""
 LOST = 2.0
 """The value of the freeze switch at a sample without a measurement, where an observer is not corrected; the value 1 freezes
 only the estimates and the law's memory."""
@@ -36,9 +35,9 @@ MOST_LATE = 1000
 
 
 class Kept(NamedTuple):
-    """The values that are stored from sample to sample; parts that a case does not need are empty."""
+    """The values stored from sample to sample; parts that a case does not need are empty."""
 
-    outage: Value  # () consecutive misses, if they have a limit
+    outage: Value  # () consecutive misses, if limited
     fade_left: Value  # () remaining samples of the fade after a fallback
     bump: Value  # (m,) the step that fades out
     repeats: Value  # (k,) consecutive good samples equal to the previous one, for the channels that may be stuck
@@ -61,10 +60,10 @@ class Taken(NamedTuple):
 
     y: Value
     r: Value
-    freeze: Value  # LOST on a miss, else 0
-    begun: Value  # 1 if a controller continues, at this sample or before
-    fresh: Value  # 1 if y is a good measurement, also at a wrong time
-    elapsed: Value  # samples since the last call, the last of which may not be whole
+    freeze: Value  # LOST on a miss, otherwise 0
+    begun: Value  # 1 once a controller continues from an earlier state
+    fresh: Value  # 1 if y is a good measurement, even at a wrong time
+    elapsed: Value  # samples since the last call, possibly not a whole number
     due: Value  # 1 if the timer calls
     wrong_time: Value  # 1 if it calls at a time that the shell does not accept
     offered: Value
@@ -81,7 +80,7 @@ class OnLoop:
 
     where    (y,) the channels that it affects
     command  whether it affects the command instead
-    time     [s] of a jitter; ``samples`` of a latency
+    time     time [s] of a jitter; ``samples`` of a latency
     """
 
     kind: str
@@ -108,20 +107,20 @@ class OnLoop:
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """A shell in numbers, and the faults; arrays are (y,) for the measured channels, and (q,) for the commands.
+    """A shell, as numbers, and the faults; arrays are (y,) for measured channels and (q,) for commands.
 
-    low, high  accepted range; infinite for a channel without one
+    low, high  accepted range; infinite for a channel without a range
     rate       the fastest accepted change between samples; infinite for a channel without a limit
     repeats    accepted number of equal samples in a row, by the channels' indices
     baseline   the fixed controller that acts as the fallback; None if another fallback acts
-    gains      the nonzero entries (input, entry) of the gains of the command and of the feedback, where the baseline's own states
-               follow the measurements
-    ranged, rated  indices of the channels with a range or a rate limit, also if their numbers are symbols
+    gains      the nonzero entries (input, entry) of the gains of the command and of the feedback, where the states of the
+               baseline follow the measurements
+    ranged, rated  indices of the channels with a range or a rate limit, even if the numbers are symbols
     command_*  the same for the commands
-    u_low, u_high  (m,) the actuators' limits, within which a fade begins; ``limited``: the inputs that have limits
-    T          [s] between two calls, with the tolerance ``band`` [s]; None if a wrong time is only reported
-    longest    consecutive misses before the fallback acts, a whole number; None for no limit
-    fade       samples of the fallback's fade and of the return's, a whole number; ``fades`` tells whether there is one
+    u_low, u_high  (m,) the actuator limits, within which a fade begins; ``limited`` are the inputs with limits
+    T          time [s] between two calls, with the tolerance ``band`` [s]; None if a wrong time is only reported
+    longest    number of consecutive misses before the fallback acts; None for no limit
+    fade       number of samples of the fades of fallback and return; ``fades`` tells whether there is a fade
     """
 
     low: Array
@@ -150,7 +149,7 @@ class Around:
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
-        """The shell and the faults; None without both; raises InputError for times that do not fit the sample time T [s]."""
+        """The shell and the faults; None without either; raises InputError for times that do not fit the sample time T [s]."""
         shell = problem.shell
         if shell is None and not problem.faults:
             return None
@@ -197,7 +196,7 @@ class Around:
         return None if problem.shell is None or T is None else cls.of(replace(problem, faults=()), T)  # type: ignore[type-var]
 
     def require_taken(self, measured: Array, commands: Array, problem: TrackingProblem) -> None:
-        """Raise InputError if a sample of a run without faults, of which (K, y) was measured, with (K, q) ``commands``, is not
+        """Raise InputError if a sample of a run without faults, with measurements (K, y) and ``commands`` (K, q), is not
         accepted."""
         names = problem.handed_names
         of_commands = self.command_low, self.command_high, self.command_rate
@@ -227,7 +226,7 @@ class Around:
 
     @property
     def jitters(self) -> bool:
-        """Whether calls come at other instants than whole multiples of the sample time."""
+        """Whether calls may come at instants other than whole multiples of the sample time."""
         return any(one.kind == Jitter.kind for one in self.faults)
 
     def calls(self, faults: Sequence[Callable[[Array], Array]], end: float) -> Array:
@@ -277,8 +276,8 @@ class Around:
     def take(self, held: Held, y: Value, r: Value, faults: Value, dt: Value = None) -> Taken:
         """The sample that the controller receives, from the sensor's output, the command, and the faults' values.
 
-        dt  [s] of a solver step, the unit in which a timer with jitter counts; None if only its calls are evaluated, each when
-        it is due
+        dt  length of a solver step [s], the unit in which a timer with jitter counts; None if only its calls are evaluated, each
+        when it is due
         """
         kept: Kept = held.around
         flat, lost_y, lost_r = y.reshape(-1), 0 * faults[0] if self.faults else np.zeros(()), np.zeros(())
@@ -333,7 +332,7 @@ class Around:
 
     def plausible(self, offered: Value, last: Value, held: Held, elapsed: Value) -> Value:
         """1 if every channel is in its range, and has changed no faster than accepted since the last good sample, if there is
-        one; also for many samples at once, in the columns of every array.
+        one. Many samples can be given at once, as columns of every array.
 
         elapsed  samples since the last call
         """
@@ -349,7 +348,7 @@ class Around:
         return good
 
     def plausible_command(self, r: Value, last: Value, held: Held, elapsed: Value) -> Value:
-        """1 if every command is in its range, and has changed no faster than accepted since the last good one, if there is
+        """1 if every command is in its range, and has changed no faster than accepted since the last good command, if there is
         one; ``elapsed`` as for ``plausible``."""
         good = 1.0 + 0 * held.started
         for i in self.command_ranged:
@@ -391,7 +390,8 @@ class Around:
         return due, wrong, np.concatenate(new)
 
     def put_out(self, taken: Taken, before: Any, after: Any) -> Any:
-        """The controller's whole state, an ``Acting``, after a sample with its shell; ``after`` is the result of its list."""
+        """The whole state of the controller, an ``Acting``, after a sample with its shell; ``after`` is the result of its
+        list."""
         old: Kept = before.held.around
         miss = taken.freeze
         u, kept = np.where(miss > 0, before.held.u, after.held.u), old
@@ -420,7 +420,7 @@ class Around:
 
     def _with_fallback(self, u: Value, taken: Taken, before: Held, kept: Kept) -> tuple[Value, Kept]:
         """The control and the stored values if an outage has a limit: the fallback and the bumpless return, both of which begin
-        from the control limited to the actuators' range."""
+        from the control limited to the actuator range."""
         assert self.longest is not None
         miss = taken.freeze
         old: Kept = before.around
@@ -459,8 +459,8 @@ class Around:
     def _after_wrong_times(self, returns: Value, old: Kept) -> tuple[Value, Value]:
         """The remaining samples of a fade, and its whole number of samples, if wrong times may have triggered the fallback.
 
-        If no more samples were missed than the longest outage, the return takes no more samples than were missed, and the
-        rest of an earlier fade continues: otherwise repeated wrong calls would hold the control for ever.
+        If no more samples were missed than the longest outage allows, the return takes at most as many samples as were missed,
+        and the rest of an earlier fade continues. Otherwise repeated wrong calls would hold the control forever.
         """
         earlier = old.fade_left[0] if self.baseline is None else old.paused[0]
         missed = old.outage[0] - old.advanced[0]
@@ -470,7 +470,7 @@ class Around:
         return left, np.where(returns > 0, np.where(short > 0, rest, self.fade), old.fade[0])
 
     def _limited(self, u: Value) -> Value:
-        """(m,) within the actuators' limits."""
+        """(m,) limited to the actuator range."""
         each = [u[i] for i in range(len(self.u_low))]
         for i in self.limited:
             each[i] = np.where(each[i] < self.u_low[i], self.u_low[i], each[i])

@@ -21,7 +21,7 @@ _sampled: dict[type, bool] = {}
 
 
 def is_sampled(equations: Equations | SampledEquations) -> TypeGuard[SampledEquations]:
-    """Whether equations act at samples; cached by class, since the check is slow and is made for every member."""
+    """Whether equations act at samples; cached by class, because the check is slow and every member needs it."""
     kind = type(equations)
     if kind not in _sampled:
         _sampled[kind] = isinstance(equations, SampledEquations)
@@ -36,8 +36,8 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
     """The controller's equations for this problem; raises InputError for an object that is not a controller, or for a controller
     that needs a different measurement.
 
-    Equations that involve a class from outside are checked once for each structure, see ``check_controller``. The package's
-    tests apply the same checks to its own equations.
+    Equations that involve a class from outside are checked once for each structure (see ``check_controller``). The tests of the
+    package apply the same checks to its equations.
     """
     outside = comes_from_outside(controller)
     equations = _equations(problem, controller, outside=outside)
@@ -55,10 +55,10 @@ Bind = Callable[[TrackingProblem, Controller], Equations | SampledEquations]
 
 
 class Bindings:
-    """``bound`` for many members of one structure, which the caller compares: only the first is checked.
+    """``bound`` for many members of one structure. The caller compares the structures, so only the first member is checked.
 
     Members with the same controller and the same known part of the plant, which is all that ``bind`` receives, share their
-    equations: of members that differ only in theta, only the first is bound.
+    equations; of members that differ only in theta, only the first is bound.
     """
 
     def __init__(self) -> None:
@@ -81,10 +81,10 @@ class Bindings:
 
 
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:
-    """Try a controller's equations on a problem as a run does; for tests of your own classes.
+    """Try a controller's equations on a problem as a run does; useful for testing your own classes.
 
-    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so the traced equations agree
-    with the code. Raises InputError with the class, the equation, the shape and the required one.
+    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so that the traced equations
+    are known to agree with the code. Raises InputError with the class, the equation, its shape and the required shape.
     """
     validate.instance("problem", problem, TrackingProblem)
     equations = _equations(problem, controller, outside=comes_from_outside(controller))
@@ -131,7 +131,7 @@ def require_controllers(controllers: Sequence[Any]) -> None:
 
 
 def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller, ...]:
-    """Any collection of controllers, or a single one, as a tuple. If several have the same name, all but the first get a
+    """Return any collection of controllers, or a single one, as a tuple. If several have the same name, all but the first get a
     number: MRAC, MRAC 2.
 
     Raises InputError for an object that is not a controller, and for a duplicate name if the class has no field for it.
@@ -159,7 +159,7 @@ def _renamed(controller: Any, name: str) -> Any:
     if "name" in own:
         return replace(controller, name=name)
     for field, part in (parts_of(controller) or {}).items():
-        # its name is the inner controller's
+        # its name is that of the inner controller
         if field in own and isinstance(part, Controller) and part.name == controller.name:
             return replace(controller, **{field: _renamed(part, name)})
     return controller

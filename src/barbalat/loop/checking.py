@@ -1,7 +1,8 @@
 """Checks a controller's equations before they are traced: evaluates them on numbers and on symbols, and compares the two.
 
-A run evaluates the equations on symbols only once. Code that does not yield an expression there (an ``if``, a number made from
-a symbol) would silently become a constant of the run, or NaN. Therefore each equation is compared with its values on numbers.
+A run evaluates the equations on symbols only once. Code that does not yield an expression for symbols (an ``if``, a number made
+from a symbol) would silently become a constant of the run, or NaN. Each equation is therefore compared with its values on
+numbers.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from barbalat.roles import Role, declared_roles, leaves, names_of, state_parts
 from barbalat.validate import Array, counted, show
 
 POINTS_TRIED = 4
-"""States at which the equations are evaluated: the initial one, and others drawn around it."""
+"""States at which the equations are evaluated: the initial state, and others drawn around it."""
 AGREEMENT_WITHIN = 1e-8
-"""Tolerance relative to an equation's largest entry: the same sums in a different order differ by far less, and different
-equations by far more."""
+"""Tolerance relative to the largest entry of an equation. Sums in a different order differ by far less, and different equations
+by far more."""
 CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial", "control", "advance")
 
 
@@ -38,7 +39,7 @@ class Ports(NamedTuple):
 
     @classmethod
     def of(cls, plant: Dynamics, model: Dynamics, commands: int | None, inputs: int) -> Ports:
-        """Return the values of a loop at t = 0 with commands and inputs at zero; ``commands`` as in ``ClosedLoop``."""
+        """Return the values of a loop at t = 0 with commands and inputs at zero; for ``commands``, see ``ClosedLoop``."""
         y, y_m = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
         return cls(y, y_m, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
 
@@ -122,7 +123,7 @@ Equation = Callable[[Arguments], Any]
 
 @dataclass(frozen=True, eq=False)
 class TrialCall:
-    """An object's equations, each as a function of all arguments; ``settings`` are symbols among its own numbers."""
+    """An object's equations, each as a function of all arguments; ``settings`` are symbols among the object's numbers."""
 
     whose: Subject
     of: Any

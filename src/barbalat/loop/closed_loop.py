@@ -38,20 +38,18 @@ class ClosedLoop:
     noise_std: Array | None = None
     resolutions: tuple[float | None, ...] | None = None  # of the sensor, for each measured quantity; a sampled controller's
     disturbed: bool = False
-    directions: tuple[Array, ...] = ()  # of the unmatched disturbances
+    directions: tuple[Array, ...] = ()  # directions of the unmatched disturbances
     output_disturbed: bool = False
     clocked: bool = False
     delayed: bool = False
     discrete_model: HeldSystem | None = None  # of a sampled controller
     around: Around | None = None  # its shell and its faults
-    baseline: FixedController | None = None  # equations receive its own states after the measurement
-    external: FixedController | None = (
-        None  # other code computes its control and passes it to a sampled controller at its samples
-    )
-    reads: Array | None = None  # (p, n) C of the measurement; None if that is the plant's output itself
-    true_reads: Array | None = None  # (p, N) C of the measurement of a truth's own states, in place of ``reads``
+    baseline: FixedController | None = None  # equations receive its states after the measurement
+    external: FixedController | None = None  # external code computes its control and passes it to a sampled controller at samples
+    reads: Array | None = None  # (p, n) C of the measurement; None if that is the plant's output
+    true_reads: Array | None = None  # (p, N) C of the measurement of a truth's states, in place of ``reads``
     observer: ObserverEquations | None = None  # equations receive its estimate in place of the measurement
-    begins: Any = None  # the equations' state at t = 0, in numbers, if the equations themselves contain symbols
+    begins: Any = None  # the equations' state at t = 0, in numbers, if the equations contain symbols
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, *, bind: Bind = bound) -> ClosedLoop:
@@ -199,18 +197,18 @@ class ClosedLoop:
 
     @cached_property
     def parts(self) -> tuple[StatePart, ...]:
-        """The arrays of the controller's own state with their roles and their positions in a flat state."""
-        own = flatten((self._initial.controller, self._initial.held, np.zeros(0)))  # they are last in a flat state
+        """The arrays of the controller state with their roles and their positions in a flat state."""
+        own = flatten((self._initial.controller, self._initial.held, np.zeros(0)))  # they come last in a flat state
         return state_parts(self.equations, self._initial.controller, self.size - len(own))
 
     @cached_property
     def estimates(self) -> StatePart | None:
-        """The estimates that results call theta_hat: see ``main_estimates``; None for a controller without estimates."""
+        """The estimates that results call theta_hat (see ``main_estimates``); None for a controller without estimates."""
         return main_estimates(self.parts)
 
     @cached_property
     def other_estimates(self) -> tuple[StatePart, ...]:
-        """The further estimates, which results list under their own names."""
+        """The further estimates, which results list separately by name."""
         return tuple(part for part in self.parts if part.role.kind == "estimates" and part is not self.estimates)
 
     @cached_property
@@ -224,7 +222,7 @@ class ClosedLoop:
         return slice(0, 0) if self.estimates is None or not self.parameters else self.estimates.rows
 
     def theta_hat(self, controller: Any) -> Value:
-        """The estimates in the controller's own state, (p,)."""
+        """The estimates in the controller state, (p,)."""
         return taken_from(controller, self.estimates)
 
     def unpack(self, flat: Value) -> LoopState:
@@ -288,7 +286,7 @@ class ClosedLoop:
     def sample(self, flat: Value, signals: Value, freeze: Value = None) -> Value:
         """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u.
 
-        ``freeze``, without a shell and faults: if it is above 0, the estimates and the law's memory are held.
+        Without a shell and faults, if ``freeze`` is above 0, the estimates and the law's memory are held.
         """
         assert self.computer is not None
         state, (y, r) = self.unpack(flat), self.sampled_at(flat, signals)
@@ -311,13 +309,13 @@ class ClosedLoop:
 
     @cached_property
     def limiter_rows(self) -> tuple[int, ...]:
-        """The places of the limiters' outputs in a flat state."""
+        """The positions of the limiter outputs in a flat state."""
         places = self.unpack(np.arange(self.size)).input
         return tuple(int(places[i].limited[0]) for i in self.rate_limited)
 
     @property
     def rate_limits(self) -> Value:
-        """The limiters' largest rates, (L,)."""
+        """The largest rates of the limiters, (L,)."""
         return together([path.rate_limit for path in self.paths if path is not None and path.rate_limit is not None])
 
     def demands(self, flat: Value, signals: Value) -> Value:
@@ -333,7 +331,7 @@ class ClosedLoop:
         return y + given.at_output[0] if self.output_disturbed else y
 
     def followed(self, state: LoopState, given: Signals) -> Value:
-        """The output that should follow the model, without the sensor's lag and noise, (n,)."""
+        """The output that should follow the model, without sensor lag and noise, (n,)."""
         return self._output(state, given).reshape(-1)
 
     def reading(self, x: Value) -> Value:
@@ -361,15 +359,15 @@ class ClosedLoop:
         return y if self.observer is None or self.sampled else self.observer.estimate(state.observer, y)
 
     def _handed(self, state: LoopState, y: Value) -> tuple[Value, Value]:
-        """The states of plant and model that equations receive, including a baseline's own states."""
+        """The states of plant and model that equations receive, including the states of a baseline."""
         seen = self._seen(state, y)
         if self.baseline is None:
             return seen, self.model.output(state.x_m)
         return np.concatenate([seen, state.baseline]), state.x_m
 
     def received(self, state: LoopState, x: Value) -> Value:
-        """The input of the equations, without noise, if x is the plant's own state or output: x or an observer's estimate of
-        it, followed by a baseline's own states."""
+        """The input of the equations, without noise, if x is the state or output of the plant: x or an observer's estimate of it,
+        followed by the states of a baseline."""
         own: Any = state.held if self.sampled else state
         if self.observer is not None and self.reads is not None:
             y = self.reading(state.x) if self.lag is None else state.sensor
@@ -377,7 +375,7 @@ class ClosedLoop:
         return x if self.baseline is None else np.concatenate([x, own.baseline])
 
     def _of_the_baseline(self, state: LoopState, seen: Value, r: Value, u: Value) -> Value:
-        """The derivatives of the baseline's own states, which a sampled controller advances itself."""
+        """The derivatives of the baseline's states; a sampled controller advances these states itself."""
         if self.baseline is None or self.sampled:
             return state.baseline
         return self.baseline.derivative(state.baseline, seen, r, u)
@@ -400,7 +398,7 @@ class ClosedLoop:
         state, given = self.unpack(flat), self.signals.named(signals)
         u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
-        x = state.x if self.measured_outputs else y  # for a truth with more states, those of the design plant
+        x = state.x if self.measured_outputs else y  # for a truth with more states, the states of the design plant
         y = y.reshape(-1)[: self.measured_outputs]
         x_m = state.x_m if self.baseline is None else self.model.output(state.x_m)
         return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, x_m, y)

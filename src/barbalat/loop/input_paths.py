@@ -1,4 +1,4 @@
-"""All inputs of a loop: each has a path with limits or unmodelled dynamics, or None if u reaches the plant unchanged."""
+"""All inputs of a loop. Each has a path with limits or unmodelled dynamics, or None if u reaches the plant unchanged."""
 
 from __future__ import annotations
 

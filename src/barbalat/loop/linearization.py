@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     """The symbols of a flat state and of its signals, and the expression computed from them."""
 
 LOOPS_KEPT = 8
-"""Number of loops whose functions are cached: an analysis requests them several times, and tracing takes far longer."""
+"""Number of loops whose functions are cached. An analysis requests them several times, and tracing takes far longer than
+evaluation."""
 
 
 def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
@@ -28,10 +29,10 @@ def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
 
 
 def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
-    """The loop with the continuous equations behind a sampled controller; any other loop unchanged.
+    """The loop with the continuous equations behind a sampled controller; any other loop is returned unchanged.
 
-    Its flat state is the sampled loop's without the held part, which is last. There is no such continuous loop for a sampled
-    form with its own states, an observer, or a baseline with states.
+    Its flat state is that of the sampled loop without the held part, which comes last. There is no such continuous loop for a
+    sampled form with additional states, an observer, or a baseline with states.
     """
     if loop.baseline is not None or loop.observer is not None:
         return loop
@@ -61,7 +62,8 @@ def right_hand_side(loop: ClosedLoop) -> ca.Function:
 
 
 def sampled_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.Function:
-    """A sampled controller's action on a state, as a CasADi function of (state, signals); ``frozen`` as above."""
+    """A sampled controller's action on a state, as a CasADi function of (state, signals); ``frozen`` holds estimates and
+    memory."""
     import casadi as ca
 
     state, signals, made = _sample(loop, frozen)
@@ -85,5 +87,5 @@ def _sample(loop: ClosedLoop, frozen: bool) -> Traced:
 def _jacobian(state: ca.SX, signals: ca.SX, value: ca.SX) -> ca.Function:
     import casadi as ca
 
-    # sparse, without a search for common subexpressions, which takes 40 s for 900 states and does not speed up the evaluation
+    # sparse, without a search for common subexpressions: it would take 40 s for 900 states and would not speed up evaluation
     return ca.Function("jacobian", [state, signals], [ca.jacobian(value, state)])

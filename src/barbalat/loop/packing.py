@@ -20,11 +20,11 @@ class Held(NamedTuple):
 
     u: Value  # the control
     measured: Value  # the sampled measurement: the state, or y
-    x_m: Value  # the state of its own reference model, from sample to sample
+    x_m: Value  # the state of its reference model, from sample to sample
     r: Value  # the sampled command
     started: Value  # 0 before the first sample, then 1
-    theta_hat: Value  # the estimates before this step's sample, if it has one
-    baseline: Value = np.zeros(0)  # (l,) the baseline's own states
+    theta_hat: Value  # the estimates before this step's sample, if there is one
+    baseline: Value = np.zeros(0)  # (l,) the states of the baseline
     observer: Value = np.zeros(0)  # (l,) the observer's state
     around: Any = ()  # the shell's stored values, an ``around.Kept``, if there is one
 
@@ -36,9 +36,9 @@ class LoopState(NamedTuple):
     x_m: Value  # (n,) reference model
     input: Any  # an InputState for each input with limits or unmodelled dynamics
     sensor: Value  # (n,) lagged measurement
-    baseline: Value  # (l,) a baseline's own states; those of a sampled controller's baseline are in ``Held``
-    observer: Value  # (l,) the observer's state; that of a sampled controller's observer is in ``Held``
-    controller: Any  # the scheme's own NamedTuple
+    baseline: Value  # (l,) states of a baseline; for a sampled controller they are in ``Held``
+    observer: Value  # (l,) state of the observer; for a sampled controller it is in ``Held``
+    controller: Any  # the NamedTuple of the scheme
     held: Any  # Held
 
 
@@ -138,7 +138,7 @@ def together(values: list[Value]) -> Value:
 
 
 def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
-    """The inverse of ``flatten`` for the shapes of ``template``; also returns where the next part starts."""
+    """The inverse of ``flatten`` for the shapes of ``template``; also return where the next part starts."""
     if isinstance(template, tuple):
         parts = []
         for part in template:

@@ -1,7 +1,7 @@
-"""A sampled controller with everything that it keeps from sample to sample, exactly as it runs on a flight computer.
+"""A sampled controller with everything that it keeps from sample to sample, as it runs on a flight computer.
 
-It receives only the measurement and the command. It contains the reference model, advanced from sample
-to sample under the sampled command; ``ClosedLoop`` integrates (2) separately, and e is reported with respect to that.
+It receives only the measurement and the command. It contains the reference model, advanced from sample to sample under the
+sampled command. ``ClosedLoop`` integrates (2) separately, and e is reported with respect to the latter.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from barbalat.validate import Array
 class Acting(NamedTuple):
     """The whole state of a sampled controller."""
 
-    controller: Any  # the scheme's own NamedTuple
+    controller: Any  # the NamedTuple of the scheme
     held: Held
 
 
@@ -43,10 +43,10 @@ class SampledController:
     inputs    number of entries of u
     commands  ``None`` for one command, a scalar
     around    the shell and the faults; None if every sample is used unchanged
-    baseline  its own states follow the measurement in the equations' input; None without a baseline
-    observer  the equations and the baseline receive its estimate in place of the measurement; None without one
-    external  the baseline whose control other code computes: that control follows the measurement in the input, and u is its sum
-              with the adaptive part
+    baseline  its states follow the measurement in the input of the equations; None without a baseline
+    observer  the equations and the baseline receive its estimate in place of the measurement; None without an observer
+    external  the baseline whose control external code computes; that control follows the measurement in the input, and u is the
+              sum of it and the adaptive part
     """
 
     equations: SampledEquations
@@ -62,7 +62,7 @@ class SampledController:
     def initial(self, y: Array, controller: Any = None) -> Acting:
         """The state at t = 0, before the first sample; ``y`` has the shape of the measurement.
 
-        controller  the equations' state there, by default the result of their ``initial``
+        controller  the initial state of the equations, by default the result of their ``initial``
         """
         controller = self.equations.initial() if controller is None else controller
         held = Held(
@@ -79,7 +79,7 @@ class SampledController:
         return Acting(controller, held)
 
     def act(self, state: Acting, y: Value, r: Value, freeze: Value = None) -> Acting:
-        """One sample: advance from the last sample to this one, unless this is the first, and set u.
+        """Take one sample: advance from the last sample to this one, unless this is the first, and set u.
 
         If ``freeze`` is above 0, the estimates and the law's memory are held. If it is ``LOST``, an observer also predicts
         without ``y``. If it is None, nothing is held.
@@ -113,7 +113,7 @@ class SampledController:
         return handed if self.external is None else handed[: -self.inputs]
 
     def _observed(self, held: Held, y: Value, lost: Value = None) -> Value:
-        """The observer's state at this sample; ``lost``: whether there is no measurement."""
+        """The observer's state at this sample; ``lost`` tells whether the measurement is missing."""
         if self.observer is None:
             return held.observer
         z = self.observer.advance(held.observer, held.u, y, lost)
@@ -124,7 +124,7 @@ class SampledController:
         return y if self.observer is None else self.observer.estimate(z, y)
 
     def _advanced(self, held: Held, before: Value, seen: Value) -> Value:
-        """The baseline's own states at this sample, from the plant's state at the previous one and at this one."""
+        """The baseline's states at this sample, from the plant's state at the previous sample and at this one."""
         if self.baseline is None:
             return held.baseline
         xi = self.baseline.advance(held.baseline, before, seen, held.r, held.u, self.equations.sample_time)

@@ -40,8 +40,7 @@ def parts_of(part: Any) -> dict[Any, Any] | None:
 
 
 _FIELDS: dict[type, tuple[str, ...] | None] = {}
-"""The fields of a dataclass by class; ``None`` for any other class. Cached, because it is needed for every member of an
-ensemble."""
+"""The fields of a dataclass by class; ``None`` for any other class. Cached, because every member of an ensemble needs them."""
 
 
 def _field_names(kind: type) -> tuple[str, ...] | None:
@@ -51,7 +50,7 @@ def _field_names(kind: type) -> tuple[str, ...] | None:
 
 
 def with_parts(part: Any, parts: list[Any]) -> Any:
-    """A copy with other parts, in the order of ``parts_of``."""
+    """A copy with different parts, in the order of ``parts_of``."""
     if isinstance(part, tuple):
         return tuple(parts) if type(part) is tuple else type(part)(*parts)
     if isinstance(part, list):
@@ -61,7 +60,7 @@ def with_parts(part: Any, parts: list[Any]) -> Any:
         return named
     twin = copy.copy(part)
     if is_dataclass(part) and hasattr(twin, "__dict__"):
-        vars(twin).clear()  # also copies cached values that were computed from the old parts
+        vars(twin).clear()  # this also copies cached values computed from the old parts
     for name, value in named.items():
         object.__setattr__(twin, name, value)
     return twin
@@ -112,7 +111,7 @@ def same_whole(part: Any, other: Any) -> bool:
 
 
 def identical(part: Any, other: Any, depth: int = 0) -> bool:
-    """Whether two parts agree in everything, bit for bit, so everything computed from them is equal."""
+    """Whether two parts agree in everything, bit for bit, so that everything computed from them is equal."""
     if part is other:
         return True
     if type(part) is not type(other):
@@ -141,6 +140,5 @@ def comes_from_outside(part: Any, depth: int = 0) -> bool:
 
 
 _OWN: dict[type, bool] = {}
-"""Whether a class is the package's own, or a container of Python's; cached, because it is needed for every member of an
-ensemble."""
+"""Whether a class belongs to the package or is a Python container; cached, because every member of an ensemble needs it."""
 _PACKAGE = __name__.partition(".")[0] + "."

@@ -17,12 +17,13 @@ from barbalat.validate import Array, counted
 
 
 def true_values(problem: TrackingProblem, loop: ClosedLoop) -> Array | None:
-    """(p,), one for each entry of theta_hat; None if the problem does not know them, or if their number differs."""
+    """The true values (p,), one for each entry of theta_hat; None if the problem does not know them, or if their number
+    differs."""
     return None if loop.estimates is None else truth_of(problem, loop.estimates)
 
 
 def truth_of(problem: TrackingProblem, part: StatePart) -> Array | None:
-    """(p,), the true values of these estimates; None if they are unknown."""
+    """The true values (p,) of these estimates; None if they are unknown."""
     role, found = part.role, None
     if role.true is not None:
         found = _of_role(role, problem) if isinstance(problem, Problem) else None
@@ -58,7 +59,7 @@ def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None
 
 
 def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
-    """The set onto which theta_hat is projected; None if the scheme does not declare one, or uses the declared name for a
+    """The set onto which theta_hat is projected; None if the scheme does not declare a set, or uses the declared name for a
     different set."""
     if loop.estimates is None:
         return None

@@ -38,7 +38,7 @@ class Subject:
 
     @property
     def on_symbols(self) -> Subject:
-        """This subject for an equation that worked on numbers, so a failure is due to the symbols."""
+        """This subject for an equation that worked on numbers, so that a failure is due to the symbols."""
         return replace(self.part(" on symbols"), symbolic=True)
 
     def error(self, what: str) -> InputError:
@@ -47,7 +47,7 @@ class Subject:
 
 
 def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None) -> None:
-    """Raise InputError if ``initial`` returns no NamedTuple of arrays, or one without declared estimates."""
+    """Raise InputError if ``initial`` returns no NamedTuple of arrays, or a NamedTuple without declared estimates."""
     if not isinstance(state, tuple) or type(state) is tuple:
         raise what.error(f" must return a NamedTuple of arrays, got {validate.show(state)}")
     if "theta_hat" not in names_of(state) and declared is None:
@@ -73,7 +73,7 @@ def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) 
 
 
 def require_like(found: Any, state: Any, what: Subject) -> None:
-    """Raise InputError for a state whose form differs from that of the initial one."""
+    """Raise InputError for a state whose form differs from that of the initial state."""
     if not isinstance(found, tuple):
         raise what.error(f": it must return the state, a {type(state).__name__}, got {_shown(found)}")
     expected, given = list(leaves(state)), list(leaves(found))
@@ -126,7 +126,7 @@ def telling_user_errors(what: Subject) -> Iterator[None]:
 
 @contextmanager
 def named(controller: str) -> Iterator[None]:
-    """Adds the controller's name to an InputError, since several controllers may be given."""
+    """Adds the controller's name to an InputError, because several controllers may be given."""
     try:
         yield
     except InputError as error:

@@ -1,9 +1,9 @@
 """Translates an operation list to C99 source of the same time loop, for embedded targets and as an independent check of the
 kernel.
 
-Every operation becomes one local constant, in the list's order. Compiled with ``-ffp-contract=off``, the C code computes bit for
-bit the same as the LLVM kernel of the same list. ``-ffast-math`` must not be used: it assumes that no value is infinite or NaN,
-but accumulators start at infinity, and a diverging run must remain visible.
+Every operation becomes one local constant, in the order of the list. Compiled with ``-ffp-contract=off``, the C code gives the
+same results, bit for bit, as the LLVM kernel of the same list. ``-ffast-math`` must not be used: it assumes that no value is
+infinite or NaN, but accumulators start at infinity, and a diverging run must remain visible.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ _LOOP = """\
 
 @dataclass(frozen=True, slots=True)
 class Real:
-    """A C type for numbers: its name, the suffixes of its constants and of math.h's functions, and its format."""
+    """A C type for numbers: its name, the suffixes of constants and of math.h functions, and its format."""
 
     name: str
     suffix: str
@@ -108,7 +108,7 @@ def constant(value: float, real: Real = DOUBLE) -> str:
     """A number in a form that C99 represents exactly: a hexadecimal constant (section 6.4.4.2) or a macro of math.h."""
     with np.errstate(over="ignore"):
         value = float(real.numbers(value))
-    if not math.isfinite(value):  # macros of type float, since -Wdouble-promotion checks them
+    if not math.isfinite(value):  # macros of type float, because -Wdouble-promotion checks them
         cast = "(double)" if real is DOUBLE else ""
         return f"{'-' if value < 0 else ''}{cast}{'NAN' if math.isnan(value) else 'INFINITY'}"
     return f"{value.hex()}{real.suffix}"
@@ -185,7 +185,7 @@ class Printer:
         raise ValueError(f"the operation {name} has no C translation")
 
     def extremum(self, name: str, x: list[str]) -> str:
-        """A minimum or maximum that passes on the first operand's NaN, like the LLVM kernel's; C's fmin and fmax would not."""
+        """A minimum or maximum that passes on a NaN of the first operand, as in the LLVM kernel; fmin and fmax of C would not."""
         return f"{x[0]} {'<' if name == 'fmax' else '>'} {x[1]} ? {x[1]} : {x[0]}"
 
 

@@ -45,8 +45,8 @@ def _elementary_kernel(name: str) -> Kernel:
 class Compiled:
     """``f(x, s)`` of an SX function of a column x (n,) and a column s (k,) with one dense result; not thread-safe.
 
-    A call takes some 2 us; CasADi's own takes some 50. It is one step of the time loop, which leaves the state unchanged and
-    returns the results as its accumulators.
+    A call takes about 2 us, whereas CasADi's call takes about 50 us. It is one step of the time loop, which leaves the state
+    unchanged and returns the results as its accumulators.
     """
 
     def __init__(self, function: casadi.Function) -> None:
@@ -79,7 +79,7 @@ Tabulator = Callable[..., list[np.ndarray]]
 def tabulator(function: casadi.Function) -> Tabulator:
     """An SX function that is applied to K columns at once, by its operation list, without fused multiply-adds.
 
-    CasADi's own evaluation uses the C library's functions, whose last bits differ between systems.
+    CasADi's evaluation uses functions of the C library, whose last bits differ between systems.
     """
     import casadi as ca
 

@@ -53,7 +53,7 @@ FRACTION_BITS = 52
 "significand"
 of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
 ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
-"""The number for which a whole number added to it appears, with the bias, in the last bits of the sum. This avoids a conversion,
+"""The number such that an integer added to it appears, with the bias, in the last bits of the sum. This avoids a conversion,
 which is undefined for NaN."""
 COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 """Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
@@ -104,8 +104,8 @@ def read(function: casadi.Function) -> Program:
 
 
 def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tuple[int, int], int]) -> Program:
-    """``program`` appended to the operations ``first``; the values at the positions ``inputs`` replace its inputs. Other inputs
-    stay inputs. The program's own operations keep their order and operands, so all results are unchanged, bit for bit.
+    """Append ``program`` to the operations ``first``; the values at the positions ``inputs`` replace its inputs. Other inputs
+    stay inputs. The operations of the program keep their order and operands, so all results are unchanged, bit for bit.
     """
     operations = list(first)
     outputs = append(operations, program, inputs)
@@ -113,7 +113,7 @@ def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tu
 
 
 def append(operations: list[Operation], program: Program, inputs: Mapping[tuple[int, int], int]) -> tuple[tuple[int, ...], ...]:
-    """Append a program as ``following`` does; returns the positions of its outputs."""
+    """Append a program as ``following`` does; return the positions of its outputs."""
     place: list[int] = []
     for op in program.operations:
         if op.name == "input" and op.source in inputs:

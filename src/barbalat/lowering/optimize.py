@@ -164,7 +164,7 @@ class _Associator:
         return self.known[key]
 
     def _terms(self, top: int) -> list[tuple[int, int]]:
-        """The signed terms (sign, old position) of the sum that ends in ``top``, in their order."""
+        """The signed terms (sign, old position) of the sum that ends in ``top``, in order."""
         terms, stack = [], [(1, top)]
         while stack:
             sign, i = stack.pop()
@@ -177,7 +177,7 @@ class _Associator:
         return terms
 
     def _factors(self, top: int) -> list[int]:
-        """The new positions of the factors of the product that ends in ``top``, in their order."""
+        """The new positions of the factors of the product that ends in ``top``, in order."""
         factors, stack = [], [top]
         while stack:
             i = stack.pop()
@@ -226,7 +226,7 @@ class _Associator:
         return i if sign > 0 else self._emit("neg", i)
 
     def _add(self, early: tuple[int, tuple[int, ...]], late: tuple[int, tuple[int, ...]]) -> tuple[int, int]:
-        """One addition of two signed terms -> (sign, position). The later product is the one that is fused."""
+        """One addition of two signed terms -> (sign, position). The product that is available later is fused."""
         if len(late[1]) == 1 and len(early[1]) == 2:
             early, late = late, early
         (early_sign, early_value), (late_sign, late_value) = early, late

@@ -12,8 +12,7 @@ from barbalat.lowering.operations import Operation, Program
 
 
 def few_waiting(program: Program, *, urgent_first: bool) -> Program:
-    """The next operation is always the one that is the last user of the most operands; constants stay in memory and don't
-    count.
+    """The next operation is always the last user of the most operands; constants stay in memory and don't count.
 
     Ties are decided by the list's order or, with ``urgent_first``, by the longest chain of dependent operations: if there are
     many registers, operations on which others depend should come early.
@@ -39,7 +38,7 @@ class _Chooser:
         self.ready: list[tuple[int, int, int]] = []
 
     def _heights(self) -> list[int]:
-        """The number of operations in the longest chain that starts from each."""
+        """The number of operations in the longest chain that starts from each operation."""
         height = [1] * len(self.operations)
         for i in reversed(range(len(self.operations))):
             for j in self.operands[i]:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """Records of a member's steps: a step reads earlier ones and writes its own; each lane has separate records.
+    """Records of the steps of a member: a step reads earlier records and writes one. Each lane has separate records.
 
     width    numbers of a record
     records  successive records that a step reads
-    first    a row of the state: the number of the first of them
-    last     a row of the state: the number of the record that the step writes
+    first    the row of the state with the number of the first of these records
+    last     the row of the state with the number of the record that the step writes
     """
 
     width: int
@@ -26,18 +26,19 @@ class LoopShape:
     """Sizes of a step function's arguments: state, accumulators, parameters, signals, and its memory of the past.
 
     delayed            number of channels whose value is stored at every step; the step receives TAPS_PER_CHANNEL successive
-                       stored values of each
+                       stored values of each channel
     lag_per_member     whether members have different lags
     noise              number of random numbers that each member receives at every step, constant for ``noise_hold`` steps
-    sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0 without one
+    sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0 without a sampled
+                       part
     in_pieces          a step may come in successive pieces, with a row of signals for each: a row's last two entries say whether
                        the piece begins a step and whether it ends one. Counts of steps do not include pieces
 
     sample_row         a row of the state: the sampled part is called before each step at which it is nonzero, whatever the step's
                        number; ``sample_every`` is then 1. The part itself leaves members unchanged if this row is 0
     signal_row         a row of the state: the number of the row of signals that a member's step reads
-    rows_per_member    whether each lane has such rows of its own
-    recalled           the records of earlier steps; None if there are none, as with ``delayed``
+    rows_per_member    whether each lane has separate rows
+    recalled           the records of earlier steps; None without records, as with ``delayed``
 
     If ``noise_hold`` or ``sample_every`` is ``None``, it is an argument of every call, at least 1. A compiled-in value is faster.
     """

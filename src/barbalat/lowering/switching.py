@@ -2,7 +2,7 @@
 where a choice changes.
 
 A choice is a condition of ``np.where``, the side that a minimum, a maximum or a magnitude takes, or a comparison used as a
-number. Conditions joined by and, or, not form one choice. This module contains no control theory.
+number. Conditions joined by and, or or not form one choice. This module contains no control theory.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 COUNTLESS = frozenset({"floor", "ceil", "copysign"})
-"""Operations with more than two branches, which no choice between two sides represents."""
+"""Operations with more than two branches, which cannot be represented by a choice between two sides."""
 
 
 class CountlessError(ValueError):
@@ -24,9 +24,9 @@ class CountlessError(ValueError):
 
 
 class Condition(NamedTuple):
-    """A condition whose side is an input.
+    """A condition whose outcome is an input.
 
-    truth   whether it holds
+    truth   whether the condition holds
     margin  positive where it holds, negative where it does not, continuous wherever its operands are
     size    the magnitude of the compared values
     """
@@ -39,7 +39,7 @@ class Condition(NamedTuple):
 class Switched(NamedTuple):
     """An expression with its J choices as inputs.
 
-    values      with the choices as given
+    values      values with the given choices
     conditions  the conditions of all choices at the given arguments, if the choices have the given values
     """
 
@@ -50,8 +50,8 @@ class Switched(NamedTuple):
 def switched(function: ca.Function, arguments: list[Any], choices: Any = None) -> Switched:
     """The function of these arguments, columns of expressions, with its choices as ``choices``, a column of J numbers 0 or 1.
 
-    Without ``choices`` each follows from its condition, so the conditions' truths are the choices at these arguments. Raises
-    CountlessError for an expression with an operation of ``COUNTLESS``.
+    Without ``choices`` each follows from its condition, so that the truth values of the conditions are the choices at these
+    arguments. Raises CountlessError for an expression with an operation of ``COUNTLESS``.
     """
     import casadi as ca
 
@@ -89,7 +89,7 @@ class _Compared(NamedTuple):
 class _Reading:
     """One pass over a function's instructions.
 
-    choices  its choices, or None if each follows from its condition
+    choices  the choices, or None if each follows from its condition
     work     the content of CasADi's work vector: expressions, and comparisons
     """
 
@@ -108,7 +108,7 @@ class _Reading:
         return condition.truth if self.choices is None else self.choices[self.places[key]]
 
     def number(self, place: int) -> Any:
-        """The value in a place of the work vector, as a number."""
+        """The value at a position of the work vector, as a number."""
         import casadi as ca
 
         value = self.work[place]

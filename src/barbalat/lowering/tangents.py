@@ -1,7 +1,7 @@
 """Derivatives of an operation list along several directions at once: the same list, followed by the operations of its tangents.
 
-The operations of the original list are unchanged, so its values keep their bits. At a selection, a minimum or a maximum the
-tangent is that of the selected branch; a comparison, and anything that is rounded to a whole number, has none.
+The operations of the original list are unchanged, so its values keep their bits. The tangent of a selection, a minimum or a
+maximum is that of the selected branch; comparisons, and anything rounded to an integer, have no tangent.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.lowering.optimize import drop_dead
 
 Tangents = Callable[[tuple[int, int]], tuple[tuple[int, int] | None, ...]]
-"""The inputs (argument, component) that contain the tangents of an input along each direction; None for one that is zero."""
+"""The inputs (argument, component) that contain the tangents of an input along each direction; None for a zero tangent."""
 FLAT = COMPARISONS | {"floor", "ceil"}
 """Operations whose slope is zero wherever it exists."""
 
@@ -51,7 +51,7 @@ class Tangented:
                 known.append(None if none else self._slope(i, op, given))
 
     def emit(self, name: str, *operands: int, value: float = 0.0, source: tuple[int, int] = (0, 0)) -> int:
-        """Append an operation unless it is there already; returns its position."""
+        """Append an operation unless it already exists; return its position."""
         op = Operation(name, operands, value, source)
         if op not in self.known:
             self.operations.append(op)
@@ -129,7 +129,7 @@ class Tangented:
         """The derivative of a function of one number."""
         one = self.constant(1.0)
         match name:
-            case "sqrt":  # zero at zero, where the root of a sum of squares has a corner
+            case "sqrt":  # zero at zero, where a root of a sum of squares has a corner
                 return self._chosen(value, self.emit("div", self.constant(0.5), value), None)
             case "exp":
                 return value
@@ -148,5 +148,5 @@ class Tangented:
         raise ValueError(f"the operation {name} has no derivative")
 
     def made(self, outputs: tuple[tuple[int, ...], ...]) -> Program:
-        """The list with these outputs, without operations that none of them needs."""
+        """The list with these outputs, without operations that they do not need."""
         return drop_dead(Program(tuple(self.operations), outputs))

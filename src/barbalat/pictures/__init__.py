@@ -1,1 +1,1 @@
-"""Plots as data, and their drawing: panels over time and responses over frequency. Runs and certificates are unknown here."""
+"""Plots as data, and their drawing: panels over time and responses over frequency. Runs and certificates do not occur here."""

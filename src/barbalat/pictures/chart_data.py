@@ -1,4 +1,5 @@
-"""Panels and responses in the form for a page's charts, in single precision and with as many points as a screen can show."""
+"""Panels and responses in the form that the charts of a page need, in single precision and with as many points as a screen can
+show."""
 
 from __future__ import annotations
 
@@ -85,8 +86,8 @@ def _panel(panel: Panel, t_end: float, most: int, arrays: Arrays) -> dict[str, A
 
 
 def _series(series: Series, room: float, most: int, arrays: Arrays) -> dict[str, Any]:
-    """Return a series as a line through the ends of the windows if it is within ``room`` of all values, else as the extrema of
-    each window."""
+    """Return a series as a line through the ends of the windows if it is within ``room`` of all values, otherwise as the extrema
+    of each window."""
     finite = np.isfinite(series.value)
     kept = len(finite) if finite.all() else int(finite.argmin())
     below, above = (None if side is None else side[: max(kept - 1, 0)] for side in (series.low, series.high))

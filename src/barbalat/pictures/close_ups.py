@@ -1,4 +1,4 @@
-"""Close-ups of a panel whose series oscillate too fast for a panel of the whole run."""
+"""Close-ups of a panel in which series oscillate too fast to be shown over the whole run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PERIODS = 10
 
 def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Panel]:
     """Return two close-up panels if the ``followed`` series, the model and its command, oscillate too fast for a panel of the
-    whole run, else none."""
+    whole run; otherwise none."""
     columns = COLUMNS_PER_INCH * (PAGE_WIDTH - PAGE_LEFT - PAGE_RIGHT)
     swings = [swing for swing in map(_usual_swing, followed) if swing < FASTEST_SWING_COLUMNS * t_end / columns]
     if not swings:
@@ -27,7 +27,8 @@ def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Pa
 
 
 def _part(panel: Panel, title: str, times: tuple[float, float]) -> Panel:
-    """Return a part of a panel, with the limits of the whole run's panel if it has any. A run that ends earlier is omitted."""
+    """Return a part of a panel, with the axis limits of the panel of the whole run, if any. A run that ends earlier is
+    omitted."""
     series = [one for one in panel.series if one.t[-1] > times[0]]
     limits = panel.limits or around(*span_of([one.within(*times).value for one in series]))
     return replace(panel, title=title, series=series, times=times, limits=limits, note="", whole_row=False)

@@ -22,11 +22,11 @@ from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figur
 DASHES_OF_LOOPS = (DASHES[0], DASHES[2], DASHES[3])
 """Dashes of loops with the same colour. Broken lines are |T|."""
 MOST_DECADES = 9
-"""Largest number of labels of a logarithmic axis, so they do not overlap on a phone."""
+"""Largest number of labels of a logarithmic axis, so that they do not overlap on a phone."""
 
 
 def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw four panels. ``shown`` is explained in ``new_figure``."""
+    """Draw four panels. For ``shown``, see ``new_figure``."""
     figure = new_figure(NARROW if narrow else WIDE, 11.5 if narrow else 7.6, shown=shown, layout="constrained")
     theme = Theme.current()
     places = [(0, 0), (1, 0), (0, 1), (1, 1)]
@@ -59,7 +59,7 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
 
 
 MOST_WIDTHS = 6
-"""Number of line widths, which is that of the colours. With more, lines would hide one another."""
+"""Number of line widths, equal to the number of colours. With more, lines would hide one another."""
 MARKS = {"o": "phase margin: |L| = 1", "s": "gain margin: L real and negative"}
 
 

@@ -15,7 +15,7 @@ RADII = (9.0, 16.0, 26.0, 40.0, 60.0)
 """Distances from the point that are tried [points], the smallest first."""
 ANGLES = np.deg2rad(np.arange(0, 360, 30))
 WIDTH, HEIGHT = 0.66, 1.4
-"""Size of a character and of a line, in font sizes. It is a little more than DejaVu Sans needs for numbers."""
+"""Size of a character and of a line, in font sizes. Both are slightly more than DejaVu Sans needs for numbers."""
 
 
 class LabelPlaces:
@@ -32,7 +32,7 @@ class LabelPlaces:
         self.boxes: list[tuple[float, float, float, float]] = []
 
     def place(self, text: str, point: Array, colour: str) -> None:
-        """Place the label at the nearest free position around the point, or at the position that covers least. A thin line
+        """Place the label at the nearest free position around the point, or at the position that covers the least. A thin line
         connects it to the point."""
         at = self.axes.transData.transform(point)
         width, height = WIDTH * self.size * len(text) * self.scale, HEIGHT * self.size * self.scale

@@ -29,13 +29,13 @@ MOST_APART = 4
 """Largest number of axes in place of one panel."""
 ENVELOPE = "shaded, between thin lines: from the smallest to the largest value of signals that oscillate too fast to be drawn"
 MARKED_SHARE, MARK_SIZE = 0.12, 3.5
-"""Distance between marks on a line, as a fraction of the axes' diagonal, and size of a mark [points]."""
+"""Distance between marks on a line, as a fraction of the diagonal of the axes, and size of a mark [points]."""
 SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06
 """Opacity of a single envelope, and of overlapping ones, which are distinguished by their edges."""
 
 
 def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw all panels, two in a row on a page and one on a phone. ``shown`` is explained in ``new_figure``."""
+    """Draw all panels, two in a row on a page and one on a phone. For ``shown``, see ``new_figure``."""
     sizes = PHONE if narrow else PAGE
     rows, theme = _rows(panels, narrow=narrow), Theme.current()
     panels = [panel for row in rows for panel in row]
@@ -63,7 +63,7 @@ def draw_into(axes: Sequence[Axes], panels: Sequence[Panel], t_end: float) -> No
     theme = Theme.current()
     for one, panel in zip(axes, panels, strict=True):
         figure = one.get_figure(root=True)
-        assert figure is not None  # the user's own axes are in a figure
+        assert figure is not None  # the user's axes are already in a figure
         inches = one.get_window_extent().width / figure.dpi
         sizes = replace(PAGE, width=inches + PAGE.left + PAGE.right, columns=1)
         _draw(one, panel, [_outline(series, panel, t_end, inches) for series in panel.series], t_end, theme, sizes)
@@ -142,7 +142,7 @@ def _covered(found: Outline, start: float, end: float) -> tuple[Array, Array]:
 
 
 def _outline(series: Series, panel: Panel, t_end: float, inches: float) -> Outline:
-    """Return the outline in the scale of the axes, on which it depends what is visible."""
+    """Return the outline in the scale of the axes, which determines what is visible."""
     there, back = SCALES[panel.scale]
     height = None if panel.limits is None else float(np.ptp(there(np.array(panel.limits))))
     start, end = panel.times or (0.0, t_end)
@@ -163,7 +163,7 @@ SCALES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
 
 
 def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_others: bool) -> None:
-    """Draw a series. Overlapping envelopes have edges with their own dashes and no middle lines, which would be close
+    """Draw a series. Overlapping envelopes have edges with different dashes and no middle lines, which would be close
     together."""
     style, mark = _style(theme, series.colour, series.dash), _mark(series.colour, series.dash)
     t, value = found.line
@@ -201,7 +201,7 @@ def _style(theme: Theme, colour: int | str, dash: int | None) -> dict[str, Any]:
 
 
 def _mark(colour: int | str, dash: int | None) -> str:
-    """Return the marker of a compared series whose dash has a different meaning; empty for any other series."""
+    """Return the marker of a compared series whose dash has a different meaning; empty for other series."""
     if not isinstance(colour, int):
         return ""
     return mark_of(colour) if dash is None else MARKS[colour // SHARING % len(MARKS)]
@@ -219,7 +219,7 @@ LEVEL_WIDTH = 0.9
 
 @dataclass(frozen=True)
 class Sizes:
-    """All sizes on a page or a phone [in] or [points]. They are fixed, because Matplotlib's own layouts take longer than the
+    """All sizes on a page or a phone [in] or [points]. They are fixed, because the layouts of Matplotlib take longer than the
     drawing."""
 
     width: float
@@ -261,7 +261,7 @@ def _filled(text: str, width: int) -> str:
 
 
 class Mark(NamedTuple):
-    """An entry of a legend. It is drawn like its line, so its width distinguishes it in a grey print."""
+    """An entry of a legend. It is drawn like its line, so that its width distinguishes it in grey print."""
 
     text: str
     colour: int | str

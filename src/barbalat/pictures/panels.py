@@ -15,9 +15,9 @@ LONGEST_LABEL = 40
 PAGE_WIDTH, PAGE_LEFT, PAGE_RIGHT = 10.0, 0.84, 0.22
 """Width of a figure for a page or for print, and of the margins to the left and right of its axes [in]."""
 SHARING = 3
-"""Number of neighbouring colours of the palette that share a dash. The palette's last three colours are close to its first
-three: sky blue is close to blue for everybody (a distance of 12 in CIELAB), and ochre to vermilion for the red-green blind (3 to
-5). Six colours would therefore be only four hues."""
+"""Number of neighbouring colours of the palette that have the same dash. The last three colours are close to the first three: sky
+blue is close to blue for everybody (a distance of 12 in CIELAB), and ochre to vermilion for the red-green blind (3 to 5). Six
+colours would therefore be only four hues."""
 
 
 def width_of(k: int, count: int) -> float:
@@ -34,8 +34,8 @@ def width_of(k: int, count: int) -> float:
 class Series:
     """A quantity over time.
 
-    colour     the index of a compared object, or "ink" or "quiet" for objects that are not compared, the model and the command
-    dash       from ``DASHES``; None for the dash of the compared object's index, see ``dash_of``
+    colour     the index of a compared object, or "ink" or "quiet" for the model and the command, which are not compared
+    dash       from ``DASHES``; None for the dash that belongs to the index of the compared object (see ``dash_of``)
     low, high  (K - 1,) extrema between the instants, if they are known
     """
 
@@ -49,7 +49,7 @@ class Series:
     width: float = 1.1
 
     def within(self, start: float, end: float) -> Series:
-        """Return the part from the last instant at or before ``start`` to the first one at or after ``end``, at least two
+        """Return the part from the last instant at or before ``start`` to the first instant at or after ``end``; at least two
         instants."""
         first = max(min(int(np.searchsorted(self.t, start, side="right")) - 1, len(self.t) - 2), 0)
         last = max(int(np.searchsorted(self.t, end)), first + 1)

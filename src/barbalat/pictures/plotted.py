@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
 
 class Plotted(ABC):
-    """A result with its own plot."""
+    """A result that can be plotted."""
 
     @abstractmethod
     def plot(self, *, shown: bool = True) -> Figure:
-        """Draw a Matplotlib figure; if ``shown``, display it at once if pyplot is in use."""
+        """Draw a Matplotlib figure; with ``shown``, display it at once if pyplot is in use."""
 
     def _repr_html_(self) -> str:
         """Return HTML for notebooks: the text that a prompt shows, and the plot."""

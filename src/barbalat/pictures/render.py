@@ -29,7 +29,7 @@ PALETTE_ROWS, EDGE_SHADES = 24, 4
 """Number of pixels to which a picture is reduced while its colours are chosen, and number of shades of each colour in it. With
 fewer than 20 rows, purple became grey."""
 PNG_COLOURS = 128
-"""Size of a PNG's palette. It reduces the file to a third, and the smoothed edges of lines look the same."""
+"""Size of a PNG's palette. It reduces the file to one third, and the smoothed edges of lines look the same."""
 
 
 def render(figure: Figure, kind: str) -> bytes:
@@ -64,8 +64,8 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _packed(png: io.BytesIO) -> bytes:
-    """Return the picture with fewer colours. They include the palette's, because a partly covered line would have too few
-    pixels to keep its colour."""
+    """Return the picture with fewer colours. They include the palette, because a partly covered line would have too few pixels to
+    keep its colour."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -109,8 +109,8 @@ def adaptive(svg: str) -> str:
 
 
 def _shortened(path: str) -> str:
-    """Round the numbers of a path to four digits or to a hundredth of a point. Glyphs have large units of their own, and their
-    scale is a small number."""
+    """Round the numbers of a path to four digits or to a hundredth of a point. Glyphs have separate large units, and their scale
+    is a small number."""
 
     def short(number: re.Match[str]) -> str:
         value = float(number[0])
@@ -120,8 +120,8 @@ def _shortened(path: str) -> str:
 
 
 def on_dark(colour: str) -> str | None:
-    """Return the dark variant of a colour. Colours of the palette have their own; a grey becomes one whose distance from the
-    dark background is that of the original from white."""
+    """Return the dark variant of a colour. Colours of the palette have dark variants; a grey becomes one that is as far from the
+    dark background as the original is from white."""
     light = (c.lower() for c in (*COLOURS, INK, QUIET_INK, GROUND))
     named = dict(zip(light, (*ON_DARK, DARK_INK, DARK_QUIET_INK, DARK_GROUND), strict=True))
     if colour in named:

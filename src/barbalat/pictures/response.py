@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.validate import Array
 
 NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
-"""The displayed region around -1, which decides on stability. Loops with an integrator leave it towards infinity."""
+"""The displayed region around -1, the critical point. Loops with an integrator leave it towards infinity."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -18,8 +18,8 @@ class Response:
 
     w, L         (K,) rad/s, and complex
     caption      the loop's name and its margins
-    at_phase     frequency of the phase margin in rad/s; ``None`` if there is no crossover
-    at_gain      frequency of the gain margin in rad/s; ``None`` if there is none
+    at_phase     frequency of the phase margin in rad/s; ``None`` without a crossover
+    at_gain      frequency of the gain margin in rad/s; ``None`` without a gain margin
     """
 
     w: Array

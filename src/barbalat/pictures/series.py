@@ -1,5 +1,5 @@
-"""Reduces a long series to what a plot can show: a line where the eye can follow it, and an envelope where it oscillates too
-fast."""
+"""Reduces a long series to what a plot can show: a line where the eye can follow the series, and an envelope where it oscillates
+too fast."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from barbalat.validate import Array
 
 COLUMNS_PER_INCH = 55
-"""Columns per inch of a panel's width. A column has some two pixels, on a page and on a phone."""
+"""Columns per inch of a panel's width. A column has about two pixels, both on a page and on a phone."""
 FASTEST_SWING_COLUMNS = 1.7
 """Largest width in columns of a swing between extrema that is too fast to see. It corresponds to seven pixels per period."""
 FEWEST_FAST_SWINGS = 6
 """Smallest number of successive fast swings that make an envelope: three periods. Fewer are a transient, which a line shows."""
 SHORTEST_ENVELOPE_PERIODS = 10
-"""Smallest length of an envelope, in periods of the slowest oscillation that is too fast: some seventy pixels. A shorter one
-has no visible shape."""
+"""Smallest length of an envelope, in periods of the slowest oscillation that is too fast: about seventy pixels. A shorter
+envelope has no visible shape."""
 VISIBLE_SWING_SHARE = 0.02
 """Fraction of the whole height below which a swing is ignored, because it is hardly larger than the line's width."""
 LEVEL_SHARE = 1e-3
@@ -117,8 +117,8 @@ def turning_points(values: Array, least: float) -> Array:
 def _runs(swings: Array) -> list[tuple[int, int]]:
     """Return the pairs of turning points between which all swings are fast.
 
-    ``swings`` are durations in units of the longest fast one; within such an interval a swing may take up to 1.5 units. The
-    first and the last swing are left out, because they lead into the interval and out of it.
+    ``swings`` are durations in units of the longest fast one; within such an interval a swing may take up to 1.5 units. The first
+    and the last swing are omitted, because they lead into the interval and out of it.
     """
     marked = np.concatenate([[False], swings <= 1.5, [False]])
     changes = np.flatnonzero(np.diff(marked.astype(int))).reshape(-1, 2)
@@ -135,8 +135,8 @@ def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:
 
 
 def _outermost(points: Array, width: float, level: float, sign: int) -> Array:
-    """Return points (2, M): in each interval of the given width the highest one, or the lowest for ``sign`` -1. Of points that
-    are level, the first and the last are kept."""
+    """Return points (2, M): in each interval of the given width, the highest point, or the lowest for ``sign`` -1. Of level
+    points, the first and the last are kept."""
     stretch = ((points[0] - points[0, 0]) / width).astype(int) if width > 0 else np.arange(points.shape[1])
     starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     best = [a + int((sign * points[1, a:b]).argmax()) for a, b in zip(starts, [*starts[1:], points.shape[1]], strict=True)]

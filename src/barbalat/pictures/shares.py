@@ -1,4 +1,4 @@
-"""Distributions: the fraction of many runs whose value is at most, or at least, a given one."""
+"""Distributions: the fraction of many runs whose value is at most, or at least, a given value."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Shares:
 
 
 def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
-    """Draw the panels side by side. ``shown`` is explained in ``new_figure``."""
+    """Draw the panels side by side. For ``shown``, see ``new_figure``."""
     figure = new_figure(WIDE if len(panels) > 1 else 1.4 * NARROW, 3.6, shown=shown, layout="constrained")
     theme = Theme.current()
     for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):

@@ -87,7 +87,7 @@ def times_power(mantissa: str, exponent: int) -> str:
 
 
 def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
-    """Format a figure for display, with four digits and a separator between components."""
+    """Format a number for display, with four digits and a separator between components."""
     if isinstance(value, list):
         return separator.join(number_text(v) for v in value) or "-"
     return "-" if value is None else f"{value + 0.0:.4g}"  # avoids a minus sign before zero

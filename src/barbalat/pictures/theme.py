@@ -18,7 +18,7 @@ Layout = Literal["constrained"]
 
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 DASHES: tuple[Dash, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
-"""Dashes that distinguish components of one colour, and each three compared objects from the next three."""
+"""Dashes that distinguish components of one colour, and each group of three compared objects from the next."""
 Mark = Literal["", "o", "s", "^", "D"]
 MARKS: tuple[Mark, ...] = ("", "o", "s", "^", "D")
 """Markers of lines that share a colour and a dash."""
@@ -27,7 +27,7 @@ QUIET_INK = "#6b6b6b"
 DARK_INK, DARK_GROUND, DARK_QUIET_INK = "#e8e8e8", "#14171a", "#a3a3a3"
 
 WIDE, NARROW = PAGE_WIDTH, 4.1
-"""Width of a figure [in]: for a page and print, and for a phone of 390 pixels, where 8 points are some 10 pixels."""
+"""Width of a figure [in]: for a page and print, and for a phone of 390 pixels, on which 8 points are about 10 pixels."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def dash_of(k: int) -> Dash:
 
 
 def mark_of(k: int) -> Mark:
-    """Return the marker of the k-th compared object. It has one only if its colour and dash are already in use."""
+    """Return the marker of the k-th compared object. It has a marker only if its colour and dash are already in use."""
     return MARKS[k // (SHARING * len(DASHES)) % len(MARKS)]
 
 

@@ -71,12 +71,12 @@ class _Rung:
     contraction: arb  # e^(-rate length)
     remainder: arb  # bound on the integrated Taylor remainder, per unit of norm(A^(POLYNOMIAL_DEGREE + 1) x)
     error_growth: arb  # sqrt(length): integral of |c e^(As) e| over the segment, per unit of norm(e)
-    monomial: list[arb_mat]  # per row: state to Taylor coefficients in the segment's own time 0 .. 1
+    monomial: list[arb_mat]  # per row: state to Taylor coefficients in the segment time 0 .. 1
     bernstein: list[arb_mat]  # per row: state to Bernstein coefficients
 
 
 class _Ladder:
-    """Segment lengths that are powers of two, their constants computed when first used."""
+    """Segment lengths that are powers of two; their constants are computed when first used."""
 
     def __init__(self, model: NormModel) -> None:
         self.model = model
@@ -226,7 +226,7 @@ _NARROWEST_WIDTH = 1e-15
 
 
 def of_norm(states: float) -> Estimate:
-    """The cost of an L1 norm: half a second and some 10 MB for 100 states."""
+    """The cost of an L1 norm: half a second and about 10 MB for 100 states."""
     return Estimate(memory=1000.0 * states**2, seconds=5e-7 * states**3)
 
 
@@ -241,13 +241,12 @@ def l1_norm(
 ) -> Enclosure:
     """Return a guaranteed enclosure of the L1 norm of the system with exactly these float64 matrices.
 
-    Instead of the four matrices, one system may be given: a TransferFunction, a StateSpace, or python-control's (a state space of
-    any size).
+    Instead of the four matrices, one system may be given: a TransferFunction, a StateSpace, or a system of python-control (a
+    state space of any size).
 
-    A is (n, n), B (n, m), C (p, n), D (p, m); n may be 0. The norm is the induced L-infinity norm: the
-    largest over outputs i of the sum over inputs j of |D_ij| + integral_0^inf |c_i e^(At) b_j| dt; t in s.
-    Once more than `work_limit` segments have been integrated (some 50 us each at small order) the enclosure
-    found so far is returned with converged=False; it is still valid.
+    A is (n, n), B (n, m), C (p, n), D (p, m); n may be 0. The norm is the induced L-infinity norm: the largest over outputs i of
+    the sum over inputs j of |D_ij| + integral_0^inf |c_i e^(At) b_j| dt; t in s. Once more than `work_limit` segments have been
+    integrated (about 50 us each at small order), the enclosure found so far is returned with converged=False; it is still valid.
 
     Raises ValueError for shapes that do not fit, entries that are not finite, an unusable relative_width or work_limit, and an A
     that is not certainly Hurwitz; OverflowError if the norm exceeds the float64 range; ArithmeticError if its time scales or
@@ -285,8 +284,8 @@ def _rows(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, wor
 def row_norms(
     A: Array, B: Array, C: Array, D: Array, *, relative_width: float = 1e-9, work_limit: int = 20_000
 ) -> tuple[tuple[float, ...], int]:
-    """An upper bound of each output's norm, from one integration, and the number of its segments; the width is relative to the
-    largest norm. Raises the errors of ``l1_norm``.
+    """Return an upper bound on the norm of each output, from one integration, and the number of segments; the width is relative
+    to the largest norm. Raises the errors of ``l1_norm``.
     """
     system = _checked(A, B, C, D)
     return _rows(tuple((matrix.shape, matrix.tobytes()) for matrix in system.matrices), relative_width, work_limit)
@@ -296,7 +295,7 @@ def row_norms(
 def enclosed(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> Enclosure:
     """The norm of a system given by the shapes and bytes of A, B, C and D, which makes it cacheable.
 
-    Most norms of a certificate are needed again, for its other entries and for other controllers of the same plant.
+    Most norms are needed again, for other entries of a certificate and for other controllers of the same plant.
     """
     system = System(*(np.frombuffer(data).reshape(shape) for shape, data in matrices))
     require_hurwitz(system.A)
@@ -415,9 +414,9 @@ def _identically_zero(system: System) -> bool:
 
 
 def matrices(system: Any) -> tuple[Array, Array, Array, Array]:
-    """A (n, n), B (n, m), C (p, n), D (p, m) of one of our systems, or of a continuous-time system of python-control. A state
-    space is used unchanged, with any number of inputs and outputs. A transfer function has one of each; it is realised with its
-    coefficients divided by the leading one of the denominator and rounded to floats.
+    """A (n, n), B (n, m), C (p, n), D (p, m) of a system of this package, or of a continuous-time system of python-control. A
+    state space is used unchanged, with any number of inputs and outputs. A transfer function has one of each; it is realised with
+    coefficients divided by the leading coefficient of the denominator and rounded to floats.
     """
     if all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt")):  # a state space of python-control
         if system.dt not in (0, None):

@@ -1,5 +1,5 @@
-"""Polynomials on a segment of time. The sign of each is proved with Bernstein coefficients; an unresolved sign widens the
-enclosure."""
+"""Polynomials on a segment of time. The sign of each polynomial is proved with Bernstein coefficients; an unresolved sign widens
+the enclosure."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from flint import arb, arb_mat, arb_poly, ctx
 # Taylor degree of a segment. At degree d the remainder reaches 1e-12 for frequency * step = (1e-12 d!)^(1/d),
 # 3 rad at d = 24: about one sign change a segment, which one set of Bernstein coefficients still resolves.
 POLYNOMIAL_DEGREE = 24
-# A piece that has been halved this often is shorter than the rounding of its ends; its unresolved sign then widens the enclosure.
+# A piece that has been halved this often is shorter than the rounding errors of its ends; its unresolved sign then widens the
+# enclosure.
 _HALVINGS_LIMIT = 64
 # Newton's method doubles the number of correct digits in each step: from one digit to beyond float64 in four or five steps.
 _NEWTON_STEPS = 8
-# A root within this relative distance of an end is not split off; the piece is halved instead, so no piece degenerates.
+# A root within this relative distance of an end is not split off; the piece is halved instead, so that no piece degenerates.
 _NEAREST_SPLIT = 2.0**-40
 
 
@@ -114,7 +115,7 @@ def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: 
 
 def split_point(polynomial: arb_poly, piece: BernsteinPiece, nearest: float = _NEAREST_SPLIT) -> arb:
     """Return an exact point of (0, 1), at least ``nearest`` from either end: close to the root if there is exactly one, with an
-    error of the order of the square of ``nearest``, else the middle."""
+    error of the order of ``nearest`` squared; otherwise the middle."""
     variations, place = piece.sign_variations()
     middle = arb(0.5)
     if variations != 1:

@@ -1,7 +1,7 @@
 """Witnesses of L1 norms: a quadratic form with its rate, and the steps on which an impulse response is followed.
 
-They prove nothing by themselves: a checker follows the response on these steps in ball arithmetic (docs/proofs.md, "The L1
-norm"). A step ends where an output changes its sign, so its integral of |h| is known to the last digits.
+Witnesses alone prove nothing: a checker follows the response on these steps in ball arithmetic (docs/proofs.md, "The L1 norm"). A
+step ends where an output changes sign, so that the integral of |h| is known to the last digits.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def dyadic(value: arb) -> str:
 
 
 def witness(A: arb_mat, B: arb_mat, C: arb_mat, size: float, *, closeness: float = CLOSENESS) -> dict[str, Any] | None:
-    """A witness for c_i e^(At) b_j of all outputs and inputs, where ``size`` is approximately the norm; None if none is found.
+    """A witness for c_i e^(At) b_j of all outputs and inputs, where ``size`` is approximately the norm; None if there is none.
 
     A (n, n), B (n, m), C (p, n): balls, practically exact at 1024 bits.
     """
@@ -73,7 +73,8 @@ def column_of(matrix: arb_mat, j: int) -> arb_mat:
 
 
 def _quadratic_form(A: arb_mat, C: arb_mat, spectrum: Array, decay: float) -> tuple[arb_mat, arb] | None:
-    """P and a rate with A'P + PA + 2 rate P + C'C < 0, found in balanced coordinates and in a unit of time of A's size."""
+    """P and a rate with A'P + PA + 2 rate P + C'C < 0, found in balanced coordinates and in a unit of time that suits the size of
+    A."""
     floats = as_floats(A)
     _, scale = balance(floats)  # powers of two
     n, time = A.nrows(), math.frexp(float(np.abs(floats / scale[:, None] * scale).max()))[1]
@@ -129,7 +130,7 @@ class _March:
         return found
 
     def _transition(self, name: str, step: arb) -> arb_mat:
-        """e^(A step), by repeatedly squaring that of a short part: its balls stay small where fast modes have died out."""
+        """e^(A step), by repeatedly squaring that of a short part; its balls stay small where fast modes have decayed."""
         if name not in self.transitions:
             size = float(np.abs(as_floats(self.A)).sum(axis=1).max()) * float(step)
             halvings = max(0, math.frexp(size)[1])
@@ -162,7 +163,7 @@ class _March:
 
 
 def _to_the_first_sign_change(coefficients: list[arb], step: arb, tolerance: arb, shortest: arb) -> arb:
-    """A step, no longer than the given one, on which the polynomial's integral of |p| is known within the tolerance."""
+    """A step, no longer than the given one, on which the integral of |p| of the polynomial is known within the tolerance."""
     while step > shortest:
         powers = [step**k for k in range(POLYNOMIAL_DEGREE + 1)]
         local = [a * power for a, power in zip(coefficients, powers, strict=True)]

@@ -1,8 +1,9 @@
-"""The elementary functions as operation lists. All targets print these lists, so no target's library can change a bit of a
-result.
+"""The elementary functions as operation lists. All targets print these lists, so the library of a target cannot change any bit of
+a result.
 
-The coefficients of ``normal`` are Wichura's, all others fdlibm's. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights
-reserved. Permission to use, copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
+The coefficients of ``normal`` are from Wichura, all others from fdlibm. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All
+rights reserved. Permission to use, copy, modify, and distribute this software is freely granted, provided that this notice is
+preserved.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from barbalat.lowering.operations import Program
 class Function:
     """One function of ``arguments`` numbers, inputs (0, 0), (1, 0), ... of its lists.
 
-    usual  computes the value and, if there is a rare list, whether the arguments need that one
+    usual  computes the value and, if there is a rare list, whether the arguments need it
     rare   computes the value if ``usual`` requires it; otherwise it is not evaluated
     """
 
@@ -30,7 +31,7 @@ class Function:
 
 
 FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan", "pow", "ndtri"})
-"""The operations that are such functions. ndtri, the inverse of the normal distribution function, is not one of CasADi's."""
+"""The operations that are such functions. ndtri, the inverse of the normal distribution function, does not exist in CasADi."""
 
 
 @cache

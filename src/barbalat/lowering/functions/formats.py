@@ -11,7 +11,7 @@ class Format:
     """A binary format of IEEE 754.
 
     bits              of a significand, including the implicit one
-    largest_exponent  of a number; also the bias of stored exponents
+    largest_exponent  largest exponent of a number; also the bias of stored exponents
     """
 
     bits: int
@@ -38,7 +38,7 @@ class Format:
 
     @property
     def aligned(self) -> float:
-        """The number for which a whole number added to it appears, with the bias, in the last bits of the sum."""
+        """The number such that an integer added to it appears, with the bias, in the last bits of the sum."""
         return 2.0 ** (self.bits - 1) + self.largest_exponent
 
     def nearest(self, value: Fraction) -> float:
@@ -52,7 +52,7 @@ class Format:
         return float(int(value / unit) * unit)
 
     def parted(self, value: Fraction, *bits: int) -> tuple[float, ...]:
-        """A value as an exact sum: parts with these numbers of bits, and the remainder."""
+        """A value as an exact sum of parts with these numbers of bits and a remainder."""
         parts: list[float] = []
         for count in bits:
             parts.append(self.leading(value, count))
@@ -74,5 +74,5 @@ DOUBLE, SINGLE = Format(53, 1023), Format(24, 127)
 
 
 def whole(*parts: float) -> Fraction:
-    """The exact sum of a constant's parts."""
+    """The exact sum of the parts of a constant."""
     return sum((Fraction(part) for part in parts), Fraction(0))

@@ -1,7 +1,7 @@
 """The inverse of the standard normal distribution function.
 
 Coefficients: M. J. Wichura, Algorithm AS 241, "The Percentage Points of the Normal Distribution", Applied Statistics 37 (1988)
-477-484, PPND16, whose rational approximations err by some 1e-16 of the value.
+477-484, PPND16, whose rational approximations have a relative error of about 1e-16.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from barbalat.lowering.functions.exponential import log
 from barbalat.lowering.functions.trace import TracedNumber
 
 CENTRAL = 0.425
-"""The |p - 1/2| up to which a rational function of its square is used; above it, functions of sqrt(-log min(p, 1 - p)) are
-used."""
+"""The value of |p - 1/2| up to which a rational function of its square is used; above it, functions of sqrt(-log min(p, 1 - p))
+are used."""
 CENTRAL_SQUARED = 0.180625
 TAIL_FROM, FAR_FROM = 1.6, 5.0
 """Values of that root that are subtracted before the functions of the tail and the far tail; the latter begins at FAR_FROM."""

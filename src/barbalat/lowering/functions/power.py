@@ -26,7 +26,7 @@ LN_2_HIGH, LN_2_LOW = 6.93147182464599609375e-01, -1.90465429995776804525e-09
 
 @dataclass(frozen=True)
 class PowerConstants:
-    """Each as one number, or as a first part with half of the bits and the remainder.
+    """Constants, each as one number, or as a first part with half of the bits and a remainder.
 
     largest_power  2 to this power overflows, 2 to its negative rounds to zero, and half of it is a valid exponent
     """
@@ -121,7 +121,7 @@ def _two_to(power: Double) -> TracedNumber:
 
 
 def _special(x: TracedNumber, y: TracedNumber, a: TracedNumber, value: TracedNumber) -> TracedNumber:
-    """IEEE 754's values at zeros, infinities, negative x and NaN."""
+    """The values required by IEEE 754 at zeros, infinities, negative x and NaN."""
     size = abs(y)
     near = (size < 2.0**x.format.bits).then(y, 0.0)  # every larger number is even
     half = near * 0.5

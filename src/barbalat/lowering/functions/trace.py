@@ -1,8 +1,8 @@
 """Operation lists written as formulas: every operator on a ``TracedNumber`` appends one operation, in the order of writing.
 
-The list computes exactly what is written. Nothing is simplified or reordered, because that would change a function's last bits.
-Sums and products with their rounding errors, and rounding to whole numbers, use only additions and multiplications (Knuth, The
-Art of Computer Programming 2, 4.2.2, theorem B; Dekker, Numer. Math. 18 (1971) 224-242).
+The list computes exactly what is written. Nothing is simplified or reordered, because that would change the last bits of a
+function. Sums and products with their rounding errors, and rounding to integers, use only additions and multiplications (Knuth,
+The Art of Computer Programming 2, 4.2.2, theorem B; Dekker, Numer. Math. 18 (1971) 224-242).
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class TracedNumber:
         return self.trace.append("eq", self, other)
 
     def then(self, yes: TracedNumber | float, no: TracedNumber | float) -> TracedNumber:
-        """``yes`` if this is true, else ``no``; both are computed."""
+        """``yes`` if this is true, otherwise ``no``; both are computed."""
         return self.trace.append("select", self, yes, no)
 
     def with_sign_of(self, other: TracedNumber) -> TracedNumber:
@@ -127,19 +127,19 @@ class TracedNumber:
         return self.trace.append("floor", self)
 
     def exponent(self) -> TracedNumber:
-        """e of |x| = s 2^e with 1 <= s < 2, for a normal number."""
+        """The exponent e in |x| = s 2^e, 1 <= s < 2, for a normal number."""
         return self.trace.append("exponent", self)
 
     def significand(self) -> TracedNumber:
-        """s of |x| = s 2^e with 1 <= s < 2, for a normal number."""
+        """The significand s in |x| = s 2^e, 1 <= s < 2, for a normal number."""
         return self.trace.append("significand", self)
 
     def two_to_this(self) -> TracedNumber:
-        """2^k for a whole number k from the exponent of the smallest normal number to the largest one."""
+        """2^k for an integer k from the smallest exponent of a normal number to the largest."""
         return self.trace.append("pow2", self)
 
     def entry_of(self, table: tuple[float, ...]) -> TracedNumber:
-        """The table's entry at this index, which must be a valid one."""
+        """The table's entry at this index, which must be valid."""
         return self.trace.append("lookup", self, table=table)
 
 

@@ -44,7 +44,7 @@ class ReductionConstants:
     """The constants for the reduction in a format.
 
     largest_usual  up to this value the product of n with a part of pi/2 is exact
-    parts, rest    of pi/2
+    parts, rest    parts of pi/2
     digit_bits     bits of a digit of 2/pi: the sum of three products of digits is exact
     digits         with zeros before the point
     products       number of digits of x 2/pi that are kept
@@ -88,7 +88,7 @@ class Reduced(NamedTuple):
 
 
 def is_large(x: TracedNumber) -> TracedNumber:
-    """Whether ``usual`` does not apply to this x; it does for infinity and NaN, and gives NaN."""
+    """Whether ``usual`` does not apply to this x. For infinity and NaN it applies and gives NaN."""
     size = abs(x)
     return (size > CONSTANTS[x.format].largest_usual) & (size < math.inf)
 
@@ -133,7 +133,7 @@ def large(x: TracedNumber) -> Reduced:
 
 
 def _fraction(terms: list[TracedNumber]) -> tuple[TracedNumber, Double]:
-    """The whole number nearest to the sum of the terms, and the remainder; three numbers contain the digits that remain after
+    """The integer nearest to the sum of the terms, and the remainder; three numbers contain the digits that remain after
     cancellation."""
     total = terms[0] + terms[1]  # exact: 47 bits, or 17
     n = rounded(total)
@@ -244,7 +244,7 @@ def _or_itself(x: TracedNumber, value: TracedNumber) -> TracedNumber:
 def usual_of(
     value: Callable[[TracedNumber, Reduced], TracedNumber],
 ) -> Callable[[TracedNumber], tuple[TracedNumber, TracedNumber]]:
-    """(the value, whether it does not apply to this x)."""
+    """Return the value, and whether the method does not apply to this x."""
     return lambda x: (value(x, usual(x)), is_large(x))
 
 

@@ -1,7 +1,7 @@
 """Translates an operation list to LLVM IR text: one step with the time loop around it, for a vector of W members at once.
 
 The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every block of
-steps and written out at its end, so metrics over all steps need no memory. The kernel has no other function.
+steps and written out at its end, so that metrics over all steps need no memory. The kernel has no other function.
 
 A quantity may be monitored: every window of steps keeps its largest value, with the state and the step at which it occurred. It
 is evaluated before every WATCH_EVERY-th step, counted from t = 0. Windows are independent of blocks. NaN is never the largest
@@ -35,7 +35,7 @@ class ExternalFunction:
     """``void function(double *numbers, int64_t step)`` at an address of this process, called at every sample.
 
     given  rows of the state as computed by the list at this sample; they come first in ``numbers``
-    kept   rows whose old values follow, and which the function replaces by the new values
+    kept   rows whose old values follow, which the function replaces by the new values
     """
 
     address: int
@@ -123,7 +123,7 @@ def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -
 
 
 def keep_largest_values(lanes: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
-    """The IR that keeps the largest value for parallel members, each of which has its own."""
+    """The IR that keeps the largest value for parallel members, each of which has a separate largest value."""
     vector, mask = f"<{lanes} x double>", f"<{lanes} x i1>"
     return [
         f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
@@ -168,9 +168,9 @@ def loop(
     parameters  [parameters][W]
     signals     [blocks * steps][signals], the same for all W members; a row for each piece if steps come in pieces. With
                 ``signal_row`` [rows][signals], or [rows][W][signals] with ``rows_per_member``
-    out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
+    out         [blocks][states + accumulators][W]: the state at the start of a block, the accumulators at its end
     start       number of the first step since t = 0
-    lags        [W]: the newest value returned is that of ``lag`` steps ago, at least 1
+    lags        [W]: the newest value returned was stored ``lag`` steps ago, at least 1
     ring        [mask + TAPS_PER_CHANNEL][delayed][W]: stored values, for a power of two of steps followed by a copy of the first
                 ones; its initial content is the past. With ``recalled`` [W][mask][width]: each member's records, and
                 room for ``mask`` of them
@@ -245,7 +245,7 @@ def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
 
 @dataclass(frozen=True)
 class _Part:
-    """The part of a step before its own operations.
+    """The part of a step that precedes its main operations.
 
     last        its last block; empty if the step has no such part
     apart       a function outside the loop, and its memory on the loop's stack
@@ -300,7 +300,7 @@ def _due(shape: LoopShape, sampler: Printer) -> list[str]:
 
 
 def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:
-    """The code that keeps a quantity's largest value."""
+    """The code that keeps the largest value of a quantity."""
     if watch is None:
         return _Part()
     watcher = Printer(watch, lanes, inputs, prefix="g")
@@ -322,8 +322,8 @@ def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[
 
 @dataclass(frozen=True)
 class _Body:
-    """The blocks around a step's own operations; ``new`` are its results and ``resets`` the initial values of accumulators in
-    a block."""
+    """The blocks around the operations of a step; ``new`` are its results and ``resets`` the initial values of accumulators in a
+    block."""
 
     shape: LoopShape
     vector: str

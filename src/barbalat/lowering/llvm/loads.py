@@ -90,7 +90,7 @@ def _whole_numbers(shape: LoopShape, name: str, row: int, lanes: int, vector: st
 
 
 def _gathered(name: str, base: str, offset: int, lanes: int, vector: str) -> list[str]:
-    """%{name}: the number at this offset from each member's own address %{base}{j}."""
+    """%{name}: the number at this offset from the address %{base}{j} of each member."""
     lines, previous = [], "poison"
     for j in range(lanes):
         one = f"%{name}" if lanes == 1 else f"%{name}.{j}"
@@ -106,7 +106,7 @@ def _gathered(name: str, base: str, offset: int, lanes: int, vector: str) -> lis
 
 
 def record_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%d{i}: the records of a member's earlier steps, from the one whose number is in its state."""
+    """%d{i}: the records of a member's earlier steps, starting with the record whose number is in its state."""
     if shape.recalled is None:
         return []
     lines = _records(shape, "d.first", shape.recalled.first, lanes, vector)
@@ -115,7 +115,7 @@ def record_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
 
 
 def keep_record(shape: LoopShape, values: list[str], lanes: int, vector: str) -> list[str]:
-    """Store each step's own record."""
+    """Store the record of each step."""
     if shape.recalled is None:
         return []
     lines = _records(shape, "d.own", shape.recalled.last, lanes, vector)
@@ -217,7 +217,7 @@ def remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
         f"  %is.first = icmp ult i64 %slot.now, {TAPS_PER_CHANNEL - 1}",
         "  %slot.behind = add i64 %slot.now, %mask",
         "  %slot.again = add i64 %slot.behind, 1",
-        "  %slot.twin = select i1 %is.first, i64 %slot.again, i64 %slot.now",  # otherwise the same value is stored twice
+        "  %slot.twin = select i1 %is.first, i64 %slot.again, i64 %slot.now",  # otherwise the value is stored twice
         f"  %base.now = mul i64 %slot.now, {shape.delayed}",
         f"  %base.twin = mul i64 %slot.twin, {shape.delayed}",
     ]

@@ -47,10 +47,10 @@ _SCHEDULER = threading.Lock()
 
 @contextmanager
 def _unscheduled() -> Iterator[None]:
-    """Makes LLVM keep the list's order of operations. The switch applies to the whole process, so it is set back afterwards.
+    """Makes LLVM keep the list's order of operations. The switch applies to the whole process, so it is reset afterwards.
 
     LLVM's scheduler moves long chains forward, which is suitable for one member. With two vectors of members in 16 registers it
-    costs a sixth of the speed, because values are spilled (docs/laboratory/kernel.md).
+    costs one sixth of the speed, because values are spilled (docs/laboratory/kernel.md).
     """
     with _SCHEDULER:
         llvm.set_option("", "-enable-misched=false")
@@ -85,7 +85,7 @@ class Watch:
     """The record of a kernel with a monitored quantity: a row for each of ``windows`` windows of steps, from step ``first`` on.
 
     A row contains the largest value, and the state and the number of the step at which it occurred; minus infinity if there was
-    none. For members in several ``lanes`` it contains only their largest values.
+    no value. For members in several ``lanes``, a row contains only their largest values.
     """
 
     def __init__(self, states: int, first: int, stop: int, window: int, lanes: int = 1) -> None:
@@ -93,7 +93,7 @@ class Watch:
         self.rows = np.full((-(-(stop - first) // window), states + 2 if lanes == 1 else lanes), -np.inf)
 
     def elsewhere(self, first: int, stop: int) -> Watch:
-        """A watch of the same kind for other steps, as one window."""
+        """A watch of the same kind for different steps, as one window."""
         return Watch(self.states, first, stop, -(-(stop - first) // WATCH_EVERY) * WATCH_EVERY, self.lanes)
 
 
@@ -142,8 +142,8 @@ class Kernel:
         outside: ExternalFunction | None = None,
         quickly: bool = False,
     ) -> None:
-        """``quickly``: compilation takes a fifth of the time; the code is two to three times slower, and its results are the
-        same bit for bit."""
+        """With ``quickly``, compilation takes one fifth of the time and the code is two to three times slower; the results are
+        bit-identical."""
         if lanes < 1 or lanes & (lanes - 1):
             raise ValueError(f"lanes must be a power of two, got {lanes}")
         self.shape = shape
@@ -177,14 +177,14 @@ class Kernel:
         sample_every: int | None = None,
         noise_hold: int | None = None,
     ) -> Callable[[], None]:
-        """The call with these arrays, which are checked once, for repeated use; it keeps the arrays alive.
+        """Return the call with these arrays, which are checked once, for repeated use; it keeps the arrays alive.
 
-        Shapes: see ``llvm.ir.loop``; all arrays are C-contiguous float64.
+        For shapes, see ``llvm.ir.loop``; all arrays are C-contiguous float64.
 
         past   required for a step with delays
         noise  required for a step with noise
         watch  required for a kernel that monitors; its windows must cover all steps
-        records  (W R, width), R for each member: required for a step that reads records of earlier ones, with room for those of
+        records  (W R, width), R for each member; required for a step that reads records of earlier steps, with room for those of
                  this call
         start  number of the first step since t = 0
         sample_every, noise_hold  if the shape does not fix them
@@ -233,7 +233,7 @@ class Kernel:
         watch: Watch | None,
         records: np.ndarray | None,
     ) -> None:
-        """Raise ValueError if a call lacks an argument that this kernel needs, or has one that it does not use."""
+        """Raise ValueError if a call lacks an argument that this kernel needs, or has an argument that it does not use."""
         s = self.shape
         if s.in_pieces and (signals[:, -1].sum() != stop - start or signals[-1, -1] != 1):
             raise ValueError(f"the pieces of {stop - start} steps must end that many steps, got {signals[:, -1].sum():g}")
@@ -254,7 +254,7 @@ class Kernel:
 
 
 def _require_sizes(expected: Mapping[str, tuple[np.ndarray, int]]) -> None:
-    """ValueError, with the array's name and required size, if the machine code would access it beyond its end."""
+    """Raise ValueError, with the name and required size of an array, if the machine code would access it beyond its end."""
     for name, (array, size) in expected.items():
         if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
             raise ValueError(f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}")

@@ -118,7 +118,8 @@ class Printer:
         raise ValueError(f"the operation {name} has no LLVM translation")
 
     def extremum(self, name: str, x: list[str]) -> str:
-        """A minimum or maximum that passes on the first operand's NaN instead of the bound: a divergence must stay visible."""
+        """A minimum or maximum that passes on a NaN of the first operand instead of the bound, because a divergence must stay
+        visible."""
         relation = "olt" if name == "fmax" else "ogt"
         return self.select(self.assign(f"fcmp {relation} {self.vector} {x[0]}, {x[1]}"), x[1], x[0])
 
@@ -134,7 +135,7 @@ class Printer:
             return self.as_number(self.assign(f"or {self.bits} {fraction}, {self.whole(EXPONENT_BIAS << FRACTION_BITS)}"))
         shifted = self.assign(f"lshr {self.bits} {bits}, {self.whole(FRACTION_BITS)}")
         exponent = self.assign(f"and {self.bits} {shifted}, {self.whole(2 * EXPONENT_BIAS + 1)}")
-        # adds 2^52, which leaves the whole number in the last bits: processors convert 64-bit integers only one at a time
+        # adds 2^52, which leaves the integer in the last bits: processors convert 64-bit integers only one at a time
         behind = self.as_number(
             self.assign(f"or {self.bits} {exponent}, {self.whole((EXPONENT_BIAS + FRACTION_BITS) << FRACTION_BITS)}")
         )

@@ -16,7 +16,7 @@ def loop(
 ) -> bytes:
     """A module whose function ``barbalat_loop`` has the arguments that ``llvm.ir.loop`` describes, in that order.
 
-    Addresses in the module's memory are 32 bits, counts 64. Raises ValueError for a list with fused multiply-adds, which
+    Addresses in the module's memory have 32 bits, counts 64 bits. Raises ValueError for a list with fused multiply-adds, which
     WebAssembly lacks.
     """
     given = [program for program in (step, sample, watch) if program is not None]

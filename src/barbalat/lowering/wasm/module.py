@@ -1,7 +1,7 @@
 """Translates LLVM IR to a WebAssembly module: LLVM's wasm32 target writes an object file, and this module does the linker's work.
 
-Little is needed: with only one object, its indices and the addresses of its data, which begin at 0, are final. A memory,
-a stack pointer if there is a stack, and exports are added.
+Little is needed. With only one object, its indices and the addresses of its data, which begin at 0, are final. A memory, a stack
+pointer if there is a stack, and exports are added.
 
 Formats: WebAssembly core specification, version 1, chapter 5; "WebAssembly object file linking" of its tool conventions.
 """
@@ -17,8 +17,8 @@ TRIPLE = "wasm32-unknown-unknown"
 CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 """The instructions of version 1, and conversions that don't trap: browsers have had both since 2021."""
 EFFORT = 0
-"""LLVM's level of optimisation. Browsers optimise again. Level 3 makes modules of two thirds of the size, whose steps take 0 to
-15 % less time, but compilation takes three to ten times as long, with a time that grows as the square of a function's length
+"""LLVM's level of optimisation. Browsers optimise again. Level 3 makes modules of two thirds of the size whose steps take 0 to 15
+% less time, but compilation takes three to ten times as long, and its time grows with the square of the length of a function
 (docs/laboratory/kernel.md)."""
 PAGE_BYTES = 65_536
 
@@ -36,8 +36,8 @@ class _Kind(IntEnum):
 def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
     """A module that exports the first function of ``source`` as ``entry``, and its ``memory``.
 
-    Its initial memory contains the module's tables and, if its functions need one, a stack of ``stack_bytes``. The host adds
-    pages for its own data. ValueError for IR that needs an external function.
+    Its initial memory contains the module's tables and, if its functions need a stack, one of ``stack_bytes``. The host adds
+    pages for its data. Raises ValueError for IR that needs an external function.
     """
     sections = _sections(_object_file(source))
     imported = _imported(sections.pop(_Section.IMPORTS))
@@ -83,7 +83,7 @@ class _Reader:
         return self.text[self.at - 1]
 
     def whole(self) -> int:
-        """An unsigned integer in LEB128."""
+        """Read an unsigned integer in LEB128."""
         value = shift = 0
         while (byte := self.byte()) > 0x7F:
             value |= (byte & 0x7F) << shift
@@ -91,7 +91,7 @@ class _Reader:
         return value | byte << shift
 
     def part(self) -> bytes:
-        """Bytes preceded by their number."""
+        """Read bytes preceded by their number."""
         size = self.whole()
         self.at += size
         return self.text[self.at - size : self.at]
@@ -136,5 +136,5 @@ def _leb128(value: int, last: int = 0x7F) -> bytes:
 
 
 def _exported(name: str, kind: _Kind) -> bytes:
-    """The first export of its kind with this name."""
+    """The first export of this kind and name."""
     return _leb128(len(name)) + name.encode() + bytes((kind, 0))

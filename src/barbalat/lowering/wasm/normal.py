@@ -1,4 +1,4 @@
-"""A module of standard Gaussian numbers from Philox counters: the same stream as from ``np.random.Philox`` and the list ndtri.
+"""A module of standard Gaussian numbers from Philox counters: the stream that ``np.random.Philox`` and the list ndtri also give.
 
 Philox4x64-10: Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11. Each row of numbers begins
 with a new count; counts begin with 1, as NumPy's do, and their upper 192 bits are zero.
@@ -16,7 +16,7 @@ MULTIPLIERS = 0xD2E7470EE14C6C93, 0xCA5A826395121157
 WEYL = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
 """The increments of the two halves of the key from round to round: the golden ratio and sqrt(3) - 1, in 64 bits."""
 UNUSED_BITS = 11
-"""Number of unused bits of 64. The other bits are a whole number in a double, to which half a unit is added, so the result is
+"""Number of unused bits of 64. The other bits are an integer in a double, to which half a unit is added so that the result is
 never 0."""
 
 _HIGH_HALF = """
@@ -72,8 +72,8 @@ def normal_module(channels: int) -> bytes:
 
 
 def _drawn(name: str, k: int, numbers: int) -> list[str]:
-    """The numbers of a row that its counter value number ``k`` gives, stored in their places; the prefix of the values' names is
-    ``name``."""
+    """The numbers of a row that follow from its ``k``-th counter value, stored in their places; ``name`` is the prefix of value
+    names."""
     lines, words = [f"  %{name} = add i64 %count, {k + 1}"], [f"%{name}", "0", "0", "0"]
     for i in range(ROUNDS):
         more, words = _round(f"{name}.{i}", words, i)
