@@ -53,6 +53,7 @@ def selftest(printed: Printed) -> str:
         guard=printed.guard,
         name=printed.name,
         macro=macro,
+        most=MOST_COUNTED,
         real=printed.real,
         samples=len(vectors.states),
         measured=printed.measured,

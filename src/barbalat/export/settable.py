@@ -8,6 +8,7 @@ import re
 from barbalat.export.acceptance import Entry, numbers
 from barbalat.export.parameters import Parameter
 from barbalat.export.texts import Printed, comment, filled, indented
+from barbalat.loop.around import MOST_COUNTED
 
 
 def settable(printed: Printed) -> dict[str, str]:
@@ -21,6 +22,7 @@ def settable(printed: Printed) -> dict[str, str]:
         "real": printed.real,
         "u": printed.contents.layout.u.name,
         "count": len(printed.contents.parameters),
+        "most": MOST_COUNTED,
         "range": printed.number(printed.contents.parameter_range),
         "each": "".join(f"#define {_macro(printed, one)} {i} /* {_about(printed, i)} */\n" for i, one in _numbered(printed)),
         "tests": "\n        && ".join([f"in_range_of_parameters(parameter, {printed.macro}_PARAMETERS)", *_tests(printed)]),

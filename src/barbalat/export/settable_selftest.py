@@ -11,6 +11,7 @@ from barbalat.export.contents import Contents
 from barbalat.export.log import logged
 from barbalat.export.settable import parameter_names
 from barbalat.export.texts import Printed, indented
+from barbalat.loop.around import MOST_COUNTED
 from barbalat.lowering import c99
 
 
@@ -24,6 +25,7 @@ def settable_tests(printed: Printed, at: int, fade: int) -> str:
     refused = ",\n    ".join(f"{{ {i}, {c99.constant(value, contents.real)} }}" for i, value in _beyond(contents))
     return _WHOLE.format(
         name=printed.name, macro=printed.macro, real=printed.real, measured=printed.measured, at=at, fade=fade,
+        most=MOST_COUNTED,
         started=contents.layout.started.name, u=contents.layout.u.name, tried=", ".join(numbers), moves=", ".join(moves),
         count=len(_beyond(contents)), refused=refused, limits=indented(_limits(printed, at)),
         given=f"in.{printed.measured}, " if contents.measures_state else "", returned=_returned(printed, at),
@@ -168,6 +170,12 @@ static void test_parameters(void)
         require({name}_set(&c, k, tried[k], 0L) == {macro}_OK && same_state(&c, &other), "a parameter is not set exactly");
         c = before;
         require({name}_set(&c, k, tried[k], -1L) == {macro}_OK && same_state(&c, &other), "a parameter is not set exactly");
+        for (j = -1; j <= 1; ++j) {{
+            c = before;
+            require({name}_set(&c, k, tried[k], {most}L + j) == {macro}_OK
+                    && c.change == (moves[k] == 0 ? 0L : j < 0 ? {most}L - 1L : {most}L),
+                "a change does not fade out over the given number of samples, or over more than are counted");
+        }}
         c = before;
         require({name}_set(&c, k, tried[k], {fade}L) == {macro}_OK, "a parameter is refused");
         if (moves[k] != 0) {{

@@ -15,7 +15,7 @@ from barbalat.export.settable import settable
 from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, limits_vary, shell
 from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, comment, comments, filled, indented, readable
-from barbalat.loop.around import LOST
+from barbalat.loop.around import LOST, MOST_COUNTED
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
 from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
@@ -52,6 +52,7 @@ def source(printed: Printed) -> str:
         measured=printed.measured,
         u=layout.u.name,
         started=layout.started.name,
+        most=MOST_COUNTED,
         last_measured=layout.measured.name,
         last_r=layout.r.name,
         usable=_usable(printed),

@@ -167,6 +167,7 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
     }
     begin(c, ${begin_given}keep_estimates);
 ${start_control}    c->fade = samples > 0L ? samples : 0L;
+    c->fade = c->fade < ${most}L ? c->fade : ${most}L;
     c->fade_left = c->fade;
     c->matching = 1;
 ${no_change}${no_outage_at_start}    return ${macro}_OK;

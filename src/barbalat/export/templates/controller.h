@@ -61,7 +61,7 @@ void ${name}_reset(${name}_controller *c);
 /*
  * ${start_comment}
  * u_now is the present control of the actuator: the first control equals it, and the difference from the controller's own control
- * fades out over this number of samples. keep_estimates: if nonzero, the estimates are kept.
+ * fades out over this number of samples, at most 1e9. keep_estimates: if nonzero, the estimates are kept.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
 unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,

@@ -400,6 +400,10 @@ static void test_start(void)
     require(${name}_start(&c, ${start_argument}controls[0], -1L, 1) == ${macro}_OK, "a start is refused");
 ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &in, &own) == ${macro}_OK,
         "a start with a negative number of samples is not one without a fade");
+    (void)${name}_start(&c, ${start_argument}controls[0], ${most}L - 1L, 1);
+    require(c.fade == ${most}L - 1L && c.fade_left == c.fade, "a long fade is shortened");
+    (void)${name}_start(&c, ${start_argument}controls[0], ${most}L + 1L, 1);
+    require(c.fade == ${most}L && c.fade_left == c.fade, "a start fades out over more samples than are counted");
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         u_now[i] = own.u[i] + 1;
         u_now[i] = u_now[i] > limits[i][1] ? limits[i][1] : u_now[i] < limits[i][0] ? limits[i][0] : u_now[i];
