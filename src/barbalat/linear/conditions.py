@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from flint import arb, arb_mat
 
@@ -41,7 +43,12 @@ def require_hurwitz(field: str, A: Array) -> None:
 
 def largest_real_part(A: Array) -> tuple[float, bool]:
     """The largest real part of the eigenvalues, and whether it is negative by more than rounding."""
-    unit, half = scaled(A)
+    return _largest_real_part(A.shape, np.asarray(A, dtype=float).tobytes())
+
+
+@lru_cache(maxsize=256)  # cached: many plants that differ in their parameters have the same A_m
+def _largest_real_part(shape: tuple[int, int], entries: bytes) -> tuple[float, bool]:
+    unit, half = scaled(np.frombuffer(entries).reshape(shape))
     balanced, _ = balance(unit)
     largest = float(np.linalg.eigvals(balanced).real.max())
     return largest * half * 2, largest < -rounding(balanced)

@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 
+from barbalat.linear.brent import zero_between
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
 
@@ -42,8 +43,6 @@ class Crossings:
         The zeros cover the frequencies between grid points; the grid covers rounding errors of zeros near lightly damped poles.
         Both kinds are bracketed and refined on the function itself, so no spurious crossing is returned.
         """
-        from scipy.optimize import brentq
-
         beside = np.concatenate([np.zeros(0), *(w * (1 + _SPREAD) for w in axis_zeros(system))])
         points, order = np.unique(np.concatenate([self._grid, beside]), return_index=True)
         values = function(np.concatenate([self._response, self.loop.response(beside)])[order])
@@ -53,7 +52,7 @@ class Crossings:
         for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0):
             left, right = float(points[k]), float(points[k + 1])
             if at(left) * at(right) < 0:
-                found.append(float(brentq(at, left, right, xtol=1e-300, rtol=1e-13)))
+                found.append(zero_between(at, left, right, absolute=1e-300, relative=1e-13))
             else:  # single values differ from those on the grid in the last bits, which determine the sign near a zero
                 found.append(min(left, right, key=lambda w: abs(at(w))))
         return sorted(found)
@@ -65,6 +64,10 @@ _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
 
 _ROUNDING = 1e-15
 """Relative distance within which a pole counts as being on the axis, and a frequency as being at the pole."""
+
+
+_AROUND_A_PEAK = np.concatenate([-np.geomspace(1e-3, 1e3, 60)[::-1], [0.0], np.geomspace(1e-3, 1e3, 60)])
+"""Distances from a pole's frequency, in units of its damping."""
 
 
 _LARGE_RESPONSE = 1e3
@@ -81,8 +84,7 @@ def frequency_grid(loop: StateSpace) -> Array:
     low, high = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
     gain = max(1.0, float(np.linalg.norm(loop.C) * np.linalg.norm(loop.B)) / low)
     wide = np.geomspace(low * 1e-4, high * 10 * gain, 500)
-    offsets = np.concatenate([-np.geomspace(1e-3, 1e3, 60)[::-1], [0.0], np.geomspace(1e-3, 1e3, 60)])
-    peaks = [p.imag + max(abs(p.real), 1e-12 * abs(p.imag)) * offsets for p in poles if p.imag > 0]
+    peaks = [p.imag + max(abs(p.real), 1e-12 * abs(p.imag)) * _AROUND_A_PEAK for p in poles if p.imag > 0]
     grid = np.concatenate([wide, *peaks])
     on_axis = np.array([p.imag for p in poles if p.imag > 0 and abs(p.real) <= _ROUNDING * p.imag])
     at_pole = (np.abs(grid[:, None] - on_axis) <= _ROUNDING * on_axis).any(
@@ -98,8 +100,10 @@ def _below(loop: StateSpace, lowest: float) -> Array:
     The response of a slow integrator with fast poles crosses the unit circle far below all these poles.
     """
     sizes = np.abs(np.linalg.eigvals(loop.A))
+    if not (sizes <= _ROUNDING * np.linalg.norm(loop.A)).any():
+        return np.zeros(0)
     at_lowest = float(np.abs(loop.response(np.array([lowest])))[0])
-    if not (sizes <= _ROUNDING * np.linalg.norm(loop.A)).any() or at_lowest >= _LARGE_RESPONSE:
+    if at_lowest >= _LARGE_RESPONSE:
         return np.zeros(0)
     share = max(at_lowest / _LARGE_RESPONSE, _LEAST_SHARE)
     return np.geomspace(lowest * share, lowest, 20 * int(np.ceil(-np.log10(share))), endpoint=False)

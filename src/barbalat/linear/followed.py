@@ -96,7 +96,8 @@ class _Steps:
         self.weights, self.growth = growth(A)
         self.gains = [sum((abs(one) * v for one, v in zip(row, self.weights, strict=True)), arb(0)) for row in motion.C.tolist()]
         self.gain = float(max(one.upper() for one in self.gains))
-        self.known, self.largest, self.first, self.step = dict[float, arb_mat](), 0.0, 0.0, 1.0
+        self.known, self.powers_of = dict[float, arb_mat](), dict[float, list[arb]]()
+        self.largest, self.first, self.step = 0.0, 0.0, 1.0
         self.steps = list[list[float]]()
 
     def all(self) -> list[Array] | None:
@@ -113,7 +114,7 @@ class _Steps:
                     return None
                 last = not left > step
                 d = left if last else arb(step)
-                bounds.append(self._bounds(z, beyond, d))
+                bounds.append(self._bounds(z, beyond, self._powers(d, None if last else step)))
                 self.largest = max(self.largest, float(bounds[-1].max(initial=0.0)))
                 if len(bounds) > MOST_STEPS:
                     raise InputError(f"the response to the case's command takes more than {MOST_STEPS} steps")
@@ -149,14 +150,23 @@ class _Steps:
             self.known[name] = (self.motion.A * d).exp()
         return self.known[name]
 
-    def _bounds(self, z: arb_mat, beyond: float, d: arb) -> Array:
+    def _powers(self, d: arb, name: float | None) -> list[arb]:
+        """1, d ... d^25, and e^(growth d); kept by the step's name."""
+        if name is None or name not in self.powers_of:
+            found = [*(d**k for k in range(POLYNOMIAL_DEGREE + 2)), (self.growth * d).exp()]
+            if name is None:
+                return found
+            self.powers_of[name] = found
+        return self.powers_of[name]
+
+    def _bounds(self, z: arb_mat, beyond: float, powers: list[arb]) -> Array:
         """(outputs, 25): magnitudes of the Bernstein coefficients, plus the remainder on the step."""
-        p, degree = self.motion.C.nrows(), POLYNOMIAL_DEGREE
-        taylor, scales = (self.powers * z).entries(), [d**k for k in range(degree + 1)]
-        local = arb_mat([[taylor[k * p + i] * scales[k] for i in range(p)] for k in range(degree + 1)])
-        controls = (bernstein_matrix(ctx.prec) * local).tolist()
-        missed = arb(beyond) * d ** (degree + 1) * (self.growth * d).exp()
-        sizes = np.array([[float(abs(row[i]).upper()) for row in controls] for i in range(p)])
+        p, (*scales, last, grown) = self.motion.C.nrows(), powers
+        taylor = (self.powers * z).entries()
+        local = arb_mat(len(scales), p, [one * scales[k // p] for k, one in enumerate(taylor)])
+        controls = (bernstein_matrix(ctx.prec) * local).entries()
+        missed = arb(beyond) * last * grown
+        sizes = np.array([float(abs(one).upper()) for one in controls]).reshape(len(scales), p).T
         return (sizes + np.array([[float_above(missed * gain)] for gain in self.gains])) * (1 + 1e-15)  # three roundings
 
 

@@ -20,10 +20,12 @@ between them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from barbalat.linear.brent import least_between, zero_between
 from barbalat.linear.crossings import frequency_grid
 from barbalat.linear.systems import StateSpace, TransferFunction, sensitivity, states_response
 from barbalat.validate import Array, InputError
@@ -146,24 +148,18 @@ def robust_stability(family: MatchedFamily) -> RobustStability:
 
 def _refined(family: MatchedFamily, w: Array) -> Array:
     """The maximisers between the neighbours of every local maximum that is at least half of the largest."""
-    from scipy.optimize import minimize_scalar
-
     values = mu_of_family(*family.channels(w)).value
     inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:]) & (values[1:-1] > values.max() / 2)) + 1
 
     def negative(point: float) -> float:
         return -float(mu_of_family(*family.channels(np.array([point]))).value[0])
 
-    found = [
-        minimize_scalar(negative, bounds=(w[k - 1], w[k + 1]), method="bounded", options={"xatol": 1e-9 * w[k]}) for k in inside
-    ]
-    return np.array([result.x for result in found])
+    return np.array([least_between(negative, w[k - 1], w[k + 1], absolute=1e-9 * w[k])[0] for k in inside])
 
 
 def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
     """Frequencies at which some a_i is real: a parameter can act alone at these frequencies, and mu of real parameters may
     jump."""
-    from scipy.optimize import brentq
 
     def imaginary(point: float, i: int) -> float:
         return float(family.channels(np.array([point]))[0][0, i].imag)
@@ -172,5 +168,5 @@ def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
     found = []
     for i in np.flatnonzero(family.width > 0):
         for k in np.flatnonzero(values[:-1, i] * values[1:, i] < 0):
-            found.append(float(brentq(imaginary, grid[k], grid[k + 1], args=(int(i),), xtol=1e-300, rtol=1e-14)))
+            found.append(zero_between(partial(imaginary, i=int(i)), grid[k], grid[k + 1], absolute=1e-300, relative=1e-14))
     return np.array(found)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from barbalat.linear.brent import zero_between
 from barbalat.linear.crossings import Crossings, zeros
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
@@ -107,7 +108,6 @@ class Rotation:
 
     def _at_level(self, left: float, right: float, level: float) -> list[float]:
         """The frequency at which the phase, which is monotone between the two, has this value; one w or none."""
-        from scipy.optimize import brentq
 
         def off(w: float) -> float:  # ``phase`` minus the level in one call, because a search spends most of its time here
             arcs = np.arctan((np.array([[w]]) - self._at) / self._width) @ self._sense
@@ -116,7 +116,7 @@ class Rotation:
         with np.errstate(over="ignore"):
             ends = {w: off(w) for w in (left, right)}
             if ends[left] * ends[right] < 0:
-                return [float(brentq(off, left, right, xtol=1e-300, rtol=1e-13))]
+                return [zero_between(off, left, right, absolute=1e-300, relative=1e-13)]
         return [w for w, value in ends.items() if abs(value) < 1e-12 * max(1.0, abs(level))]  # one of the ends, up to rounding
 
 

@@ -34,6 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from barbalat.linear.brent import zero_between
 from barbalat.linear.margins import LARGEST_FACTOR
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
@@ -432,8 +433,6 @@ class _GainSearch:
 
     def margin(self, direction: int) -> float:
         """The first factor from 1 on, upwards or downwards."""
-        from scipy.optimize import brentq
-
         k, radius = 1.0, cache(self._radius)
         while 1 / LARGEST_FACTOR < k < LARGEST_FACTOR:
             step = SHARE_OF_ROOM * self._safe_step(k)
@@ -442,7 +441,7 @@ class _GainSearch:
                 following = k + direction * step
                 if radius(following) >= 1:
                     stable = k if radius(k) < 1 else 1.0  # as above
-                    return float(brentq(lambda one: radius(one) - 1, stable, following, xtol=1e-12 * k))
+                    return zero_between(lambda one: radius(one) - 1, stable, following, absolute=1e-12 * k)
             k += direction * step
         return np.inf if direction > 0 else 0.0
 

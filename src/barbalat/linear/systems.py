@@ -299,15 +299,12 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
         fits=lambda states: f"at most {validate.counted(states, 'state')}",
         what=f"{len(w)} frequency responses of {validate.counted(n, 'state')}",
     )
-    columns, together = b[:, None], max(SOLVED_AT_ONCE // max(n * n, 1), 1)
+    column, unit, together = b[:, None], np.eye(n), max(SOLVED_AT_ONCE // max(n * n, 1), 1)
 
     def solved(at: Array) -> Array:
-        found = np.empty((len(at), n), dtype=complex)
-        for first in range(0, len(at), together):
-            part = at[first : first + together]
-            matrices = 1j * part[:, None, None] * np.eye(n) - A
-            found[first : first + together] = np.linalg.solve(matrices, np.broadcast_to(columns, (len(part), n, 1)))[..., 0]
-        return found
+        if len(at) <= together:
+            return np.asarray(np.linalg.solve(1j * at[:, None, None] * unit - A, column)[..., 0])
+        return np.concatenate([solved(at[first : first + together]) for first in range(0, len(at), together)])
 
     try:
         return solved(w)

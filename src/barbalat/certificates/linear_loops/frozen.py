@@ -25,6 +25,7 @@ from barbalat import validate
 from barbalat.certificates.linear_loops.ideal import open_jacobians
 from barbalat.certificates.linear_loops.worst_case import MOST_EXTREMES, points_inside
 from barbalat.controllers import NormalizedMrac, RobustMrac
+from barbalat.linear.brent import least_between
 from barbalat.linear.crossings import frequency_grid
 from barbalat.linear.systems import StateSpace, complementary_sensitivity, sensitivity, series
 from barbalat.loop.closed_loop import ClosedLoop
@@ -164,8 +165,6 @@ def small_gain(loop: StateSpace, error: ModellingError) -> float:
 
     Raises InputError if the loop is unstable without any modelling error.
     """
-    from scipy.optimize import minimize_scalar
-
     T = complementary_sensitivity(loop)
     largest = float(np.linalg.eigvals(T.A).real.max())
     if largest >= 0:
@@ -181,11 +180,6 @@ def small_gain(loop: StateSpace, error: ModellingError) -> float:
     least = float(sizes.min())
     valleys = np.flatnonzero((sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:]) & (sizes[1:-1] < 1.1 * least)) + 1
     for k in valleys:
-        found = minimize_scalar(
-            lambda point: float(allowed(np.array([point]))[0]),
-            bounds=(w[k - 1], w[k + 1]),
-            method="bounded",
-            options={"xatol": 1e-9 * w[k]},
-        )
-        least = min(least, float(found.fun))
+        _, found = least_between(lambda point: float(allowed(np.array([point]))[0]), w[k - 1], w[k + 1], absolute=1e-9 * w[k])
+        least = min(least, found)
     return least

@@ -24,6 +24,8 @@ POINTS_INSIDE, POINTS_AROUND, ROUNDS, MOST_EXTREMES = 1000, 200, 4, 1024
 largest number of extreme points."""
 EXACT_VERTICES, EXACT_POINTS = 64, 20
 """Numbers of extreme points, and of the worst screened points for each margin, that are computed exactly."""
+SCREENED_AT_ONCE = 32
+"""Points whose responses are computed together: few enough that they stay in the cache."""
 MARGIN_NAMES = ("delay", "phase", "gain_up", "gain_down")
 SEARCH_SENTENCE = (
     "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, "
@@ -196,9 +198,12 @@ class _WorstCaseSearch:
         real_parts = self.family.largest_real_parts(points)
         if real_parts.max() >= 0:
             raise _Unstable(points[int(real_parts.argmax())])
-        N, D = self._responses(points)
-        screened = screen(N * np.exp(-1j * self.w * self.family.delay), D, self.w, self.family.delay)
-        for values in screened.values():
+        delayed = np.exp(-1j * self.w * self.family.delay)
+        parts = []
+        for first in range(0, len(points), SCREENED_AT_ONCE):
+            N, D = self._responses(points[first : first + SCREENED_AT_ONCE])
+            parts.append(screen(N * delayed, D, self.w, self.family.delay))
+        for values in (np.concatenate([part[name] for part in parts]) for name in parts[0]):
             worst = np.argsort(values)[:EXACT_POINTS]
             self.look(points[worst[np.isfinite(values[worst])]])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
@@ -144,6 +145,9 @@ def _first_zero(amplitude: acb, frequency: arb) -> arb | None:
     return None
 
 
+# The radii of repeated products grow with the powers of |A|, but the products only with the powers of A; with twice the digits,
+# the difference is negligible.
+_DIGITS_OF_POWERS = 2
 # Bits kept below the requested width for rounding, summed over all segments.
 _GUARD_BITS = 40
 # Longest segment, in units of 1/(slowest eigenvalue). A handful of such segments reaches the tail; the rounding noise of fast
@@ -178,7 +182,8 @@ class System:
 class NormModel:
     """Everything that is needed about the system at one working precision and does not depend on the tolerance.
 
-    States and time are rescaled (`scaled`), so times are in the rescaled unit, not in seconds.
+    States and time are rescaled (`scaled`), so times are in the rescaled unit, not in seconds. Parts that only the integration
+    needs are computed at their first use, which must be at the same precision: many models only determine the precision.
     """
 
     A: arb_mat
@@ -186,13 +191,27 @@ class NormModel:
     C: arb_mat
     feedthrough: list[list[arb]]  # |D|, rows by columns
     certificate: DecayCertificate
-    oscillation: SlowOscillation | None
+    spectrum: list[tuple[acb, int]]  # enclosures of the eigenvalues with their multiplicities
     decay: float  # smallest |real part|
     fastest: float  # largest |eigenvalue|
     slowest: float  # smallest |eigenvalue|
     frequency: float  # largest imaginary part
-    taylor: list[arb_mat]  # for each row c of C: rows c A^j / j!, j = 0 .. POLYNOMIAL_DEGREE
     remainder: arb_mat  # factor of P times A^(POLYNOMIAL_DEGREE + 1)
+
+    @cached_property
+    def oscillation(self) -> SlowOscillation | None:
+        """The slowest oscillation, if it shortens the work."""
+        return slow_oscillation(self.A, self.C, self.spectrum)
+
+    @cached_property
+    def taylor(self) -> list[arb_mat]:
+        """For each row c of C the rows c A^j / j!, j = 0 .. POLYNOMIAL_DEGREE."""
+        with ctx.workprec(_DIGITS_OF_POWERS * ctx.prec):
+            powers = [self.C]
+            for order in range(1, POLYNOMIAL_DEGREE + 1):
+                powers.append(powers[-1] * self.A * (arb(1) / order))
+        tables = [power.tolist() for power in powers]
+        return [arb_mat([table[i] for table in tables]) for i in range(self.C.nrows())]
 
 
 def build_model(system: System) -> NormModel | None:
@@ -209,28 +228,21 @@ def build_model(system: System) -> NormModel | None:
     certificate = decay_certificate(A, C, roots, 0.5 * decay)
     if certificate is None:
         return None
-    # The radii of repeated products grow with the powers of |A|, but the products only with the powers of A; with twice the
-    # digits, the difference is negligible.
-    with ctx.workprec(2 * ctx.prec):
-        powers = [C]
-        for order in range(1, POLYNOMIAL_DEGREE + 1):
-            powers.append(powers[-1] * A * (arb(1) / order))
+    with ctx.workprec(_DIGITS_OF_POWERS * ctx.prec):
         high_power = certificate.factor
         for _ in range(POLYNOMIAL_DEGREE + 1):
             high_power = high_power * A
-    tables = [power.tolist() for power in powers]
     return NormModel(
         A,
         plant.B,
         C,
         [[abs(arb(value)) for value in row] for row in system.D.tolist()],
         certificate,
-        slow_oscillation(A, C, spectrum),
+        spectrum,
         decay,
         max(abs(root) for root in roots),
         min(abs(root) for root in roots),
         max(abs(root.imag) for root in roots),
-        [arb_mat([table[i] for table in tables]) for i in range(C.nrows())],
         high_power,
     )
 

@@ -80,6 +80,7 @@ class _Ladder:
 
     def __init__(self, model: NormModel) -> None:
         self.model = model
+        self._taylor = [table.tolist() for table in model.taylor]
         self._rungs: dict[int, _Rung] = {}
         self._transitions: dict[int, arb_mat] = {}
 
@@ -98,10 +99,9 @@ class _Ladder:
     def _build(self, exponent: int) -> _Rung:
         length = arb(2) ** exponent
         scales = [length**k for k in range(POLYNOMIAL_DEGREE + 1)]
-        monomial = []
-        for table in self.model.taylor:
-            rows = table.tolist()
-            monomial.append(arb_mat([[entry * scales[k] for entry in rows[k]] for k in range(POLYNOMIAL_DEGREE + 1)]))
+        monomial = [
+            arb_mat([[entry * scale for entry in row] for row, scale in zip(rows, scales, strict=True)]) for rows in self._taylor
+        ]
         change = bernstein_matrix(ctx.prec)
         return _Rung(
             exponent,
@@ -150,8 +150,9 @@ class _March:
             rung, local = self._step(state, min(exponent + 1, top))
             exponent = rung.exponent
             local += rung.error_growth * error
+            tolerance = self.tolerances.piece / rung.length
             for i in range(rows):
-                self._segment(rung, i, state, local)
+                self._segment(rung, i, state, local, tolerance)
             self.error += local
             moved = rung.transition * state
             state = moved.mid()
@@ -196,10 +197,9 @@ class _March:
                 return rung, remainder
             exponent -= 1
 
-    def _segment(self, rung: _Rung, row: int, state: arb_mat, error: arb) -> None:
+    def _segment(self, rung: _Rung, row: int, state: arb_mat, error: arb, tolerance: arb) -> None:
         """Add the integral of |c x(s)| over one segment for one row c of C, exact up to `error`."""
         piece = BernsteinPiece((rung.bernstein[row] * state).entries())
-        tolerance = self.tolerances.piece / rung.length
         pieces = [piece]
         if not piece.gap <= tolerance:
             room = self.work_limit - self.counters.segments

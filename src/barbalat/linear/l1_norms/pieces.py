@@ -16,6 +16,8 @@ POLYNOMIAL_DEGREE = 24
 _HALVINGS_LIMIT = 64
 # Newton's method doubles the number of correct digits in each step: from one digit to beyond float64 in four or five steps.
 _NEWTON_STEPS = 8
+# Comparing balls with a ball takes half the time of comparing them with 0, which is converted each time.
+_ZERO = arb(0)
 # A root within this relative distance of an end is not split off; the piece is halved instead, so that no piece degenerates.
 _NEAREST_SPLIT = 2.0**-40
 
@@ -56,8 +58,8 @@ class BernsteinPiece:
     def __init__(self, coefficients: list[arb]) -> None:
         self.coefficients = coefficients
         self.total: arb = sum(coefficients, arb(0)) / len(coefficients)
-        negative = [-value for value in coefficients if not value >= 0]
-        positive = [value for value in coefficients if not value <= 0]
+        negative = [-value for value in coefficients if not value >= _ZERO]
+        positive = [value for value in coefficients if not value <= _ZERO]
         self.gap: arb = arb(0)
         if negative and positive:
             below = sum((value.upper() for value in negative), arb(0))
