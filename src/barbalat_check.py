@@ -47,7 +47,7 @@ def require(holds: Any, why: str) -> None:
 def number(value: Any) -> fmpq:
     """The exact value of a binary64 number, an integer, or a dyadic number written as "mantissa p exponent"."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise Refused(f"a number is needed, got {value!r}")
+        raise Refused(f"expected a number, got {value!r}")
     if isinstance(value, float):
         return fmpq(*value.as_integer_ratio())
     if isinstance(value, int):
@@ -144,7 +144,7 @@ class Norms:
         require(positive_definite(gap), "A'P + PA + 2 rate P + C'C must be negative definite")
         steps = witness.get("steps")
         if not (isinstance(steps, list) and len(steps) == B.ncols()):
-            raise Refused("steps are a list for each input")
+            raise Refused("steps must be one list per input")
         self._transitions = dict[fmpq, arb_mat]()
         with ctx.workprec(bits):
             self.A, self.P = arb_mat(A), arb_mat(P)
@@ -1156,7 +1156,7 @@ class LinearPart:
             self.origin = vector(c.fact("theta_0"), c.case.n)
         theta = c.require_theta_known()
         if not (isinstance(theta, Box) and len(c.case.facts["reference"]) == 1 == c.case.k_0.ncols()):
-            raise Refused("a box and one command are needed")
+            raise Refused("the proof needs a box and one command")
         self.theta = theta
 
     def largest(self, bound: Callable[[list[fmpq], list[fmpq], dict[str, Any]], arb]) -> arb:

@@ -77,7 +77,7 @@ def test_the_kinds_of_problems_do_what_they_are_there_for():
 
 def test_what_is_refused_is_told_and_everything_refused_is_wrong():
     given = L1Output(m=7.0, gamma=10.0, filter=TransferFunction([1.0], [1.0, 1.0]))
-    with pytest.raises(CheckFailed, match=r"none of the problems can be used\n.*one output: it is refused .*m/\(s \+ m\)"):
+    with pytest.raises(CheckFailed, match=r"none of the problems can be used\n.*one output: it is rejected .*m/\(s \+ m\)"):
         check(given)
 
 
@@ -136,7 +136,7 @@ def test_a_memory_outside_the_state(one):
             return PlainEquations(self.gamma * len(MADE), known.P @ known.b, known.k_0, known.n)
 
     MADE: list[object] = []
-    with pytest.raises(CheckFailed, match="differs from the same run alone"):
+    with pytest.raises(CheckFailed, match="differs from the same run on its own"):
         check(Counting(1.0, "counting"), one)
 
 

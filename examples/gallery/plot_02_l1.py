@@ -2,9 +2,9 @@
 L1 adaptive control, at two steps
 =================================
 
-The same controller, with a gain of 10000, at the step of the paper's Figure 3 and at that of Figure 4. The oscillation
-of the estimates belongs to the solver, and the run says so. Shaded: from the smallest to the largest value over every step
-between two recorded instants.
+The same controller, with a gain of 10000, at the step of the paper's Figure 3 and at that of Figure 4. The solver
+causes the oscillation of the estimates, and the run says so. The shading extends from the smallest to the largest
+value over all steps between two recorded instants.
 """
 
 import matplotlib.pyplot as plt

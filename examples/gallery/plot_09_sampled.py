@@ -1,6 +1,6 @@
 """
-A sampled law that no gain destabilises numerically
-===================================================
+A sampled law that is numerically stable at any gain
+====================================================
 
 How much the estimates move per second, over the gain, at a sample time of 1 ms: explicit Euler steps chatter; the
 midpoint form does not.

@@ -2,7 +2,7 @@
 The delay that a loop tolerates
 =====================================
 
-The delay at which each loop begins to oscillate, and the one at which it loses its motion, searched by simulation.
+The delay at which each loop begins to oscillate, and the delay at which its motion is lost, found by simulation.
 """
 
 import matplotlib.pyplot as plt

@@ -2,7 +2,7 @@
 An unknown effectiveness of the input
 =====================================
 
-The elevator of an F-16 has 70 % of its effectiveness, an actuator, and limits of deflection and rate. The gain is the
+The elevator of an F-16 has 70 % of its effectiveness, an actuator, and limits on deflection and rate. The gain is the
 last estimate.
 """
 

@@ -2,7 +2,7 @@
 A linear robust design and the adaptive ones
 ============================================
 
-A PI controller and an H-infinity design on the same plant, with 10 ms of delay that no design knows.
+A PI controller and an H-infinity design on the same plant, with a delay of 10 ms that the designs do not consider.
 """
 
 from dataclasses import replace

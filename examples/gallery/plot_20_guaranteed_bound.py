@@ -2,7 +2,7 @@
 A guaranteed bound and the simulated errors
 ==============================================
 
-Theorem 1's bound of the error is known before any simulation. No run exceeds it, and none comes near.
+The error bound of Theorem 1 is known before any simulation. No run exceeds it or comes near it.
 """
 
 import matplotlib.pyplot as plt

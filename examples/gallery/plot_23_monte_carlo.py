@@ -2,8 +2,8 @@
 Monte Carlo
 ===========
 
-A thousand plants of the known set, simulated on all cores without a trajectory in memory. The figures are taken over
-every solver step.
+A thousand plants of the known set, simulated on all cores without a trajectory in memory. The metrics are computed
+over every solver step.
 """
 
 from dataclasses import replace

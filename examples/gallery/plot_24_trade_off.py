@@ -2,8 +2,8 @@
 All tunings at once
 ===================
 
-Tracking error against the tolerated delay, for the tunings of three schemes on one plant. A scheme's front consists of the
-tunings that no other one beats.
+Tracking error against the tolerated delay, for the tunings of three schemes on one plant. A scheme's front consists
+of the tunings that no other tuning beats.
 """
 
 from barbalat import Simulation, load_case

@@ -2,8 +2,8 @@
 Whose oscillation is it?
 ========================
 
-A run that left its solver's region of stability is repeated at a finer step, and the report says whether the
-oscillation was the solver's or the loop's.
+A run that left its solver's region of stability is repeated at a finer step, and the report says whether the solver
+or the loop caused the oscillation.
 """
 
 from barbalat import Mrac, Simulation, load_case, simulate

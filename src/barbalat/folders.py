@@ -118,7 +118,7 @@ def _locked(path: Path) -> int | None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(handle)
-        raise InputError(f"the output folder {str(path)!r} is in use by another run; choose another one") from None
+        raise InputError(f"the output folder {str(path)!r} is in use by another run; choose a different one") from None
     except OSError:  # some network file systems have no locks
         os.close(handle)
         return None

@@ -34,7 +34,7 @@ MEANINGS: dict[Kind, str] = {
     "memory": "memory of the adaptive law",
     "predictor": "state of the predictor",
     "filter": "state of a filter",
-    "other": "of the scheme's own state",
+    "other": "of the state of the scheme",
 }
 """The comments of exported parts whose role has no meaning of its own."""
 

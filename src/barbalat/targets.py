@@ -46,7 +46,7 @@ KNOWN_SET = Need(
 NO_CLOCK = Need(
     "a plant without t in its terms",
     lambda problem: not problem.depends_on_time,
-    "a plant without t in its equations: an exported one has no clock of its own",
+    "a plant without t in its equations, because an exported plant has no clock",
 )
 
 
@@ -79,7 +79,7 @@ EXPORTED_LOOP = Target(command="export --closed-loop", called="an exported loop"
 IN_THE_LOOP = Target(command="run --sil", called="software in the loop", sampled=True)
 CONTEST = Target(command="contest", called="a contest", problem=(MEASURED_STATE, KNOWN_SET), tunable=True)
 TRADE_OFF = Target(command="tradeoff", called="the trade-off", problem=(MEASURED_STATE, KNOWN_SET), tunable=True)
-TUNE = Target(command="tune without --vary", called="a search of a scheme's own settings", tunable=True)
+TUNE = Target(command="tune without --vary", called="a search over the settings of a scheme", tunable=True)
 
 TARGETS = (EXPORT, EXPORTED_LOOP, IN_THE_LOOP, CONTEST, TRADE_OFF, TUNE)
 """All targets that do not accept every case. ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary accept every
@@ -102,9 +102,7 @@ def require_continuous_reading(problem: TrackingProblem, instead: str) -> None:
     quantized = sensor is not None and sensor.quantization is not None
     what = "[[faults]]" if problem.faults else "sensor.quantization" if quantized else None
     if what is not None:
-        raise InputError(
-            f"the controllers that are compared are continuous, but {what} needs some that read at samples: {instead}"
-        )
+        raise InputError(f"the controllers that are compared are continuous, but {what} needs sampled controllers: {instead}")
 
 
 def is_tunable(scheme: object) -> bool:

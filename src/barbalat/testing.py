@@ -85,7 +85,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
         try:
             controller.bind(problem.known)
         except InputError as error:
-            told.append(f"{kind}: it is refused ({error})")
+            told.append(f"{kind}: it is rejected ({error})")
             continue
         except Exception as error:  # noqa: BLE001 (a stranger's lines may raise anything, which is then what is wrong)
             wrong.append(f"{kind}: bind raises {type(error).__name__}: {error}")
@@ -102,7 +102,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
         wrong.extend(["none of the problems can be used", *told])
     if wrong:
         listed = "\n".join(f"  {sentence}" for sentence in wrong)
-        raise CheckFailed(f"{controller.name} does not do what a controller must do:\n{listed}")
+        raise CheckFailed(f"{controller.name} does not meet the requirements on a controller:\n{listed}")
     return Report(controller.name, tuple(told))
 
 
@@ -143,7 +143,7 @@ def _of_the_state() -> dict[str, TrackingProblem]:
             reference=(Sine(1.0, 0.7), Sine(0.5, 1.9)),
         ),
         "an unknown input gain": replace(one, input_gain=(0.5, 2.0)),
-        "limits of the input": replace(one, plant=replace(plant, input=PlantInput(saturation=[-0.8, 0.8]))),
+        "input limits": replace(one, plant=replace(plant, input=PlantInput(saturation=[-0.8, 0.8]))),
         "a delay": replace(one, plant=replace(plant, input=PlantInput(delay=0.02))),
     }
 
@@ -156,7 +156,7 @@ def _of_the_output() -> dict[str, TrackingProblem]:
     )
     return {
         "one output": one,
-        "limits of the input": replace(one, plant=replace(one.plant, input=PlantInput(saturation=[-0.8, 0.8]))),
+        "input limits": replace(one, plant=replace(one.plant, input=PlantInput(saturation=[-0.8, 0.8]))),
         "a delay": replace(one, plant=replace(one.plant, input=PlantInput(delay=0.02))),
     }
 
@@ -194,7 +194,7 @@ def _agrees_with_scipy(problem: TrackingProblem, controller: Controller) -> str:
     if not (apart <= floor + AGREEMENT_FACTOR * step and then <= floor + apart):
         raise CheckFailed(
             f"after {simulation.t_end:g} s its run differs by {apart:.2g} from SciPy's integration, and with half the step by "
-            f"{then:.2g}: does limit move states of which derivative knows nothing?"
+            f"{then:.2g}: does limit change states in a way that derivative does not account for?"
         )
     return f"its run agrees with SciPy's integration to within {apart:.1g} at states up to {size:.2g}"
 
@@ -292,7 +292,9 @@ def _is_alone_what_it_is_among_others(problem: TrackingProblem, controller: Cont
     together = simulate_ensemble(members, simulation).metrics.max_abs_e
     alone = [simulate(one, [controller], simulation)[controller.name].metrics.max_abs_e[0] for one, _ in members]
     if not np.array_equal(together, np.array(alone), equal_nan=True):
-        raise CheckFailed("a member of an ensemble differs from the same run alone: something is remembered outside the state")
+        raise CheckFailed(
+            "a member of an ensemble differs from the same run on its own: something is remembered outside the state"
+        )
     return "the members of an ensemble equal single runs bit for bit"
 
 
@@ -340,7 +342,7 @@ def _has_the_bits_of_its_export(problem: TrackingProblem, controller: Controller
         return f"sampled every {SAMPLE_TIME:g} s it diverges, and its export was not compared"
     found = simulate_export(problem, sampled, simulation)
     if found.refused:
-        raise CheckFailed(f"the exported C refuses {found.refused} of its samples")
+        raise CheckFailed(f"the exported C rejects {found.refused} of its samples")
     if differs := found.differs_from(origin):
-        raise CheckFailed(f"the exported C is not the simulation: {differs}")
+        raise CheckFailed(f"the exported C differs from the simulation: {differs}")
     return "the exported C equals the simulation bit for bit"

@@ -195,7 +195,7 @@ def local_path(field: str, given: str | Path) -> Path:
     """
     text = str(given)
     if URL.match(text):
-        raise InputError.of(field, f"must be a path on this computer, and URLs are not supported, got {show(text)}")
+        raise InputError.of(field, f"must be a path on this computer, not a URL, got {show(text)}")
     path = Path(os.path.expanduser(text))  # noqa: PTH111  # leaves an unknown user's name as it is; Path's method raises
     shortened = text.startswith(".") and (URL.match(str(path)) or str(path).startswith("~"))
     return path.absolute() if shortened else path  # Path removed the ./ that distinguished a local s3:/x or ~
@@ -284,7 +284,7 @@ def _controls(character: str) -> bool:
 def label(field: str, value: Any) -> str:
     """Return the value if it is a non-empty text; InputError otherwise."""
     if not isinstance(value, str) or not value:
-        raise InputError.of(field, f"must be a string that is not empty, got {show(value)}")
+        raise InputError.of(field, f"must be a nonempty string, got {show(value)}")
     return line(field, value)
 
 

@@ -466,6 +466,6 @@ def test_a_case_that_cannot_be_simulated_is_refused_when_it_is_read(simulation):
     """A case with a tolerance was read, and ``certify`` answered for it."""
     text = f"{DRIVE.split('[simulation]')[0]}[sensor]\nquantization = 0.1\n[simulation]\nt_end = 4.0\n{simulation}\n"
     controller = '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 3.0\n'
-    assert "MRAC: sensor.quantization is for controllers that read the sensor at samples" in refusal(
+    assert "MRAC: sensor.quantization applies only to controllers that sample the sensor" in refusal(
         lambda: parse_case(text + controller)
     )

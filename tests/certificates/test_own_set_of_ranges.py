@@ -47,7 +47,7 @@ def test_a_set_that_lacks_the_gain_s_range_guarantees_nothing_of_the_ranges(gain
     assert "omega in [0.5, 2], and the input's gain is taken as known; no guarantee covers the ranges" in notes
     assert "error_bound" not in found["mrac"].guaranteed
     assert said["bound of e"].startswith("guaranteed for the design")
-    assert "the parameters' ranges exceed the case's own set" in said["assumed"]
+    assert "the parameter ranges exceed the set given in the case" in said["assumed"]
     assert not any(cell.kind == "guaranteed" for cell in column.cells.values())
     loops = found["mrac"].values["margins_over_known_set"]
     assert [loop.get("over") for loop in loops] == [None, "the parameters' ranges"]

@@ -165,7 +165,7 @@ def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_
     noise = told["added_noise"]
     # 0.1 % of the model's largest motion, which overshoots the command of 1 by less than a third
     assert len(noise["std"]) == 2 and 1e-3 <= noise["std"][0] < 1.3e-3
-    assert noise["meaning"] in told["reasons"][-1] and "the required noise share of u" in told["reasons"][-1]
+    assert noise["meaning"] in told["reasons"][-1] and "the required noise fraction of u" in told["reasons"][-1]
     assert 0 < told["candidates"]["Baseline"]["worst"]["noise"] < 0.05
     assert "The case has no measurement noise" in Path("made/report.html").read_text()
     assert [one.name for one in load_case("made/design.toml").controllers] == ["Baseline"]

@@ -180,7 +180,7 @@ def test_what_a_replay_needs_is_said(replayed, rig, tmp_path, capsys):
     assert "--commands needs --replay" in capsys.readouterr().err
     (tmp_path / "rig.toml").write_text(FLOWN.replace("sample_time = 0.02\n", "sample_time = 0.05\n"))
     assert main(replayed) == 2
-    assert "MRAC: times must be the sample time of 0.05 s apart" in capsys.readouterr().err
+    assert "MRAC: times must be one sample time of 0.05 s apart" in capsys.readouterr().err
     (tmp_path / "rig.toml").write_text(FLOWN.replace("sample_time = 0.02\n", ""))
     assert main(replayed) == 2
     assert "needs a sampled controller that estimates something" in capsys.readouterr().err

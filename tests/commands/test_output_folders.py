@@ -48,7 +48,7 @@ def test_a_url_is_no_path(arguments, tmp_path, monkeypatch, capsys):
     """A URL taken as a path would create a folder named after its scheme."""
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
-    assert "must be a path on this computer, and URLs are not supported" in capsys.readouterr().err
+    assert "must be a path on this computer, not a URL" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

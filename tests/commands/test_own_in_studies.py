@@ -143,4 +143,4 @@ CONTROLLERS = [Plain(5.0), Tuned(9.0, "tuned")]
     Path("laws.py").write_text(LAWS + 'CONTROLLERS = [Plain(5.0, "L1-AC")]')
     capsys.readouterr()
     assert main(["tradeoff", "case.toml", "--controllers", "laws.py", *options]) == 2
-    assert "two schemes of the trade-off are called 'L1-AC'" in capsys.readouterr().err
+    assert "two schemes of the trade-off have the name 'L1-AC'" in capsys.readouterr().err

@@ -50,16 +50,16 @@ def test_the_screen_ranks_the_numbers_within_80_columns(case, options, capsys, m
     assert main(["sensitivity", case, *options]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[0] == "short: percent of a figure per percent of a number"
+    assert lines[0] == "short: percent change of a metric per percent change of a number"
     assert ("Robust MRAC" in lines) == (not options)
     assert any(line.startswith("reference.amplitude") for line in lines)
     assert not any(line.startswith("plant.A_m[0][1]") for line in lines)
-    assert any(line.startswith("  Definitions of a rate or of a transfer function's form") for line in lines)
+    assert any(line.startswith("  Numbers that only define a rate or the form of") for line in lines)
 
 
 def test_bad_input_exits_with_2(case, capsys):
     assert main(["sensitivity", case, "--of", "verdict"]) == 2
-    assert "verdict is not a figure of a run with a derivative" in capsys.readouterr().err
+    assert "verdict is not a metric of a run that has a derivative" in capsys.readouterr().err
 
 
 def test_a_law_from_outside_has_derivatives_by_the_numbers_that_its_code_accepts_as_symbols(case, capsys):

@@ -262,7 +262,7 @@ def test_who_starts_elsewhere_is_said():
     )
     found = compete(APART, SIMULATION, [one, other], rule, members=8)
     (said,) = (note for note in found.notes if "starts with" in note)
-    assert said.startswith("elsewhere starts with estimates of [0.0], and not in the middle of the known set, [1.0]")
+    assert said.startswith("elsewhere starts with estimates of [0.0] instead of the centre of the known set, [1.0]")
     document = found.as_json()
     assert document["entrants"]["elsewhere"]["theta_hat0"] == [0.0] and said in document["notes"]
     assert document["entrants"]["in the middle"]["theta_hat0"] == [1.0]
@@ -287,6 +287,6 @@ def test_a_contest_of_many_short_runs_is_announced_with_its_time():
 def test_what_only_samples_meet_asks_for_a_sample_time(more, what) -> None:
     """A contest once blamed a controller of its own for being continuous."""
     case = Case(replace(DRIVE, **more), (Sampled(Mrac(gamma=1.0), 0.01),), Simulation(4.0, 1e-3))
-    said = f"the controllers that are compared are continuous, but {what} needs some that read at samples: "
+    said = f"the controllers that are compared are continuous, but {what} needs sampled controllers: "
     assert refusal(lambda: contest(case)) == f"{said}give sample_time (--sample-time S)"
     assert refusal(lambda: trade_off(case.problem, case.simulation)) == f"{said}use contest with --sample-time S"

@@ -32,7 +32,7 @@ def test_the_public_suite_is_the_one_whose_hash_is_written_down():
 def test_a_changed_suite_is_refused_or_is_another_one(tmp_path):
     file = tmp_path / "suite.toml"
     file.write_text(PUBLIC_TEXT.replace("members = 16", "members = 8"))
-    with pytest.raises(InputError, match="a changed suite needs another name"):
+    with pytest.raises(InputError, match="a changed suite needs a different name"):
         Suite.read(file)
     file.write_text(PUBLIC_TEXT.replace("members = 16", "members = 8").replace('"public-1"', '"mine"'))
     assert not Suite.read(file).is_public
@@ -49,9 +49,9 @@ def submitted(tmp_path, text: str) -> Submission:
 def test_a_submission_changes_nothing_but_the_controllers(tmp_path):
     table = '[[controller]]\nname = "Mine"\nscheme = "adrc"\nbandwidth = 8.0\nsample_time = {}\n'
     assert submitted(tmp_path, 'name = "lossy"\n' + table.format(0.01)).case == "lossy"
-    with pytest.raises(InputError, match=r"all have sample_time = 0\.01"):
+    with pytest.raises(InputError, match=r"all controllers have sample_time = 0\.01"):
         submitted(tmp_path, 'name = "lossy"\n' + table.format(0.005))
-    with pytest.raises(InputError, match=r"\[uncertainty\] of .* is not that of the suite's case 'lossy'"):
+    with pytest.raises(InputError, match=r"\[uncertainty\] of .* differs from that of the suite's case 'lossy'"):
         submitted(tmp_path, 'name = "lossy"\n[uncertainty]\nlower = [0.4, 0.4]\nupper = [0.6, 0.6]\n' + table.format(0.01))
     with pytest.raises(InputError, match="has the cases"):
         submitted(tmp_path, 'name = "losy"\n' + table.format(0.01))
@@ -84,7 +84,11 @@ def law(tmp_path, made: str, *, gain_known: bool = False) -> Submission:
 
 @pytest.mark.dear
 def test_a_submitted_law_runs_at_the_cases_sample_time_and_takes_no_stored_rows_place(tmp_path):
-    with pytest.raises(InputError, match=r"ADRC runs every 0\.001 s; on the suite's case 'servo' all have sample_time = 0\.004"):
+    with pytest.raises(
+        InputError,
+        match=r"ADRC runs every 0\.001 s, but on the suite's case 'servo' all controllers have "
+        r"sample_time = 0\.004",
+    ):
         standings(submissions=[law(tmp_path, "Sampled(Adrc(bandwidth=20.0), 0.001)")], quick=True)
     found = standings(submissions=[law(tmp_path, "Sampled(Adrc(bandwidth=20.0), 0.004)")], quick=True)
     assert [(row["entry"], row["settings"]) for row in found.rows] == [("ADRC", "by the rule, submitted")]

@@ -303,7 +303,7 @@ def test_the_worst_of_several_plants_is_shown_before_the_case_s_own(section_v):
     ]
     said = StringIO()
     tradeoff.show(Screen(Console(file=said, width=80)), replace(own, clouds=tuple(clouds), thetas=np.zeros((2, 2))))
-    worst, case = said.getvalue().split("The case's own plant")
+    worst, case = said.getvalue().split("The plant of the case")
     assert "Worst of the plants in the sample" in worst and "one, other" not in worst
     assert "at an error of at most 0.01 one, other by both criteria" in case
 

@@ -16,7 +16,7 @@ def test_the_help_says_the_least_number(capsys):
     with pytest.raises(SystemExit):
         main(["tune", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    several = f"with more than three tuned numbers {least_trials(4)} for both"
+    several = f"with more than three tuned parameters, default and minimum are {least_trials(4)}"
     assert f"default {DEFAULT_TRIALS}, minimum {least_trials(3)}; {several}" in said
 
 

@@ -322,18 +322,21 @@ def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"objective": "rms"}, "'rms' is neither a figure"),
+        ({"objective": "rms"}, "'rms' is neither a metric"),
         ({"subject_to": ["condition 1"]}, "a requirement must be"),
-        ({"subject_to": ["delay_onset_simulated < 0.1"]}, "needs a lower limit of the delay above 0"),
-        ({"subject_to": ["delay_onset_simulated >= 1e-3"]}, "less than can be simulated, two steps, 0.002 s"),
-        ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a figure"),
+        ({"subject_to": ["delay_onset_simulated < 0.1"]}, "needs a lower limit on the delay above 0"),
+        (
+            {"subject_to": ["delay_onset_simulated >= 1e-3"]},
+            "less than the smallest delay that can be simulated, two steps, 0.002 s",
+        ),
+        ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a metric"),
         (
             {"subject_to": ["condition < 1"]},
-            "certify has no 'condition' of 'MRAC', but of 'L1': select the controller to tune with --controller",
+            "certify has 'condition' only for 'L1', not for 'MRAC': select the controller to tune with --controller",
         ),
         ({"subject_to": ["conditon < 1"]}, "did you mean 'condition'?"),
-        ({"objective": "rms_e[3]"}, "rms_e[3] is not a figure of this case; known are rms_e[0]"),
-        ({"controller": "L2"}, "--controller must be one of the case's (MRAC, L1), got 'L2'"),
+        ({"objective": "rms_e[3]"}, "rms_e[3] is not a metric of this case; choose one of rms_e[0]"),
+        ({"controller": "L2"}, "--controller must be a controller of the case (MRAC, L1), got 'L2'"),
         ({"vary": {"controller[0].gamma": "5:1"}}, "START must be below STOP"),
         ({"vary": {"controller[0].gamma": "0:1:log"}}, "START must be positive for log"),
         ({"vary": {"controller[0].gama": "1:5"}}, "unknown key"),
@@ -373,7 +376,7 @@ def test_a_controller_without_knobs_is_left_out_of_all_and_refused_alone(tmp_pat
     case.write_text(DRIVE[: DRIVE.rindex("[[controller]]")] + LINEAR)
     found = tune(case, "rms_e", plants=1, trials=288)
     why = (
-        "none of the parameters of PI, crossover, T_i, is a number in the case: give the numbers to tune, "
+        "none of the parameters of PI, crossover, T_i, is a number in the case: name the numbers to tune with "
         "--vary controller[1].KEY=START:STOP[:log]"
     )
     assert list(found.controllers) == ["MRAC"] and f"baseline is omitted: {why}" in found.as_json()["notes"]

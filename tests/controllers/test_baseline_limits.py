@@ -225,7 +225,7 @@ def test_a_case_file_says_the_same():
         (
             "saturation = [-0.6, 0.6]",
             "delay = 0.01",
-            "baseline.anti_windup acts at the input's limits: give plant.input.saturation",
+            "baseline.anti_windup acts at the input limits: give plant.input.saturation",
         ),
         ("anti_windup = 0.2", "anti_windup = 0.0", "baseline.anti_windup must be positive, got 0"),
         ("anti_windup = 0.2", "anti_windup = 0.01", "baseline.anti_windup must be at least the sample time of 0.02 s, got 0.01"),
@@ -235,7 +235,7 @@ def test_a_case_file_says_the_same():
         (
             "[simulation]",
             '[shell]\nlongest_outage = 0.1\nfallback = "baseline"\n[simulation]',
-            "baseline.external = true leaves it to another code",
+            "baseline.external = true leaves it to other code",
         ),
     ],
 )

@@ -317,8 +317,8 @@ def test_estimates_have_a_key_of_their_own():
         ({"filter": TransferFunction([2.0], [1.0, 1.0])}, "filter must have unit DC gain"),
         ({"output": [1.0, 0.0]}, "relative degree 2 or more"),
         ({"output": [1.0, 0.0, 0.0]}, "output"),
-        ({"output": [1.0, -1.0]}, "minimum phase"),
-        ({"output": [0.0, 0.0]}, "output must be moved by an input"),
+        ({"output": [1.0, -1.0]}, "minimum-phase"),
+        ({"output": [0.0, 0.0]}, "output must respond to an input"),
         ({"as_flown": "yes"}, "as_flown"),
     ],
 )
@@ -355,7 +355,7 @@ def test_what_is_refused_of_the_form_as_flown(given, word):
 
 def test_it_is_sampled_by_nature():
     law = L1PiecewiseConstant(sample_time=0.01, filter=None)
-    assert "sampled itself" in refusal(lambda: Sampled(controller=law, sample_time=0.01).bind(second_order().known))
+    assert "is already sampled" in refusal(lambda: Sampled(controller=law, sample_time=0.01).bind(second_order().known))
 
 
 @pytest.mark.parametrize("gap", [1, 2, 3, 10, 200])

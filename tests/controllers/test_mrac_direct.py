@@ -189,7 +189,9 @@ def test_what_does_not_fit_is_refused(problems):
     said = refusal(lambda: MitRule(gamma=1.0).bind(known))
     assert said.startswith("mit-rule supports only plants with one input, got 2; ") and said.endswith(" support several")
     two_commands = {"reference_model": ReferenceModel(k_0=[[1.0, 2.0]]), "reference": several().reference}
-    assert "one command for a plant with one input, got 2" in refusal(lambda: Problem(plant=problems[1].plant, **two_commands))
+    assert ("a single command for a plant with one input, got 2") in refusal(
+        lambda: Problem(plant=problems[1].plant, **two_commands)
+    )
     assert "gamma_r is missing" in refusal(lambda: DirectMrac(gamma=[1.0, 2.0]))
     known = replace(problems[1], input_gain=(0.5, 2.0)).known
     assert "k_r0 must lie" in refusal(lambda: DirectMrac(gamma=1.0, k_r0=7.0).bind(known))

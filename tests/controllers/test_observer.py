@@ -588,7 +588,7 @@ def test_why_there_is_no_filter_is_told():
             "kind derivative does not give state 1: it is neither measured nor the rate",
         ),
         (DerivativeObserver(9.0, measured=[[2.0, 0.0]]), "observer.measured must have a single 1 in each row for derivatives"),
-        (DerivativeObserver(9.0, measured=["angle", "rate"]), "nothing to differentiate: all states are measured"),
+        (DerivativeObserver(9.0, measured=["angle", "rate"]), "nothing to differentiate, because all states are measured"),
     ],
 )
 def test_what_is_no_observer_is_told_in_one_sentence(observer, said):

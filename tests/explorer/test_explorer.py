@@ -252,7 +252,7 @@ def test_a_simulation_that_is_none_is_told() -> None:
 
 def test_the_page_of_a_case_with_a_tolerance_has_fixed_steps(tmp_path, capsys) -> None:
     text = re.sub(r"(?m)^dt = .*$", "tolerance = 1e-6", bundled()["first-order"].read_text())
-    with pytest.raises(InputError, match=r"= 1e-06 does not fix a step, and a page that simulates needs one"):
+    with pytest.raises(InputError, match=r"= 1e-06 does not determine a fixed step, but a page that simulates needs one"):
         _ = Explorer(TextSource(CaseText(text))).html
     path, page = tmp_path / "case.toml", tmp_path / "page.html"
     path.write_text(text)

@@ -249,7 +249,7 @@ def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
     assert all(len(f"CC3_{name}") <= 16 for name, _ in names) and [int(i) for _, i in names] == list(range(5, 5 + len(names)))
     assert all(f"| `CC3_{name}` |" in (tmp_path / "ARDUPILOT.md").read_text() for name, _ in names)
     lines = [one.splitlines() for one in compile_and_run(SET, tmp_path).split("pitch: ")]
-    assert [one[0] for one in lines if one].count("parameter 1 is refused") == 2  # below 0, and NaN
+    assert [one[0] for one in lines if one].count("parameter 1 is rejected") == 2  # below 0, and NaN
 
 
 def test_lines_of_the_log_fit_into_what_the_logger_takes(tmp_path) -> None:

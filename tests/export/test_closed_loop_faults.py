@@ -15,5 +15,5 @@ def test_a_closed_loop_without_the_cases_faults_is_named(tmp_path, capsys):
         file.write_text(given)
         assert main(["export", str(file), "--controller", "ADRC", "--closed-loop", "--out", str(tmp_path / name)]) == 0
         said = capsys.readouterr().err
-        assert ("contain none of the case's [[faults]]" in said) == (name == "faulty")
+        assert ("do not contain the case's [[faults]]" in said) == (name == "faulty")
         assert "without the case's `[[faults]]`" in (tmp_path / name / "README.md").read_text()

@@ -312,7 +312,7 @@ def test_a_settled_output_that_repeats_in_32_bits_alone_is_refused_there() -> No
     """The C took the healthy sensor for a stuck one, and its self-test failed."""
     case = parse_case(SETTLING)
     assert files(case.problem, case.controllers[0], case.simulation, float32=False)
-    with pytest.raises(InputError, match=r"stuck\.y refuses the case's own run: y repeats its value up to t = "):
+    with pytest.raises(InputError, match=r"stuck\.y rejects the case's fault-free run: y repeats its value up to t = "):
         files(case.problem, case.controllers[0], case.simulation, float32=True)
 
 
@@ -472,7 +472,7 @@ sample_time = 0.01
         ('[[faults]]\nkind = "jitter"\ntime = 0.003', "a jitter's time must be at most a quarter of the sample time of 0.01 s"),
         (
             2 * '[[faults]]\nkind = "jitter"\ntime = 0.002\n',
-            "a quarter of the sample time of 0.01 s, also for several jitters together, got 0.004 s",
+            "a quarter of the sample time of 0.01 s, even for several jitters together, got 0.004 s",
         ),
         ('[[faults]]\nkind = "jitter"\ntime = 1e-5', "a jitter's time must be at least simulation.dt = 0.001 s, got 1e-05 s"),
         (
@@ -489,7 +489,11 @@ def test_what_does_not_fit_a_case_is_refused(added, sentence) -> None:
 
 def test_a_shell_that_refuses_the_case_itself_is_not_exported() -> None:
     case = parse_case(CASE + "[shell]\nrange = { angle = [-0.5, 0.5] }")
-    with pytest.raises(InputError, match=r"shell.range.angle refuses the case's own run: angle leaves it at sample \d+, t = "):
+    with pytest.raises(
+        InputError,
+        match=r"shell.range.angle rejects the case's fault-free run: angle leaves it at sample \d+, "
+        r"t = ",
+    ):
         files(case.problem, case.controllers[0], case.simulation)
 
 
@@ -499,7 +503,9 @@ def test_a_shell_that_refuses_the_cases_command_is_not_run(tmp_path, capsys) -> 
     case.write_text(moving + "[shell]\nrate = { command = 0.01 }")
     assert main(["run", str(case), "--no-plots"]) == 2
     refused = capsys.readouterr().err
-    assert "shell.rate.command refuses the case's own run: command changes faster than it at sample 1, t = 0.01 s" in refused
+    assert (
+        "shell.rate.command rejects the case's fault-free run: command changes faster than it at sample 1, t = 0.01 s"
+    ) in refused
     assert main(["export", str(case), "--controller", parse_case(moving).controllers[0].name, "--out", str(tmp_path / "x")]) == 2
     assert capsys.readouterr().err == refused
     case.write_text(moving + "[shell]\nrate = { command = 1e6 }")

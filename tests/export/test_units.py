@@ -71,7 +71,7 @@ def test_the_export_of_a_controller_that_is_lost_says_so(tmp_path) -> None:
     told: list[str] = []
     out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "lost", judge=bound, note=told.append)
     (sentence,) = told
-    assert re.fullmatch(r"Do not fly this export as it is: in the case's own run known is lost at t = [\d.]+ s.*\.", sentence)
+    assert re.fullmatch(r"Do not fly this export as it is: in the run of the case known is lost at t = [\d.]+ s.*\.", sentence)
     assert f"**{sentence}**" in (out / "README.md").read_text()
     told.clear()
     out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "kept", note=told.append)
@@ -100,7 +100,7 @@ def test_the_export_of_a_controller_that_oscillates_or_saturates_says_so(gain, d
     )
     law = Sampled(controller=LinearFeedback(controller=TransferFunction([gain, gain], [1.0, 0.0])), sample_time=T)
     told = own_run_warning(case, law, Simulation(t_end=12.0, dt=T / 2), None)
-    wanted = f"In the case's own run the judge's verdict on Linear is: {verdict}\\." if verdict else ""
+    wanted = f"In the run of the case the judge's verdict on Linear is: {verdict}\\." if verdict else ""
     assert re.fullmatch(wanted, told), told
 
 
@@ -119,9 +119,10 @@ def test_the_export_says_if_the_shell_refuses_the_own_run_after_the_test_vectors
         guarded = replace(late, shell=Shell(range={"x_1": [-limit, limit]}))
         out = export_controller(guarded, KNOWN, Simulation(t_end=15.0, dt=5e-3), out=tmp_path / "out", note=told.append)
     (sentence,) = told
-    assert sentence.startswith("In the case's own run without faults, ")
+    assert sentence.startswith("In the run of the case without faults, ")
     assert (
-        sentence.endswith(": widen the shell's limits.") and "% of the 1500 samples were lost or refused by the shell" in sentence
+        sentence.endswith(": widen the limits of the shell.")
+        and "% of the 1500 samples were lost or rejected by the shell" in sentence
     )
     assert f"**{sentence}**" in (out / "README.md").read_text()
 

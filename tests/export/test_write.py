@@ -104,7 +104,7 @@ def test_refusals(tmp_path) -> None:
     unbounded = replace(STATE, plant=replace(STATE.plant, input=PlantInput()), uncertainty=None)
     chattering = Sampled(controller=Mrac(gamma=1e9), sample_time=T, discretization="euler")
     assert "diverges" in refusal(lambda: export_controller(unbounded, chattering, SIMULATION, out=tmp_path / "none"))
-    assert "t_end be 0.1 s" in refused(simulation=Simulation(t_end=9 * T, dt=T / 2))
+    assert "set t_end to at least 0.1 s" in refused(simulation=Simulation(t_end=9 * T, dt=T / 2))
     assert not list(tmp_path.iterdir())
     (tmp_path / "file").write_text("here")
     assert "is a file" in refused(out=tmp_path / "file")

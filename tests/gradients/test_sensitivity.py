@@ -232,10 +232,13 @@ def test_a_diverging_run_has_no_derivatives(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"of": ["verdict"]}, "verdict is not a figure of a run with a derivative: a verdict or an instant has no derivative"),
-        ({"of": ["max_e"]}, "max_e is not a figure of a run with a derivative; these are max_abs_e"),
+        (
+            {"of": ["verdict"]},
+            "verdict is not a metric of a run that has a derivative: a verdict or an instant has no derivative",
+        ),
+        ({"of": ["max_e"]}, "max_e is not a metric of a run that has a derivative; these are max_abs_e"),
         ({"to": ["plant.tehta[0]"]}, "the case gives no number plant.tehta[0]; did you mean 'plant.theta[0]'?"),
-        ({"to": ["plant.theta"]}, "plant.theta is not a number but has several; name one: plant.theta[0]"),
+        ({"to": ["plant.theta"]}, "plant.theta is not a single number; name one of plant.theta[0]"),
         ({"to": ["nonsense"]}, "the case gives no number nonsense; its numbers are in plant, reference_model, reference, "),
         ({"to": ["controller[0].name"]}, "the case gives no number controller[0].name"),
         ({"to": ["plant.nonsense"]}, "the case gives no number plant.nonsense: write it into the case first"),
@@ -265,7 +268,7 @@ def test_with_a_tolerance_the_derivatives_are_those_of_fixed_steps_that_agree_wi
 def test_no_steps_are_sought_for_samples_that_jitter(tmp_path):
     jittering = DRIVE.replace("[[controller]]", '[[faults]]\nkind = "jitter"\ntime = 1e-3\n[[controller]]')
     jittering = jittering.replace('scheme = "mrac"', 'scheme = "mrac"\nsample_time = 0.01')
-    with pytest.raises(InputError, match="none can be found for samples that jitter"):
+    with pytest.raises(InputError, match="none can be found for samples with jitter"):
         sensitivity(written(tmp_path, jittering))
 
 

@@ -122,7 +122,7 @@ def test_data_that_nothing_explains_are_refused():
     far = recording.outputs.copy()
     far[50:] += 0.05
     with pytest.raises(
-        InputError, match="no parameters explain the data within the stated bounds: a row of x0' explains them only with"
+        InputError, match="no parameters explain the data within the stated bounds: an equation of x0' explains them only with"
     ):
         identify(replace(recording, outputs=far), noise=noise, slope={"x0": 10.0}, held_out=0.0)
 
@@ -163,7 +163,7 @@ def test_the_fit_finds_the_plant_and_its_interval_holds_it():
 def test_a_slope_that_the_data_contradict_is_refused():
     rng = np.random.default_rng(1)
     recording, noise, _ = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
-    with pytest.raises(InputError, match=r"slope of x0 is 0\.1, but with its noise the data move at least"):
+    with pytest.raises(InputError, match=r"slope of x0 is 0\.1, but the data, including their noise, move by at least"):
         identify(recording, noise=noise, slope={"x0": 0.1})
 
 
@@ -292,8 +292,8 @@ def test_a_contradiction_of_within_and_the_data_is_said_as_one():
     with pytest.raises(InputError) as told:
         identify(recording, noise=noise, slope=slope, within={("x0", "x0"): (-3.0, -2.5)})
     said = str(told.value)
-    assert "a row of x0' that lies within the bounds of within explains them only with bounds of noise and slope" in said
-    assert "without within, some other row explains them" in said
+    assert "an equation of x0' that lies within the bounds of within explains them only with bounds on noise and slope" in said
+    assert "without within, some other equation explains them" in said
     assert float(said.split("slope that are ", maxsplit=1)[1].partition(" times larger")[0]) > 1
 
 
@@ -340,7 +340,7 @@ def test_a_silent_input_leaves_the_coefficients_of_the_states_bounded():
         ranges = found.rows[1].ranges
         assert np.isfinite(ranges[:2]).all() and np.isinf(ranges[2]).all()
         assert (ranges[:2, 0] <= A[1]).all() and (A[1] <= ranges[:2, 1]).all()
-        assert any("do not excite u in the row of w'" in said for said in found.findings)
+        assert any("do not excite u in the equation of w'" in said for said in found.findings)
         (_, row) = identify(rig, derivatives={"q": "w"}, within={("w", "u"): (1.5, 2.5)}, **bounds).rows
         assert row.nominal[2] == 2.0 and not row.outside
         np.testing.assert_array_equal(row.ranges[2], [1.5, 2.5])

@@ -136,17 +136,19 @@ def test_a_plant_without_an_equilibrium_has_no_operating_point():
 def test_dead_times_must_be_multiples_and_shorter_than_the_recording():
     with pytest.raises(InputError, match=r"delay must be a multiple of the sample time, such as 2 or 4, got 3"):
         identify(furnace(), delay=3.0)
-    with pytest.raises(InputError, match="delay is 1798, and the recording has only 1798 s"):
+    with pytest.raises(InputError, match="delay is 1798, but the recording lasts only 1798 s"):
         identify(furnace(), delay=1798.0)
     recording = furnace()
-    with pytest.raises(InputError, match="a column cannot have the name 'constant'"):
+    with pytest.raises(InputError, match="no column may have the name 'constant'"):
         identify(replace(recording, output_names=("constant",)), offset=True)
 
 
 def test_infeasible_data_are_refused_with_the_factor_and_what_to_try():
     with pytest.raises(InputError) as told:
         identify(furnace(20.0, 21.0), noise={"T": 0.0501}, slope={"T": 0.5})
-    assert str(told.value).startswith("no parameters explain the data within the stated bounds: a row of T' explains them only")
+    assert str(told.value).startswith(
+        "no parameters explain the data within the stated bounds: an equation of T' explains them only"
+    )
     assert str(told.value).endswith("try --offset --delay 20")
     factor = float(str(told.value).split("slope that are ")[1].split(" ")[0])
     wide = {"noise": {"T": 0.0501 * factor * 1.01}, "slope": {"T": 0.5 * factor * 1.01}}

@@ -209,7 +209,7 @@ def test_a_case_file_judges():
     assert result.verdict.kind is Class.FOLLOWS
     with pytest.raises(InputError, match=r"judge.lost.x_3 does not name a component; the components are x_1, x_2"):
         parse_case(SECTION_V.replace("GAMMA", "10.0") + "\n[judge]\nlost = { x_3 = 1 }\n")
-    with pytest.raises(InputError, match=r"judge.cycle must be a share of the control's range below 1, got 2"):
+    with pytest.raises(InputError, match=r"judge.cycle must be a fraction of the control's range below 1, got 2"):
         Judge(cycle=2.0)
     assert pickle.loads(pickle.dumps(case.judge)) == case.judge
 

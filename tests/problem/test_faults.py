@@ -82,7 +82,7 @@ def test_a_fault_is_a_signal_like_others() -> None:
         (lambda: Shell(fallback="zero"), "shell.fallback needs shell.longest_outage, which is missing"),
         (
             lambda: Shell(jitter=0.6, longest_outage=1.0),
-            "shell.jitter must be a share of the sample time from 0.001 to below 0.5",
+            "shell.jitter must be a fraction of the sample time from 0.001 to below 0.5",
         ),
         (
             lambda: Shell(fallback="baseline", longest_outage=1.0).require(
@@ -106,6 +106,6 @@ def test_every_fault_is_found_by_its_kind() -> None:
 def test_a_check_of_a_name_that_two_channels_have_is_refused() -> None:
     shell = Shell(range={"alpha": [-1.0, 1.0]})
     shell.require(("alpha", "q"), ("command",), without_baseline=None)
-    told = "shell.range.alpha is the name of several channels; give each a label of its own"
+    told = "shell.range.alpha is the name of several channels; give each channel a unique label"
     for names, commands in ((("alpha", "alpha"), ("command",)), (("q",), ("alpha", "alpha"))):
         assert refusal(lambda names=names, commands=commands: shell.require(names, commands, without_baseline=None)) == told

@@ -209,7 +209,7 @@ def test_what_cancels_between_formulas_cancels_before_ranges_are_put_in():
         (lambda: PhysicalPlant(A=[["1/k"]], b=[1], parameters=[Parameter("k", 0.0)]), ["plant.A[0][0]", "k = 0"]),
         (lambda: derived(Plant(A=[[1 / Parameter("k", 1.0, between=(-1, 2))]], b=[1], poles=[-1])), ["parameters", "bounded"]),
         (lambda: derived(Plant(A=[[1 / Parameter("k", 1.0, between=(0, 2))]], b=[1], poles=[-1])), ["parameters", "bounded"]),
-        (lambda: derived(Plant(A=[[1]], b=[Parameter("k", 1.0, between=(-1, 2))], poles=[-1])), ["input's gain positive"]),
+        (lambda: derived(Plant(A=[[1]], b=[Parameter("k", 1.0, between=(-1, 2))], poles=[-1])), ["input gain positive"]),
     ],
 )
 def test_bad_input_is_one_clear_sentence(make, words):

@@ -189,7 +189,7 @@ def test_resolutions_that_are_none(problems, resolution, words):
 
 def test_a_continuous_controller_takes_no_quantised_measurement(problems):
     message = refusal(lambda: simulate(quantised(problems[2], 0.1), [Mrac(gamma=5.0)], Simulation(t_end=1.0, dt=0.01)))
-    assert "sensor.quantization is for controllers that read the sensor at samples" in message
+    assert "sensor.quantization applies only to controllers that sample the sensor" in message
 
 
 def test_the_linear_margins_are_those_without_quantisation_and_no_bound_is_guaranteed(problems):

@@ -332,7 +332,7 @@ def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
     """x1 is the first state in a term, so that the formula would be ambiguous."""
     both = CASE.replace("[plant]\n", "x1 = { value = 2.0 }\n[plant]\n", 1)
     parse_case(both)
-    with pytest.raises(InputError, match=r"truth\.terms\.rate uses x1, which is both a parameter and the name of a state"):
+    with pytest.raises(InputError, match=r"truth\.terms\.rate uses x1, which is a parameter and also the name of a state"):
         parse_case(both.replace("[truth]", "[truth]\nterms = { rate = '-x1**3' }"))
 
 

@@ -11,7 +11,7 @@ EQUAL = Agreement(flights=2, samples=6000)
 WRONG = Agreement(flights=2, samples=6000, difference="x_hat[1] differs from sample 3 of a flight on")
 HELD = Agreement(flights=1, samples=1200, refused=7, difference="held_u[0] differs from sample 90 of a flight on")
 BROKEN = Agreement(flights=0)
-WHOLE = "was compiled on this machine and flown: u and the state equal the simulation's, bit for bit, at all"
+WHOLE = "was compiled on this machine and flown: u and the state are bit-identical to those of the simulation at all"
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ WHOLE = "was compiled on this machine and flown: u and the state equal the simul
                 f"the C of 2 of 5 controllers {WHOLE} 12,000 samples of 4 flights",
                 "the C of b does not equal the simulation: x_hat[1] differs from sample 3 of a flight on",
                 "the C of d does not equal the simulation: held_u[0] differs from sample 90 of a flight on, "
-                "and it refused 7 of 1,200 samples",
+                "and it rejected 7 of 1,200 samples",
                 "nothing is known about the C of e: the simulator failed in every flight",
             ],
         ),

@@ -66,7 +66,7 @@ def test_a_divergence_is_one_with_fixed_steps_too() -> None:
 def test_refusals(monkeypatch) -> None:
     simulation = Simulation(2.0, tolerance=1e-6)
     jittery = replace(PAPER.problem, faults=(Jitter(time=0.001),))
-    assert "for samples that jitter: give simulation.dt" in refusal(
+    assert "for samples with jitter: give simulation.dt" in refusal(
         lambda: fixed_steps(jittery, [Sampled(SLOW, 0.01)], simulation)
     )
     monkeypatch.setattr(module, "AGREES", 1e-15)

@@ -47,7 +47,7 @@ def test_the_tuning_is_that_of_fine_steps(tmp_path) -> None:
     assert found[0].case.simulation.as_json() == GIVEN
     checked = ours.step.as_json()
     assert (checked["dt"], checked["tolerance"], checked["limits"]) == (None, 1e-6 / 32, None)
-    assert "MRAC: a 32nd of the tolerance confirms it" in found[0].notes
+    assert "MRAC: 1/32 of the tolerance confirms it" in found[0].notes
     vary = {"simulation.t_end": "2:4", "controller[0].gamma": "1:10"}
     path.write_text(DRIVE)
     said = refusal(lambda: tune(path, "rms_e", vary=vary, controller="MRAC", plants=1))
@@ -87,7 +87,7 @@ def test_what_stands_for_a_step() -> None:
 
 def test_a_delay_below_the_resolution_is_no_delay_that_is_tried() -> None:
     said = refusal(lambda: tune(CASE, "rms_e", subject_to=["delay_margin_measured >= 1e-5"], plants=1))
-    assert "requires less than can be simulated, 0.0004 s" in said
+    assert "requires less than the smallest delay that can be simulated, 0.0004 s" in said
 
 
 def test_the_verdict_on_a_run_that_stalls_is_that_of_a_lost_one() -> None:

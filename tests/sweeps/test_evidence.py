@@ -55,7 +55,7 @@ def test_what_is_no_requirement(text):
 
 
 def test_a_requirement_on_no_figure_is_refused():
-    with pytest.raises(InputError, match="known are max_abs_e"):
+    with pytest.raises(InputError, match="choose one of max_abs_e"):
         Requirement.parse("max_e < 2").require_known(["member", "L1/max_abs_e[0]"], ("L1",))
 
 

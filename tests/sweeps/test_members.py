@@ -244,7 +244,7 @@ def test_a_known_set_is_drawn_from_whatever_the_case_gives():
     ("case", "path", "message"),
     [
         ("paper", "reference.amplitude", "as many entries"),
-        ("paper", "plant.input.gain", "needs the interval of the input's gain"),
+        ("paper", "plant.input.gain", "needs the interval of the input gain"),
         ("flexible-joint", "parameters.K_s", "write parameters.K_s=between"),
         ("payload-drop", "plant.theta", "the case has none"),
         ("rohrs", "plant.theta", "the case has no plant.theta"),

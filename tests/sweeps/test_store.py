@@ -180,7 +180,7 @@ def test_a_damaged_row_is_not_compared_with(tmp_path):
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 4
     file.write_bytes(content)
-    with pytest.raises(InputError, match="is damaged or gone: the same command without --member"):
+    with pytest.raises(InputError, match="is damaged or missing: run the same command without --member"):
         row_of(folder, prepared.identity(), 13)
     assert row_of(folder, prepared.identity(), 3)["member"] == 3
 
@@ -246,7 +246,7 @@ def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
     """A URL is rejected before anything runs."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Study, "run", None)
-    with pytest.raises(InputError, match="store must be a path on this computer, and URLs are not supported"):
+    with pytest.raises(InputError, match="store must be a path on this computer, not a URL"):
         sweep("first-order", vary={"controller[0].gamma": "1:10:3"}, store=given)
     with pytest.raises(InputError, match="the store must be a path"), opened(Path(given), {}, 1, 1):
         pass

@@ -182,10 +182,10 @@ gamma = 2
 @pytest.mark.parametrize(
     ("path", "instead"),
     [
-        ("plant.A[1][0]", "has its own A; vary truth.A[2][1], or give --redesign to vary the design"),
-        ("plant.b[1]", "has its own b; vary truth.b[2], or give --redesign to vary the design"),
-        ("plant.x0[0]", "has its own x0; vary truth.x0[1]"),
-        ("plant.theta[0]", "has its own matrix A; vary truth.A"),
+        ("plant.A[1][0]", "gives A; vary truth.A[2][1], or vary the design with --redesign"),
+        ("plant.b[1]", "gives b; vary truth.b[2], or vary the design with --redesign"),
+        ("plant.x0[0]", "gives x0; vary truth.x0[1]"),
+        ("plant.theta[0]", "gives the matrix A; vary truth.A"),
     ],
 )
 def test_a_number_that_the_truth_gives_itself_is_varied_there(path, instead):
@@ -195,7 +195,7 @@ def test_a_number_that_the_truth_gives_itself_is_varied_there(path, instead):
     ):
         with pytest.raises(InputError) as refused:
             varied_case.at([0.3])
-        assert str(refused.value) == f"{path} is not simulated: [truth] {instead}"
+        assert str(refused.value) == f"{path} is not simulated, because [truth] {instead}"
 
 
 def test_the_design_s_own_number_leaves_the_truth_as_it_is():

@@ -100,7 +100,7 @@ def test_a_number_over_decades_has_its_slopes_at_its_low_end(tmp_path):
     [
         (
             {"sample": {"plant.theta[0]": "normal:0:1"}},
-            "plant.theta[0]: a search for the worst member needs a range, and a normal",
+            "plant.theta[0]: a search for the worst member needs a range, but a normal",
         ),
         ({"vary": {"plant.theta[0]": "1:1:1"}}, "plant.theta[0]: a search for the worst member needs a range, got 1 alone"),
         (
@@ -131,7 +131,7 @@ UNUSED = ("--store x", "--design sobol", "--design latin", "--audit 0", "--membe
 @pytest.mark.parametrize("option", [*UNUSED, "--scheduler local:2"])
 def test_options_that_a_search_does_not_use_are_refused(option, case, capsys):
     assert main(["sweep", str(case), "--worst", "max_abs_e", *option.split()]) == 2
-    assert f"{option.split()[0]} belongs to a sweep, and --worst searches instead" in capsys.readouterr().err
+    assert f"{option.split()[0]} belongs to a sweep, but --worst runs a search instead" in capsys.readouterr().err
 
 
 def test_a_known_set_on_which_the_simulated_plant_does_not_depend_is_not_searched(tmp_path):

@@ -108,7 +108,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
     for name in names:
         np.testing.assert_array_equal(again.rows.column(name), expected.rows.column(name))
     assert again.evidence.lost == {"LQR": (6, 6), "L1 piecewise": (6, 6)}
-    with pytest.raises(dispersed.validate.InputError, match=r"of other --schemes or --failures: choose another folder"):
+    with pytest.raises(dispersed.validate.InputError, match=r"of other --schemes or --failures: choose a different folder"):
         fly(tmp_path / "store", schemes=["lqr"])
     with pytest.raises(dispersed.validate.InputError, match=r"with more --dispersions, or another --seed: choose"):
         fly(tmp_path / "store", members=5)
@@ -159,7 +159,7 @@ def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys
     assert document["lost"] == {"LQR": {"count": 2, "flights": 2}, "LQR with PI": {"count": 2, "flights": 2}}
     assert document["failures"]["reversed"]["LQR"]["rms_e"]["median"] is None
     assert "lost to lost" not in shown  # two draws bound no median
-    assert "comparisons that some draw decides" not in shown  # if both lose all flights there is nothing to compare
+    assert "comparisons that at least one draw decides" not in shown  # if both lose all flights there is nothing to compare
     assert "lose every flight" in (tmp_path / "out" / "report.html").read_text()
 
 

@@ -211,7 +211,7 @@ def test_a_controller_of_ones_own_flies_and_says_why_not():
     assert found.controllers == ("Mine",)
     for wrong, sentence in (
         (Mrac(gamma=0.01), "MRAC is continuous"),
-        (Sampled(Mrac(gamma=0.01), 0.02), "must have sample_time 0.01 s"),
+        (Sampled(Mrac(gamma=0.01), 0.02), "must have the sample time of this flight computer, 0.01 s"),
         (Sampled(Mrac(gamma=[1.0, 1.0]), 0.01), "gamma"),
     ):
         with pytest.raises(InputError, match=sentence):

@@ -25,8 +25,8 @@ def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledL
     """Return the law if it has a step over a sample; raises InputError if there is none, or none for this set."""
     if not isinstance(law, SampledLaw):
         raise InputError(
-            f"discretization = 'midpoint' needs a law with a sampled_step (adaptation.law), and {type(law).__name__} has none; "
-            "use 'euler'"
+            f"discretization = 'midpoint' needs a law with a sampled_step (adaptation.law), but {type(law).__name__} has none; "
+            f"use 'euler'"
         )
     require_projectable(law.metric, known_set)
     return law

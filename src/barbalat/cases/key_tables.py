@@ -95,7 +95,7 @@ def page(text: str) -> str:
         _, end, after = rest.partition("<!-- end -->")
         if not end:
             raise ValueError(
-                f"the page has no place for the keys of {name}: it needs a line <!-- keys: {name} -->, and below it <!-- end -->"
+                f"the page has no place for the keys of {name}: it needs a line <!-- keys: {name} --> and, below it, <!-- end -->"
             )
         text = before + mark + table + end + after
     return text

@@ -44,7 +44,7 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
             which, "needs a plant in state space, plant.A and plant.b; plant.transfer_function is simulated directly"
         )
     if given and "A" not in plant:
-        raise InputError.of("parameters", "needs plant.A and plant.b with formulas as entries; plant.A is missing")
+        raise InputError.of("parameters", "needs plant.A and plant.b with formulas as entries, but plant.A is missing")
     for name in given:
         require_parameter_name(name)
     nominal = {name: _value(value) for name, value in given.items()}

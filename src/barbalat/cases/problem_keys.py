@@ -102,7 +102,9 @@ def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, know
         raise InputError.of("plant.A", "is missing; the baseline acts on x' = A x + b u")
     follow = model.get("follow")
     if follow is None:
-        raise InputError.of("reference_model.follow", "is missing: it names the state that the baseline makes follow the command")
+        raise InputError.of(
+            "reference_model.follow", "is missing: name the state that is to track the command under the baseline"
+        )
     parameters, labels = given.pop("parameters", None), given.get("labels")
     of_states = len(plant["A"])
     rows = _rows_of(follow, (labels or UNLABELLED).of_states(of_states))
@@ -127,7 +129,8 @@ def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, know
         if departure.size != wanted:
             raise InputError.of(
                 f"uncertainty.{departure.first_field}",
-                f"must have {counted(wanted, 'entry')} with a baseline, for the plant's possible deviation, got {departure.size}",
+                f"must have {counted(wanted, 'entry')} with a baseline, to bound the deviation of the plant, got "
+                f"{departure.size}",
             )
         known["uncertainty"] = made.baseline.around_nominal(departure)
     return Problem(plant=made, reference_model=reference_model, **disturbances, **known, **given)
@@ -240,7 +243,7 @@ DIFFERENCES: dict[type, Differences] = {
     Parameter: Differences(without=("name",), make=_as_given),
     Truth: Differences(
         keys={
-            "A": Key(Matrix, "(N, N): other dynamics, also with more states than the plant", None),
+            "A": Key(Matrix, "(N, N): different dynamics, possibly with more states than the plant", None),
             "b": Key(Array, "(N,), or (N, m)", None),
             "C": Key(Matrix, "(p, N): what is measured of its states, instead of what `observer` measures", None),
             "x0": Key(Vector, "(N,) initial state; the plant's by default", None),

@@ -129,7 +129,7 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
     make: Make = differences.make or (lambda given, _: settings(**given))
     if is_scheme:
         sampling = sampling_of(keys)
-        keys |= {"name": Key(_NAME, "in results, tables and figures", keys["name"].default), **sampling}
+        keys |= {"name": Key(_NAME, "in results, tables and pictures", keys["name"].default), **sampling}
     choices = choices_of(keys)
     if not choices:
         return Recipe(settings, keys, make, choice)
@@ -274,7 +274,7 @@ def named_or_modified(given: Given, choices: Choices) -> Given:
 def joined(given: Given, more: Given) -> Given:
     """Both combined; raises InputError for a modification that is given twice."""
     for name in given.keys() & more.keys():
-        raise InputError(f"{name} is given twice, by its own name and by the keys of a modification")
+        raise InputError(f"{name} is given twice, under its name and by the keys of a modification")
     return given | more
 
 

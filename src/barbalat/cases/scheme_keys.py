@@ -78,7 +78,7 @@ def _mrac_output(given: Given, _: Context) -> MracOutput:
     if projection is False and not unnormalized:
         raise InputError(
             "projection must stay on for a law on the parametric model"
-            ": it keeps c_0 away from zero; with only c_0_min nothing else is projected"
+            ", because it keeps c_0 away from zero; if only c_0_min is given, nothing else is projected"
         )
     without = known_set if projection is False else ()
     return MracOutput(**{key: value for key, value in given.items() if key not in without})

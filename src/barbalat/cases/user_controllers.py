@@ -75,7 +75,7 @@ class OwnFile:
         found = tuple(self._made(kind) for kind in self.classes.values() if _needs_nothing(kind))
         if not found:
             known = f', or name one of its classes in the case file: scheme = "{min(self.classes)}"' if self.classes else ""
-            raise InputError(f"{str(self.path)!r} contains no controllers: give it a list {LIST_NAME} = [MyLaw(...), ...]{known}")
+            raise InputError(f"{str(self.path)!r} contains no controllers: add a list {LIST_NAME} = [MyLaw(...), ...]{known}")
         return found
 
     def _listed(self, given: Any) -> tuple[Controller, ...]:
@@ -151,12 +151,13 @@ def _require_settings(name: str, kind: Any) -> None:
     """Raise InputError for a class that a table of a case file cannot make."""
     if not (isinstance(kind, type) and is_dataclass(kind) and "name" in {field.name for field in fields(kind)}):
         raise InputError(
-            f"the scheme {name!r} must be a dataclass with a field name for a case file to give its settings, got {show(kind)}"
+            f"the scheme {name!r} must be a dataclass with a field called name, so that a case file can give its settings, got "
+            f"{show(kind)}"
         )
     try:
         table_of(kind, "scheme", name)
     except (TypeError, NameError) as error:
         raise InputError(
-            f"the scheme {name!r}: its fields must be float, int, bool, str, or barbalat.validate's Vector and Matrix for a case "
-            f"file to give them; {error}"
+            f"the scheme {name!r}: its fields must be float, int, bool, str, or Vector and Matrix of barbalat.validate, so that "
+            f"a case file can give them; {error}"
         ) from None

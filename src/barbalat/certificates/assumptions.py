@@ -22,10 +22,10 @@ FREQUENCIES_TRIED = (
     "mu is exact at the frequencies tried (a grid, the critical frequencies, and each refined peak), not between them"
 )
 BEYOND_ONE_LINEAR_INPUT = (
-    "conditions, and margins that hold for any state, are known only for one input with phi(x) = x and a known gain, and this "
+    "conditions, and margins that hold for any state, are known only for one input with phi(x) = x and a known gain, but this "
     "plant is not of that kind"
 )
-ON_THE_BOX = "|phi(x)| is bounded if every |x_i| is at most the model's bound plus that of e"
+ON_THE_BOX = "|phi(x)| is bounded if every |x_i| is at most the sum of the bounds on the model's state and on e"
 ERROR_ASSUMED = "this assumes |e| <= nu_0/sqrt(Gamma), which is not proven for this scheme"
 
 OUTSIDE_THE_SET = "theta outside the known set"
@@ -70,7 +70,7 @@ def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assu
 NO_FAULTS = Assumption("every sample arrives as it was measured", "the case has faults, see the notes")
 WHOLE_RANGES = Assumption(
     "the known set contains every theta that the parameters' ranges allow",
-    "the parameters' ranges exceed the case's own set, see the notes",
+    "the parameter ranges exceed the set given in the case; see the notes",
 )
 """The assumptions that the simulated loop or the declared ranges do not satisfy, so guarantees hold for the design only."""
 
@@ -83,7 +83,7 @@ def unmet_by(problem: TrackingProblem) -> list[Assumption]:
         unmet.append(WHOLE_RANGES)
     if derived is not None and derived.around:
         moved = f"the parameters' ranges change {', '.join(derived.around)}"
-        unmet.append(Assumption("inputs' paths, sensor and initial state are the declared ones", moved))
+        unmet.append(Assumption("the input paths, the sensor and the initial state are as declared", moved))
     return unmet
 
 
@@ -151,7 +151,7 @@ MEAN_SQUARE = (
 def small_enough(present: str) -> Assumption:
     """The modelling error of the case, if any, is small enough; the threshold is not known."""
     return Assumption(
-        "the case's own modelling error is small enough",
+        "the modelling error of the case is small enough",
         f"{present}: it is not known whether that is small enough" if present else "",
     )
 

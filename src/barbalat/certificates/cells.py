@@ -78,7 +78,7 @@ def advice(key: str, text: str) -> Entry:
 
 COUNTS_ON_DAMPING = (
     "the method is unstable on the imaginary axis, so its limits rely on the damping of the law frozen at theta_hat = "
-    "theta; with another estimate the state moves by A_m - b theta_tilde', which can remove that damping: runs leave the "
+    "theta; with a different estimate the state obeys A_m - b theta_tilde', which can remove that damping: runs leave the "
     "region of stability somewhat below the limits"
 )
 

@@ -122,7 +122,7 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
     return found.with_entries(found.entries, *notes) if notes else found
 
 
-SHELL_NOTE = "the guarantees hold as long as the shell refuses no sample"
+SHELL_NOTE = "the guarantees hold as long as the shell rejects no sample"
 
 
 def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
@@ -152,7 +152,7 @@ def _without_step(certificate: Certificate) -> Certificate:
     """The certificate for runs whose steps follow from a tolerance."""
     entries = tuple(entry for entry in certificate.entries if entry.key not in STEP_KEYS)
     notes = tuple(
-        note for note in certificate.notes if not any(word in note for word in (*STEP_KEYS, "limit of the step", "at dt ="))
+        note for note in certificate.notes if not any(word in note for word in (*STEP_KEYS, "limit on the step", "at dt ="))
     )
     return replace(certificate, entries=entries, notes=notes)
 

@@ -36,7 +36,7 @@ class Assumption:
     theorem: str = ""
 
 
-NUMBERS_ALONE = Assumption("the value follows from the case's numbers alone")
+NUMBERS_ALONE = Assumption("the value follows from the numbers of the case alone")
 
 
 @dataclass(frozen=True)

@@ -45,13 +45,13 @@ QUANTITIES = {
     "P": Quantity("P A_m + A_m'P = -I, row by row", form=Form.MATRIX),
     "lambda_min": Quantity("of P, from below", below=True, timeless=True),
     "theta_max": Quantity("largest |theta|_1 of the known set", timeless=True),
-    "bounds": Quantity("bounds of |r| and of every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
+    "bounds": Quantity("bounds on |r| and on every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
     "norms": Quantity("L1 norms, enclosed", form=Form.NORMS, timeless=True),
     "condition": Quantity("a norm times a size; the condition holds if it is below 1", form=Form.CONDITION, timeless=True),
-    "error_bound": Quantity("bound of every component of e, at all times"),
+    "error_bound": Quantity("bound on every component of e, at all times"),
     "error_bound_worst": Quantity("the same for the worst theta of the known set"),
     "error_bound_command": Quantity(
-        "bound of every component of e under the case's command up to t_end, for any theta of the known set"
+        "bound on every component of e under the case's command up to t_end, for any theta of the known set"
     ),
     "adaptation_frequency": Quantity("frequency of the frozen oscillator of adaptation", "rad/s"),
     "gamma_max": Quantity(

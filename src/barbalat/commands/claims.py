@@ -38,7 +38,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.validate import InputError
 
     if options.list and (options.name is not None or options.notebook is not None):
-        raise InputError("--list takes neither a NAME nor --notebook: it lists all rows (barbalat claims NAME measures one)")
+        raise InputError("--list takes neither a NAME nor --notebook: it lists all claims (barbalat claims NAME measures one)")
     if options.notebook is not None:
         return _write_notebook(options)
     if options.name is None:
@@ -67,7 +67,7 @@ def _write_notebook(options: argparse.Namespace) -> int:
     from barbalat.validate import InputError, local_path
 
     if options.name is None:
-        raise InputError("--notebook needs the NAME of a row (barbalat claims lists the rows)")
+        raise InputError("--notebook needs the NAME of a claim (barbalat claims lists them)")
     file = local_path("--notebook", options.notebook)
     if file.suffix != ".ipynb":
         raise InputError(f"--notebook must name a file that ends in .ipynb, got {str(file)!r}")

@@ -71,7 +71,7 @@ def add(commands: Commands) -> None:
 MOST_DRAWS = 1_000_000
 """Largest number of draws; so many would take more than a year on two cores."""
 NOT_DRAWN = {
-    "delays": "each draw of a campaign has its own delay",
+    "delays": "each draw of a campaign has a different delay",
     "sil": "a campaign flies the simulated controllers; compare the exported C with them in single flights",
     "altitude": "the draws of a campaign have their own flight conditions",
     "mach": "the draws of a campaign have their own flight conditions",

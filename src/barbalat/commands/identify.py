@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
     )
     add_list(
         parser, "--derivative", metavar="NAME=NAME", form="=", commas=True,
-        help="outputs whose derivative is exactly another output, such as q=w",
+        help="pairs of outputs, such as q=w, in which the derivative of the first is exactly the second",
     )  # fmt: skip
     add_list(
         parser, "--within", metavar="STATE.NAME=LOWER:UPPER", form="=", commas=True,
@@ -118,12 +118,12 @@ def _replay(options: argparse.Namespace) -> int:
 
     for name in OF_IDENTIFICATION:
         if getattr(options, name):
-            raise InputError(f"--{name} applies only to an identification, and --replay identifies nothing")
+            raise InputError(f"--{name} applies only to an identification, but --replay identifies nothing")
     if not options.commands:
         raise InputError("--replay needs --commands, the columns of the commands that were flown")
     case = load_case(options.replay)
     if not isinstance(case.problem, Problem):
-        raise InputError("--replay is for state feedback, and this case feeds back an output")
+        raise InputError("--replay is for state feedback, but this case feeds back an output")
     columns = [*options.outputs, *options.commands]
     recording = read_csv(options.data, options.inputs, columns, options.time)
     y, r = np.split(recording.outputs, [len(options.outputs)], axis=1)

@@ -52,7 +52,9 @@ def execute(options: argparse.Namespace) -> int:
         return 0
     file = local_path("FILE", options.file)
     if not options.file or os.path.lexists(file):
-        raise InputError(f"{options.file!r} exists already; choose another name" if options.file else "FILE must not be empty")
+        raise InputError(
+            f"{options.file!r} exists already; choose a different name" if options.file else "FILE must not be empty"
+        )
     if file.suffix == LAW:
         return _law(file, options)
     text = text_to_start_from(options.source)
@@ -79,7 +81,7 @@ def _law(file: Path, options: argparse.Namespace) -> int:
     from barbalat.validate import InputError
 
     if options.source is not None:
-        raise InputError(f"--from copies a case, but {file.name!r} is the name of a law: give a name that ends with .toml")
+        raise InputError(f"--from copies a case, but {file.name!r} is a file name for a law: give a name that ends in .toml")
     with output_folder(file.parent) as folder:
         folder.write(file.name, _law_for(file.name))
         folder.commit()

@@ -146,7 +146,7 @@ def _searched(options: argparse.Namespace) -> int:
         value = getattr(options, name)
         if not (value is None or value is False or value == []):
             raise InputError(
-                f"--{name.replace('_', '-')} belongs to a sweep, and --worst searches instead: leave one of them out"
+                f"--{name.replace('_', '-')} belongs to a sweep, but --worst runs a search instead: leave one of them out"
             )
     text = CaseText.read(options.case, options.controllers)
     labels = text.case().problem.labels

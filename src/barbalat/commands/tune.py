@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("tune", help="find settings with a small error under constraints, and write them to a case file")
+    parser = commands.add_parser(
+        "tune", help="find settings that give a small error under constraints, and write them to a case file"
+    )
     add_case(parser)
     parser.add_argument(
         "--for", dest="objective", required=True, metavar="METRIC",

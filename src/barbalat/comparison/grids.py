@@ -38,7 +38,7 @@ def default_knobs(
     candidates = [knobs for knobs in all_knobs(reach) if knobs.traded] + [knobs_of(one, reach) for one in own]
     names = [knobs.scheme for knobs in candidates]
     if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"two schemes of the trade-off are called {twice!r}; give yours another name")
+        raise InputError(f"two schemes of the trade-off have the name {twice!r}; give yours a different name")
     five = "five steps, " if simulation.tolerance is None else ""
     left_out = [
         f"{unresolved(highest, how, simulation)}, are omitted",
@@ -147,8 +147,12 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
         found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation with theta known"
     if not found:
         if simulation.tolerance is not None:
-            raise InputError("no adaptive gain is small enough for this command: a run takes too many steps; make it shorter")
-        raise InputError(f"simulation.dt = {simulation.dt:g} s resolves no adaptive gain for this command; make it smaller")
+            raise InputError(
+                "no adaptive gain is small enough for this command, because a run takes too many steps; make the run shorter"
+            )
+        raise InputError(
+            f"simulation.dt = {simulation.dt:g} s is too large to resolve any adaptive gain for this command; make it smaller"
+        )
     return found, how
 
 
@@ -156,7 +160,7 @@ def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> fl
     known, controller = ideal(problem)
     run = simulate(known, [controller], replace(simulation, record_points=4000))[controller.name]
     if np.isfinite(diverged := run.metrics.diverged_at[0]):
-        raise InputError(f"the plant cannot follow its model: even with theta known the loop diverges, at t = {diverged:.4g} s")
+        raise InputError(f"the plant cannot track its model: even with theta known, the loop diverges at t = {diverged:.4g} s")
     square = np.array([np.sum(problem.plant.regressor(x) ** 2) for x in run.x])
     if problem.input_gain is not None:
         square += np.max(run.u.reshape(len(run.t), -1) ** 2, axis=1)

@@ -136,7 +136,7 @@ def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) 
             delay.lag(one.delay, simulation.dt)
         except InputError:
             raise InputError(
-                f"the parameters' ranges give plants with a delay of {one.delay:.3g} s at the input, and a delay must be 0 or at "
+                f"the parameter ranges include plants with an input delay of {one.delay:.3g} s, but a delay must be 0 or at "
                 f"least one solver step, {simulation.dt:g} s: raise the lower end of the range, or make simulation.dt smaller"
             ) from None
 

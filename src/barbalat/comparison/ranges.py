@@ -103,8 +103,8 @@ def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
             found[path] = Range(float(values.min()) / beyond, float(values.max()) * beyond, logarithmic=True)
     if not found:
         raise InputError(
-            f"none of the parameters of {knobs.scheme}, {', '.join(knobs.values)}, is a number in the case: give the "
-            f"numbers to tune, --vary controller[{controller}].KEY=START:STOP[:log]"
+            f"none of the parameters of {knobs.scheme}, {', '.join(knobs.values)}, is a number in the case: name the numbers to "
+            f"tune with --vary controller[{controller}].KEY=START:STOP[:log]"
         )
     return Space(found)
 

@@ -60,7 +60,7 @@ class Observer:
         """
         n, m = b.shape
         if m > 1:
-            raise InputError(f"output needs a plant with one input, got {m}: omit it, so that the whole state is measured")
+            raise InputError(f"output needs a plant with one input, got {m}: omit it; then the whole state is measured")
         extended, seen = np.block([[A, b], [np.zeros((1, n + 1))]]), np.append(c, 0.0)
         try:
             with np.errstate(all="ignore"):
@@ -71,9 +71,8 @@ class Observer:
             off = np.inf
         if not off <= PLACEMENT_TOLERANCE:
             raise InputError(
-                f"the output must make every state and a constant disturbance observable, but {show(c)} does not, or not "
-                f"beyond rounding with "
-                f"the bandwidth {bandwidth:g}"
+                f"the output must make every state and a constant disturbance observable, but {show(c)} does not, or not within "
+                f"rounding for the bandwidth {bandwidth:g}"
             )
         return cls(
             F=F,

@@ -40,7 +40,9 @@ def check_gains(settings: GainSettings) -> None:
     if settings.gamma_r is not None:
         validate.freeze(settings, gamma_r=validate.positive("gamma_r", settings.gamma_r))
     elif Gain(settings.gamma).dimensions:
-        raise InputError("gamma_r is missing: give the feedforward's gain, a number, if gamma is a list or a matrix")
+        raise InputError(
+            "gamma_r is missing: if gamma is a list or a matrix, give the adaptive gain of the feedforward as a number"
+        )
     if settings.k_r0 is not None:
         matrix = validate.dimensions(settings.k_r0) == 2
         given = validate.array("k_r0", settings.k_r0, (None, None)) if matrix else validate.number("k_r0", settings.k_r0)
@@ -75,7 +77,9 @@ class ControlGains:
         regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
         if known.inputs > 1 and gamma.is_matrix:
-            raise InputError("gamma must be a number or a list with several inputs: V has an unknown factor for each of them")
+            raise InputError(
+                "for several inputs gamma must be a number or a list, because V has an unknown factor for each input"
+            )
         onto = settings.projection is None or settings.projection
         estimate_set, interval = sets_of_ideal_gains(known) if onto else (None, None)
         without = replace(known, estimate_set=estimate_set, matched=MatchedTerm(regressor, inputs=known.inputs))
@@ -176,7 +180,7 @@ def _initial_feedforward(given: float | Array | None, known: Known, interval: Pa
     wanted = np.array(given, dtype=float).reshape(-1)
     if interval is None or interval.contains(wanted):
         return wanted
-    raise InputError(f"k_r0 must lie {interval}, which is k_0 over the interval of the input's gain, got {validate.show(given)}")
+    raise InputError(f"k_r0 must lie {interval}, which is k_0 over the interval of the input gain, got {validate.show(given)}")
 
 
 def sets_of_ideal_gains(known: Known) -> tuple[KnownSet | None, ParameterBox | None]:

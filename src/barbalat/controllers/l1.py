@@ -50,7 +50,8 @@ class Predictor:
         modifications, estimate_set = equations.modifications, equations.estimate_set
         if modifications.dead_zone is not None:
             raise InputError(
-                "discretization = 'midpoint' cannot have a dead zone on sqrt(e'P e): its implicit step has no closed form; use "
+                "discretization = 'midpoint' cannot be combined with a dead zone on sqrt(e'P e), because its implicit step has "
+                "no closed form; use "
                 "'euler', or a dead zone in a law on the parametric model"
             )
         implicit.require_projectable(equations.gamma, estimate_set)

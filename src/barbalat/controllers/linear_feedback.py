@@ -141,7 +141,7 @@ def _learning(K: StateSpace, noise: float) -> Array:
     try:
         Q = solve_continuous_are(K.A.T, K.C[:, None], np.outer(K.B, K.B), np.array([[noise**2]]))
     except np.linalg.LinAlgError:
-        raise InputError("anti_windup needs a controller whose output sees every mode that does not decay") from None
+        raise InputError("anti_windup needs a controller in whose output every mode that does not decay is observable") from None
     return np.asarray(Q @ K.C / noise**2)
 
 

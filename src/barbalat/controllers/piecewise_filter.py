@@ -78,7 +78,7 @@ def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Ar
     zeros = np.linalg.eigvals(A_m + b @ K_w).real.max()
     if not zeros < 0:
         raise InputError(
-            f"output must be one whose transfer function H_m(s) is minimum phase, but a zero has real part {zeros:.4g}"
+            f"output must have a minimum-phase transfer function H_m(s), but a zero has real part {zeros:.4g}"
             "; omit output, and unmatched disturbances are only estimated"
         )
     A = np.block([[A_z, np.zeros((len(A_z), len(A_m)))], [b @ K_z + b_um @ C_z, A_m + b @ K_w]])
@@ -103,4 +103,4 @@ def _relative_degree(A_m: Array, b: Array, row: Array) -> int:
         if np.linalg.norm(row @ b) > DEPENDENCE_TOLERANCE * np.linalg.norm(row) * size:
             return r
         row = row @ A_m
-    raise InputError(f"output must be moved by an input, but c'(sI - A_m)^-1 b is zero, got {validate.show(row)}")
+    raise InputError(f"output must respond to an input, but c'(sI - A_m)^-1 b is zero, got {validate.show(row)}")

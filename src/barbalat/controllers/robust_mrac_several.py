@@ -138,7 +138,7 @@ def require_minimum_phase(C_0: Array, known: Known) -> None:
     """Raise InputError unless C_0 B is regular and the zeros of W_m, which are the modes with C_0 x = 0, decay."""
     CB = C_0 @ known.b
     if np.linalg.matrix_rank(CB) < known.inputs:
-        raise InputError(f"c_0 must make c_0 b regular, with a row for each input, but c_0 b = {validate.show(CB)}")
+        raise InputError(f"c_0 must have a row for each input and make c_0 b nonsingular, but c_0 b = {validate.show(CB)}")
     inside = np.linalg.svd(C_0)[2][known.inputs :].T  # an orthonormal basis of C_0 x = 0
     if inside.shape[1]:
         kept = np.eye(known.n) - known.b @ np.linalg.solve(CB, C_0)

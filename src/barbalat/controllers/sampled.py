@@ -73,7 +73,7 @@ class Sampled(Scheme):
         equations, T = self.controller.bind(known), self.sample_time
         if isinstance(equations, SampledEquations):
             raise InputError(
-                f"controller must be a continuous controller, but {self.name} is sampled itself", controller=self.name
+                f"controller must be a continuous controller, but {self.name} is already sampled", controller=self.name
             )
         if self.discretization == "euler":
             return Euler(equations, T)

@@ -180,7 +180,9 @@ def require_separable(modifications: Modifications) -> None:
             "leakage pulls the estimates towards zero, and the baseline's gains with them: do not combine leakage with a baseline"
         )
     if modifications.learning is not None:
-        raise InputError("composite learning cannot have a baseline: its memory assumes that only u and theta'phi enter")
+        raise InputError(
+            "composite learning cannot be combined with a baseline: its memory assumes that only u and theta'phi enter"
+        )
 
 
 def projection_set(projection: bool | None, known: Known) -> EstimateSet | None:

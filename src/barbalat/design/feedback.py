@@ -23,7 +23,7 @@ def pi_controller(model: TransferFunction, delay: float) -> TransferFunction:
     shape = TransferFunction([T_i, 1.0], [T_i, 0.0])
     gain = float(abs((shape * model).at(1j * crossover)))
     if gain == 0:
-        raise InputError(f"a PI controller needs a model with gain at {crossover:.4g} rad/s, and it has none there")
+        raise InputError(f"a PI controller needs a model with gain at {crossover:.4g} rad/s, but this model has none there")
     sign = np.sign(model.num[0])
     K = TransferFunction(sign * shape.num / gain, shape.den)
     loop = K * model
@@ -31,7 +31,7 @@ def pi_controller(model: TransferFunction, delay: float) -> TransferFunction:
     if closed.real.max() >= 0:
         raise InputError(
             f"the PI design for an unmodelled delay of {delay:.4g} s does not stabilise the model: a closed-loop pole has "
-            f"real part {closed.real.max():.4g}; give the controller itself, another delay or another output"
+            f"real part {closed.real.max():.4g}; give the controller itself, a different delay or a different output"
         )
     return K
 

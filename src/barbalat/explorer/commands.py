@@ -65,8 +65,8 @@ def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
     kept = min(len(times), int(np.searchsorted(times, longest)) + 1)
     if kept > MOST_POINTS:
         raise InputError(
-            f"the command or a disturbance is recorded at {kept} instants within a page's horizons, and a page can contain "
-            f"{MOST_POINTS}: record fewer, or simulate with barbalat run"
+            f"the command or a disturbance has {kept} recorded points within the longest time span of a page, but a page can "
+            f"hold only {MOST_POINTS}: record fewer points, or use barbalat run"
         )
     return {"times": doubles(times[:kept]), "values": doubles(values[:kept])}
 
@@ -143,8 +143,8 @@ class Grid:
         starts = np.concatenate([[0], 1 + np.flatnonzero((kept[1:] != kept[:-1]).any(axis=1))]) if kept.shape[1] else np.zeros(1)
         if len(starts) > MOST_RUNS:
             raise InputError(
-                f"the command or a disturbance takes {len(starts)} different values, and a page can contain {MOST_RUNS}: give it "
-                "as a smooth signal or one that jumps, or simulate with barbalat run"
+                f"the command or a disturbance takes {len(starts)} different values, but a page can hold only {MOST_RUNS}: give "
+                f"it as a smooth signal or as one that jumps, or use barbalat run"
             )
         starts = starts.astype(int)
         cuts = np.zeros((0, 3))

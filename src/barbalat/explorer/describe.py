@@ -229,9 +229,10 @@ SYMBOLS = {
     "gain": ("input gain", ""), "start": ("start", "s"), "sigma_bound": ("σ bound", ""), "lower": ("least", ""),
     "upper": ("greatest", ""), "input_gain": ("input gain", ""), "g_0": ("dead zone g₀", ""), "c_0_min": ("least c₀", ""),
     "frequencies": ("frequency", "rad/s"), "amplitudes": ("amplitude", ""), "rate_limit": ("rate limit", "1/s"),
-    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""), "share": ("share of the time", ""),
+    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""), "share": ("fraction of the time", ""),
     "burst": ("length of a burst", "s"), "times": ("from, to", "s"), "time": ("at most", "s"),
-    "jitter": ("tolerated jitter, as a share of a sample", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
+    "jitter": ("tolerated jitter, as a fraction of the sample "
+    "time", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
     "quantization": ("resolution", ""),
 }  # fmt: skip
 """Symbol and unit of numbers for which the key does not determine them."""

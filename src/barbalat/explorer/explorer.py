@@ -120,7 +120,10 @@ def section(case: Case) -> str:
         f"{''.join(map(_row, certificate.rows))}</tbody></table></div></details>"
         for name, certificate in found.items()
     ]
-    note = "They are those of the case itself, wherever the sliders are. For a copied case file, use barbalat certify."
+    note = (
+        "They are the certificates of the case itself and do not depend on the sliders. For a copied case file, use barbalat "
+        "certify."
+    )
     return f'<h2>Certificates of the case</h2><p class="note">{note}</p>{"".join(parts)}'
 
 

@@ -69,7 +69,7 @@ def fixed(problem: TrackingProblem) -> str:
     """Return sentences on times of the faults and of the shell that a page cannot vary; empty if there are none."""
     found = ["The time of a latency"] if any(isinstance(one, Latency) for one in problem.faults) else []
     found += ["The time after which a sensor counts as stuck"] if problem.shell is not None and problem.shell.stuck else []
-    counted = "it is a number of samples that is fixed in the simulation's code"
+    counted = "it is a number of samples, which is fixed in the code of the simulation"
     return " ".join(f"{one} has no slider: {counted}." for one in found)
 
 

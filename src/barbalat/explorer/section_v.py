@@ -29,12 +29,12 @@ effect."""
 
 ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
-        key="figure-2", title="Figure 2: robust MRAC, and the benefit of tau", shown=("Robust MRAC",),
+        key="figure-2", title="Figure 2: robust MRAC and the benefit of tau", shown=("Robust MRAC",),
         text=(
-            "The error vanishes and the estimates converge. In the transient the auxiliary input keeps the error small, in "
+            "The error vanishes and the estimates converge. During the transient, the auxiliary input keeps the error small, in "
             "proportion to τ."
         ),
-        goal="Reduce the largest error to at most 0.6 of its present value.",
+        goal="Reduce the largest error to at most 0.6 of its current value.",
         checks=(FigureGoal(controller="Robust MRAC", figure="max_abs_e", relation="<", value=0.6, share_of="start"),),
         example={TAU_PATH: 0.25}, claims=("figures-2-5", "tau-error"),
     ),
@@ -55,7 +55,7 @@ ON_THE_PAPER_S_EXAMPLE = (
         key="onset", title="Where the oscillation begins", shown=("L1",), numbers={GAMMA_PATH: 3000.0},
         text=(
             "At this gain the loop oscillates at h = 1e-4 s. "
-            "With half the step the oscillation disappears: it begins at a fixed product of step and √Γ."
+            "With half the step the oscillation disappears, because it begins at a fixed product of the step and √Γ."
         ),
         goal="Make the loop oscillate (variation above 20 per s) at half this step.",
         checks=(
@@ -97,8 +97,8 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="bias", title="The cost of the filter", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
-        text="Even without any oscillation, an error remains that no gain removes. The filter causes it.",
-        goal="Reduce the error in the tail to at most 0.55 of its present value.",
+        text="Even without any oscillation, an error remains at every gain. The filter causes it.",
+        goal="Reduce the error in the tail to at most 0.55 of its current value.",
         checks=(FigureGoal(controller="L1", figure="tail_max_abs_e", relation="<", value=0.55, share_of="start"),),
         example={KAPPA_PATH: 0.01}, claims=("bias-kappa", "best-kappa-zero", "bound-10"),
     ),
@@ -106,7 +106,7 @@ ON_THE_PAPER_S_EXAMPLE = (
         key="kappa", title="Toward kappa = 0.05", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
         text=(
             "The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. "
-            "The behaviour of the loop beyond this limit is another question."
+            "How the loop behaves beyond this limit is a different question."
         ),
         goal=(
             "Increase κ beyond 0.05 s, where the guarantee ends, and find a bounded loop with at least three times the error."
@@ -120,10 +120,10 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="small-gain", title="A small gain instead", shown=("L1", "MRAC"), numbers={MRAC_GAMMA_PATH: 1e-2},
-        text="L1-AC has Figure 3's gain, and the standard MRAC a millionth of it. Both run with the same step.",
+        text="L1-AC has the gain of Figure 3, and the standard MRAC has a millionth of it. Both run with the same step.",
         goal=(
-            "Find a gain of MRAC, at most 10, with which its largest error is a tenth of L1-AC's or less, and its"
-            " estimates are quiet (variation below 1 per s)."
+            "Find a gain of MRAC, at most 10, at which its largest error is at most a tenth of that of L1-AC and its estimates "
+            "are quiet (variation below 1 per s)."
         ),
         checks=(
             SettingGoal(path=MRAC_GAMMA_PATH, relation="<=", value=10.0),
@@ -138,7 +138,7 @@ WITH_A_DELAY = (
     Lesson(
         key="tau-and-delay", title="Theorem 2: tau against a modelling error",
         shown=("Robust MRAC",), numbers={TAU_PATH: 0.02, DELAY_PATH: 0.05},
-        text="The input has a delay of 50 ms. τ would be excellent without it, but with it the loop is lost.",
+        text="The input has a delay of 50 ms. Without the delay τ would be excellent, but with it the loop is lost.",
         goal="Find a τ that tolerates this delay with an error below 3 in the tail: neither too small nor too large.",
         checks=(
             SettingGoal(path=DELAY_PATH, relation=">=", value=0.05),
@@ -152,10 +152,10 @@ WITH_A_DELAY = (
         shown=("L1", "MRAC"), numbers={DELAY_PATH: 0.1, GAMMA_PATH: 100.0},
         text=(
             "With a delay of 100 ms both L1-AC and the standard MRAC oscillate. "
-            "Without the delay the filter only increases the error (the lesson The cost of the filter); explore its effect "
+            "Without the delay the filter only increases the error (see the lesson The cost of the filter); explore its effect "
             "with the delay."
         ),
-        goal="Choose the filter so that L1-AC's error in the tail is half of MRAC's or less.",
+        goal="Choose the filter so that the error of L1-AC in the tail is at most half of that of MRAC.",
         checks=(
             SettingGoal(path=DELAY_PATH, relation=">=", value=0.1),
             SettingGoal(path=MRAC_GAMMA_PATH, relation=">=", value=1.0),

@@ -202,7 +202,7 @@ class Sliders:
         """
         case = self.source.at(numbers, toggled)
         if any(path.keys[0] == "uncertainty" for path in numbers) and not _alike(_starts(case), self._starts[bool(toggled)]):
-            raise InputError("with a known set without 0 the estimates start at its centre")
+            raise InputError("if the known set does not contain 0, the estimates start at its centre")
         return case
 
     @cached_property

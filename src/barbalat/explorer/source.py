@@ -21,7 +21,7 @@ from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
 """A part of a copied text: fixed text, or a value that the page inserts (a number, a controller's projection, the solver)."""
-COPY_NOTE = "# copied from a page of barbalat explore; with fused = false the results equal the page's, bit for bit"
+COPY_NOTE = "# copied from a page of barbalat explore; with fused = false the results are bit-identical to those of the page"
 OWN_NOTE = "# some controllers of the page are in a separate file: --controllers"
 
 
@@ -86,7 +86,7 @@ class TextSource(Source):
             tables = self._tables()
             for i in toggled:
                 if i >= self._in_tables:
-                    raise InputError("a controller from a user's file has no projection to switch")
+                    raise InputError("a controller from a user's file has no projection that can be switched")
                 tables["controller"][i]["projection"] = not self.projected(i)
             self._varied[key] = VariedCase(self.text, (), tables)
         return self._varied[key].with_numbers(numbers)
@@ -188,7 +188,7 @@ class ObjectSource(Source):
 
 def _switched(controller: Any, projection: bool) -> Any:
     if not is_dataclass(controller) or "projection" not in {one.name for one in fields(controller)}:
-        raise InputError(f"{validate_name(controller)} has no projection to switch")
+        raise InputError(f"{validate_name(controller)} has no projection that can be switched")
     return replace(controller, projection=projection)  # type: ignore[type-var]
 
 

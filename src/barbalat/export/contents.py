@@ -103,8 +103,8 @@ class Contents:
         made = cls(problem, controller, loop, program, layout, vectors, largest, real, opened, around)
         if len(vectors.states) < FEWEST_VECTORS:
             raise InputError(
-                f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "
-                f"t_end be {FEWEST_VECTORS * made.sample_time:g} s or more"
+                f"the self-test of an export needs {FEWEST_VECTORS} samples, but this simulation has only "
+                f"{len(vectors.states)}: set t_end to at least {FEWEST_VECTORS * made.sample_time:g} s"
             )
         return made if real is DOUBLE else made.replayed()
 

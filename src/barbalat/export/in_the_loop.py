@@ -50,7 +50,7 @@ class InTheLoop:
         if len(a.states) != len(b.states):
             return "one of the two diverges, or diverges earlier than the other"
         names = [name for name, value in a.figures.items() if repr(value) != repr(b.figures[name])]
-        return f"the figures differ: {', '.join(names)}" if names else ""
+        return f"the metrics differ: {', '.join(names)}" if names else ""
 
 
 def simulate_export(

@@ -108,7 +108,7 @@ HELD = {
     "held.measured": "measurement at the last sample",
     "held.x_m": "state of the reference model (2), exact for a held r",
     "held.r": "command at the last sample",
-    "held.baseline": "the baseline's own states",
+    "held.baseline": "the states of the baseline",
     "held.observer": "the observer: its estimate of x, or its filters; then the controls that a delay holds back",
     "held.started": "0 before the first sample, then 1",
 }
@@ -173,12 +173,13 @@ def prefix_of(name: str) -> str:
     found = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
     if not any(character.isalpha() for character in found):
         raise InputError(
-            f"the controller's name must contain a letter from a to z for identifiers of C, got {validate.show(name)}"
+            f"the controller's name must contain a letter from a to z, so that C identifiers can be formed from it, got "
+            f"{validate.show(name)}"
         )
     if len(found) > LONGEST_PREFIX:
         raise InputError(
-            f"the controller's name must have at most {LONGEST_PREFIX} letters and digits for identifiers of C, "
-            f"got {validate.show(name)}, which would give {found}"
+            f"the controller's name must have at most {LONGEST_PREFIX} letters and digits, so that C identifiers can be formed "
+            f"from it, got {validate.show(name)}, which would give {found}"
         )
     return identifier(found)
 
@@ -186,7 +187,10 @@ def prefix_of(name: str) -> str:
 def require_prefix(name: str) -> str:
     """Return a user's prefix unchanged; raises InputError if C identifiers cannot begin with it."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or identifier(name) != name:
-        raise InputError(f"name must be a letter, then letters, digits and _, and not a keyword of C, got {validate.show(name)}")
+        raise InputError(
+            f"name must start with a letter, contain only letters, digits and _, and not be a C keyword, got "
+            f"{validate.show(name)}"
+        )
     if len(name) > LONGEST_PREFIX:
         raise InputError(f"name must have at most {LONGEST_PREFIX} characters, got {validate.show(name)}, which has {len(name)}")
     return name

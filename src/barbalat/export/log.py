@@ -15,7 +15,7 @@ from barbalat.validate import Array
 
 PREDICTED = {"controller.x_hat": "x_tilde", "controller.y_hat": "y_tilde"}
 """Predictors of the measurement, and the names for their errors."""
-ERRORS = {"e": "error against the controller's own reference model", "x_tilde": "prediction error", "y_tilde": "prediction error"}
+ERRORS = {"e": "error against the controller's reference model", "x_tilde": "prediction error", "y_tilde": "prediction error"}
 """The measurement minus its reference."""
 
 

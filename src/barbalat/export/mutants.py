@@ -76,7 +76,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
         others = sorted(loads[argument])
         other = others[(others.index(component) + 1) % len(others)]
         made = op._replace(source=(argument, other)) if other != component else Operation("constant")
-        yield "another entry is loaded" if other != component else "0 is loaded", (made, False)
+        yield "a different entry is loaded" if other != component else "0 is loaded", (made, False)
     elif op.name in ("select", "fmin", "fmax"):
         for which, operand in zip(("first", "second"), op.operands[-2:], strict=True):
             yield f"{op.name} always takes the {which}", (Operation("copy", (operand,)), False)

@@ -16,7 +16,7 @@ MOST_OF_THE_TIME = 0.5
 the law determine u."""
 
 AFTER_A_BIT_ERROR = (
-    "After a bit error in the last good value the shell can refuse good samples for a long time: give a range as well."
+    "After a bit error in the last good value the shell can reject good samples for a long time: give a range as well."
 )
 
 
@@ -25,16 +25,16 @@ def own_run_warning(problem: TrackingProblem, controller: Controller, simulation
     its limits, or if its shell rejects samples of that run without faults or has a rate without a range; otherwise empty."""
     (run,) = simulate(problem, [controller], simulation, judge=judge).values()
     if run.verdict is not None and run.verdict.kind is Class.LOST:
-        return f"Do not fly this export as it is: in the case's own run {controller.name} is {run.verdict}."
+        return f"Do not fly this export as it is: in the run of the case {controller.name} is {run.verdict}."
     said = []
     if run.verdict is not None and _is_poor(run.verdict):
-        said.append(f"In the case's own run the judge's verdict on {controller.name} is: {run.verdict}.")
+        said.append(f"In the run of the case the judge's verdict on {controller.name} is: {run.verdict}.")
     if problem.shell is not None:
         if problem.faults:
             run = simulate(replace(problem, faults=()), [controller], simulation)[controller.name]  # type: ignore[type-var]
         missed = with_missed_samples({controller.name: run})[controller.name].missed
         told = None if missed is None else missed.sentence
-        said += [f"In the case's own run without faults, {told}: widen the shell's limits."] if told else []
+        said += [f"In the run of the case without faults, {told}: widen the limits of the shell."] if told else []
         alone = ", ".join(name for name in problem.shell.rate if name not in problem.shell.range)
         said += [f"{alone}: shell.rate without shell.range. {AFTER_A_BIT_ERROR}"] if alone else []
     return " ".join(said)

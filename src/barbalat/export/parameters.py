@@ -65,7 +65,7 @@ class Parameter:
             return "initial estimate" if last == START else "setting of the controller"
         if first == "uncertainty":
             return "bound of the known set"
-        return "setting of the plant" if self.limit is None else "limit of the control"
+        return "setting of the plant" if self.limit is None else "control limit"
 
     @property
     def limit(self) -> tuple[int, int] | None:

@@ -579,8 +579,8 @@ def shell_readme(printed: Printed) -> str:
         rested = " and the baseline's initial states" if printed.contents.layout.part("held.baseline") and _before(around) else ""
         told.append(
             f"*The longest outage*: after {around.longest:.0f} consecutive misses {acts}, and the status has {macro}_FALLBACK. "
-            f"The next good sample begins with the u applied at that time; the difference from the controller's own u fades "
-            f"out over {counted(round(around.fade), 'sample')}. "
+            f"The next good sample begins with the u applied at that time; the difference from the u that the controller "
+            f"computes fades out over {counted(round(around.fade), 'sample')}. "
             f"A sample that would lead out of range ({macro}_RESULT_REFUSED) is a miss, too. If it is beyond the longest outage, "
             "the controller also begins again at it, as by a start that keeps the estimates and with u within its limits, so "
             f"that the next good sample can end the outage; from the {REFUSALS}th such good sample in a row on with the initial "
@@ -659,8 +659,8 @@ def _comment(around: Around | None, x: str) -> str:
         told.append("So does an entry of r.")
     if around.rated or around.command_rated:
         told += [
-            "A refused result leaves the last good values unchanged; the change that their rates allow grows with each sample.",
-            "After a refused state the next values are not compared with earlier ones.",
+            "A rejected result leaves the last good values unchanged; the change that their rates allow grows with each sample.",
+            "After a rejected state the next values are not compared with earlier ones.",
         ]
     if around.longest is not None:
         told.append(

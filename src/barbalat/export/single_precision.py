@@ -172,8 +172,7 @@ def _share(progress: Progress, i: int, count: int) -> Progress:
 
 def _with(certificate: Certificate, found: PrecisionLimit) -> Certificate:
     said = (
-        f"measured on the case's own run, comparing the compiled export in 32 bits with the simulation in 64 bits: "
-        f"{found.sentence}"
+        f"measured on the run of the case, by comparing the compiled 32-bit export with the 64-bit simulation: {found.sentence}"
     )
     if found.at is None:
         return certificate.with_entries(certificate.entries, said)

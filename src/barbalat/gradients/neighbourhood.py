@@ -60,7 +60,7 @@ class NoSlope(InputError):
         self.path = path
 
 
-NO_SLOPE = "the numbers that follow from it have no slope here"
+NO_SLOPE = "the quantities that follow from it are not differentiable here"
 
 
 @dataclass(frozen=True)
@@ -119,9 +119,9 @@ def examined(source: CaseText | Case, path: FieldPath, *, redesign: bool) -> Mov
             return Unmovable(path, "it moves the instants at which a signal jumps or bends, and a jump has no tangent")
         kind = kind_of(base, cases, values)
     except InputError as error:
-        return Unmovable(path, f"values beside it are refused: {error}", invalid=True)
+        return Unmovable(path, f"neighbouring values are rejected: {error}", invalid=True)
     if kind is Kind.STRUCTURE:
-        return Unmovable(path, "another value needs another kernel, other steps or another structure")
+        return Unmovable(path, "a different value needs a different kernel, different steps or a different structure")
     if len({_lag(case) for case in (base, *cases)}) > 1:
         dt = base.simulation.dt
         return Unmovable(path, f"the delay crosses a multiple of simulation.dt = {dt:g} s, where its interpolation has a corner")
@@ -141,7 +141,7 @@ def _not_given(path: FieldPath, known: Mapping[FieldPath, float]) -> InputError:
     depth = len(path.keys)
     if within := [str(one) for one in known if one.keys[:depth] == path.keys]:
         listed = ", ".join(within[:MOST_NAMED]) + (", ..." if len(within) > MOST_NAMED else "")
-        return InputError(f"{path} is not a number but has several; name one: {listed}")
+        return InputError(f"{path} is not a single number; name one of {listed}")
     if near := validate.hint(str(path), map(str, known)):
         return InputError(f"the case gives no number {path}{near}")
     tables = dict.fromkeys(str(FieldPath(one.keys[: 1 + isinstance(one.keys[1], int)])) for one in known if len(one.keys) > 1)

@@ -35,8 +35,9 @@ def case_text(found: Identification, source: str) -> str:
     if not np.isfinite(ranges).all():
         i, j = np.argwhere(~np.isfinite(ranges).all(axis=2))[0]
         raise InputError(
-            f"no case file can be written: the data give no bound of the coefficient of {found.coefficient_names[j]} in the row "
-            f"of {names[i]}'; excite it, or give its bounds by within ({names[i]}.{found.coefficient_names[j]}=LOWER:UPPER)"
+            f"no case file can be written: the data give no bound on the coefficient of {found.coefficient_names[j]} in the "
+            f"equation of {names[i]}'; excite it, or give its bounds by within "
+            f"({names[i]}.{found.coefficient_names[j]}=LOWER:UPPER)"
         )
     parameters, entries = _parameters(found, ranges)
     model, A_m = _model(found)
@@ -90,7 +91,7 @@ def _heading(found: Identification, source: str) -> str:
     every, intervals = "these ranges contain every plant that explains the data", f"{100 * CONFIDENCE:.0f} % confidence intervals"
     lines = [f"Identified by `barbalat identify` from {_one_line(source)}: {every if found.guaranteed else intervals}."]
     if found.noise is not None and found.slope is not None:
-        lines.append("They depend on these bounds of the measurement error and of the rate of change:")
+        lines.append("They depend on these bounds on the measurement error and on the rate of change:")
         lines += [f"  {_one_line(name)}: {found.noise[name]!r} and {found.slope[name]!r}" for name in found.noise]
     if found.reference is not None:
         point = found.operating_point

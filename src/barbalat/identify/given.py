@@ -21,7 +21,7 @@ def bounds_by_name(field: str, given: Mapping[str, float] | None, names: Sequenc
     found = {}
     for name in names:
         if name not in given:
-            raise InputError.of(field, f"must have a bound for every output, and has none for {validate.show(name)}")
+            raise InputError.of(field, f"must have a bound for every output, but has none for {validate.show(name)}")
         found[name] = validate.number(f"{field} of {name}", given[name])
         if found[name] < 0 or (field == "slope" and found[name] == 0):
             raise InputError.of(f"{field} of {name}", f"must be positive, got {found[name]:g}")
@@ -38,7 +38,7 @@ def require_slopes(recording: Recording, noise: Mapping[str, float], slope: Mapp
             least, at = (moved[k] - 2 * noise[name]) / h[k], f"at t = {recording.times[k]:g} s"
             raise InputError.of(
                 f"slope of {name}",
-                f"is {slope[name]:g}, but with its noise the data move at least {least:.4g} per second {at}",
+                f"is {slope[name]:g}, but the data, including their noise, move by at least {least:.4g} per second {at}",
             )
 
 

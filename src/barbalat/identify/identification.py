@@ -77,12 +77,16 @@ def identify(
     model, plain, reference = recording, structure, None
     if offset:
         if CONSTANT in (*names, *whole.input_names):
-            raise InputError(f"with offset a column cannot have the name {CONSTANT!r}, which names the constant term")
+            raise InputError(
+                f"with offset, no column may have the name {CONSTANT!r}, because it is the name of the constant term"
+            )
         reference = np.column_stack([recording.outputs, recording.inputs])[:trained].mean(axis=0)
         model, structure = recording.about(reference), structure.about(reference)
     p = structure.start.shape[1]
     if trained - 1 < LEAST_ROWS * p:
-        raise InputError(f"{trained} samples are too few for {p} coefficients in a row: give at least {LEAST_ROWS * p + 1}")
+        raise InputError(
+            f"{trained} samples are too few for {p} coefficients per equation: at least {LEAST_ROWS * p + 1} are needed"
+        )
     if noise is not None and slope is not None:
         require_slopes(recording, noise, slope)
     _require_affordable(len(names), p, trained)
@@ -131,7 +135,7 @@ def _enclosed(name: str, every: Windows, structure: Structure, i: int, other: Al
     if structure.given[i]:
         if not every.explained_by(structure.start[i]).all():
             raise InputError(
-                f"derivatives: the data contradict the given row of {name}'; it explains them only with error bounds "
+                f"derivatives: the data contradict the given equation of {name}'; it explains them only with error bounds "
                 f"{_up(every.factor(structure.start[i]))} times larger{hint}"
             )
         return None
@@ -148,13 +152,14 @@ def _unexplained(name: str, every: Windows, limits: Array | None) -> str:
     free = least_factor(every)
     if limits is None:
         return (
-            f"no parameters explain the data within the stated bounds: a row of {name}' explains them only with bounds of noise "
+            f"no parameters explain the data within the stated bounds: an equation of {name}' explains them only with bounds on "
+            f"noise "
             f"and slope that are {_up(free)} times larger"
         )
-    outside = "some other row explains them" if free <= 1 else f"the best row needs them {_up(free)} times larger"
+    outside = "some other equation explains them" if free <= 1 else f"the best equation needs them {_up(free)} times larger"
     return (
-        f"no parameters explain the data within the stated bounds: a row of {name}' that lies within the bounds of within "
-        f"explains them only with bounds of noise and slope that are {_up(least_factor(every, limits))} times larger; "
+        f"no parameters explain the data within the stated bounds: an equation of {name}' that lies within the bounds of within "
+        f"explains them only with bounds on noise and slope that are {_up(least_factor(every, limits))} times larger; "
         f"without within, {outside}"
     )
 

@@ -221,7 +221,7 @@ def _first_box(windows: Windows) -> Array:
     if box is None:
         raise InputError(
             f"more than {MOST_ORTHANTS} noisy regressors whose errors are too large to bound the plant from data alone; "
-            "give bounds of its coefficients by within"
+            "give bounds on its coefficients by within"
         )
     return box
 

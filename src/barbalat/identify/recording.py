@@ -68,7 +68,7 @@ class Recording:
         """
         h = self.sample_time
         if h is None:
-            raise InputError.of("delay", "needs samples at equal intervals, and these are not")
+            raise InputError.of("delay", "needs samples at equal intervals, but the intervals of these samples differ")
         steps = round(delay / h)
         if delay < 0 or abs(delay / h - steps) > 1e-6:
             low = max(0, math.floor(delay / h))
@@ -76,7 +76,7 @@ class Recording:
                 "delay", f"must be a multiple of the sample time, such as {low * h:g} or {(low + 1) * h:g}, got {delay:g}"
             )
         if len(self.times) - steps < LEAST_SAMPLES:
-            raise InputError.of("delay", f"is {delay:g}, and the recording has only {self.times[-1] - self.times[0]:g} s")
+            raise InputError.of("delay", f"is {delay:g}, but the recording lasts only {self.times[-1] - self.times[0]:g} s")
         return self.shifted(steps)
 
     def shifted(self, steps: int) -> Recording:

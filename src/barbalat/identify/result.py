@@ -173,13 +173,14 @@ class Identification:
                 given = bool(np.isfinite(row.ranges[np.abs(direction) > 0.05]).all())
                 instead = "its range is the one given by `within`" if given else "excite it, or bound it with `within`"
                 said.append(
-                    f"the data do not excite {' '.join(terms)} in the row of {row.state}': that combination stays within its "
+                    f"the data do not excite {' '.join(terms)} in the equation of {row.state}': that combination stays within "
+                    f"its "
                     f"error in every window, so the data do not bound it; {instead}"
                 )
             if not row.unexcited and not np.isfinite(row.ranges).all():
                 said.append(
-                    f"the known set of {row.state}' is not bounded: the bounds of noise and slope are too large for the "
-                    "motion; give smaller ones, samples at shorter intervals, more motion, or bound it with `within`"
+                    f"the known set of {row.state}' is not bounded: the bounds on noise and slope are too large for the motion; "
+                    f"give smaller bounds, samples at shorter intervals, more motion, or bound it with `within`"
                 )
             if row.outside:
                 outside = "the known set" if row.enclosure is not None else "the bounds of within"

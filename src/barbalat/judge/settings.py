@@ -47,12 +47,12 @@ class Judge(Settings):
         for name in ("follows", "lost"):
             given = getattr(self, name)
             if not isinstance(given, Mapping):
-                raise InputError.of(f"judge.{name}", f"must give bands by components, got {validate.show(given)}")
+                raise InputError.of(f"judge.{name}", f"must give a band for each named component, got {validate.show(given)}")
             bands = {str(key): validate.positive(f"judge.{name}.{key}", value) for key, value in given.items()}
             object.__setattr__(self, name, bands)
         share = validate.positive("judge.cycle", self.cycle)
         if share >= 1:
-            raise InputError.of("judge.cycle", f"must be a share of the control's range below 1, got {share:g}")
+            raise InputError.of("judge.cycle", f"must be a fraction of the control's range below 1, got {share:g}")
         object.__setattr__(self, "cycle", share)
         if not isinstance(self.closely, (bool, np.bool_)):
             raise InputError.of("judge.closely", f"must be true or false, got {validate.show(self.closely)}")

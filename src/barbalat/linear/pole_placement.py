@@ -32,7 +32,8 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     elif wanted.count(often) > inputs:
         raise InputError.of(
             FIELD,
-            f"has {_text(often)} {wanted.count(often)} times, and {counted(inputs, 'input')} can place a pole that many times: "
+            f"has {_text(often)} {wanted.count(often)} times, but {counted(inputs, 'input')} can place a pole at most that many "
+            f"times: "
             "move the poles slightly apart, or give A_m",
         )
     else:
@@ -53,7 +54,7 @@ def observer_gain(A: Array, C: Array, wanted: list[complex], field: str) -> Arra
     if count > p:
         raise InputError.of(
             field,
-            f"has one pole {count} times, and {counted(p, 'measured quantity')} can place a pole that many times: "
+            f"has one pole {count} times, but {counted(p, 'measured quantity')} can place a pole at most that many times: "
             "move the poles slightly apart",
         )
     return np.asarray(_robust(A.T, C.T, wanted, field).T)

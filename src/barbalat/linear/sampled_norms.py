@@ -107,7 +107,7 @@ def contraction_witness(M: Array, samples: int) -> dict[str, Any]:
     P = (root.T @ root) / np.outer(scale, scale)
     share = (1 - (1 - left) ** 2) * CERTAIN_SHARE
     if samples > MOST_PROVEN:
-        raise InputError(f"a proof would follow {samples} samples, and at most {MOST_PROVEN} are followed")
+        raise InputError(f"a proof would need {samples} samples, more than the limit of {MOST_PROVEN}")
     slowest = float(np.abs(np.linalg.eigvals(M)).max())
     beyond = math.ceil(math.log(TAIL_SHARE / PROVEN_SHARE) / -math.log(slowest))
     return {"P": ((P + P.T) / 2).tolist(), "share": share, "samples": samples + beyond}

@@ -162,7 +162,7 @@ class Around:
         u_low, u_high = np.array([(-inf, inf) if path.saturation is None else path.saturation for path in problem.plant.paths]).T
         baseline = problem.fixed if shell is not None and shell.fallback == "baseline" else None
         if (late := sum(one.time for one in faults)) > T / 4 * (1 + 1e-9):  # otherwise two calls could coincide
-            limit = f"a quarter of the sample time of {T:g} s, also for several jitters together"
+            limit = f"a quarter of the sample time of {T:g} s, even for several jitters together"
             raise InputError(f"a jitter's time must be at most {limit}, got {late:g} s")
         return cls(
             low=low,
@@ -212,7 +212,7 @@ class Around:
                     k, i = np.argwhere(wrong)[0].tolist()
                     raise InputError.of(
                         f"shell.{name}.{each[i]}",
-                        f"refuses the case's own run: {each[i]} {key} it at sample {k}, t = {k * self.T:g} s, without any fault",
+                        f"rejects the case's fault-free run: {each[i]} {key} it at sample {k}, t = {k * self.T:g} s",
                     )
         for i, most in self.repeats:
             run = 0
@@ -221,7 +221,7 @@ class Around:
                 if run > most:
                     raise InputError.of(
                         f"shell.stuck.{names[i]}",
-                        f"refuses the case's own run: {names[i]} repeats its value up to t = {k * self.T:g} s, without any fault",
+                        f"rejects the case's fault-free run: {names[i]} repeats its value up to t = {k * self.T:g} s",
                     )
 
     @property

@@ -153,7 +153,7 @@ class TrialCall:
         function = ca.Function("equation", inputs, [column(flatten((found,)))])
         if unknown := vocabulary.unknown(function):
             raise what.error(
-                f" uses {', '.join(unknown)}, which runs have no machine code for: write it with + - * /, powers and "
+                f" uses {', '.join(unknown)}, for which there is no machine code: write it with + - * /, powers and "
                 "np.sqrt, exp, log, sin, cos, tan, tanh, arctan, abs, sign, minimum, maximum, clip, where, floor, ceil"
             )
         for arguments, numbers in zip(self._points, expected, strict=True):
@@ -204,13 +204,13 @@ class TrialCall:
             if not np.isfinite(numbers[i]):
                 raise what.error(
                     f" gives {numbers[i]:.6g} "
-                    "on finite numbers, as 0/0 does: it must not divide by a number that may be zero; add to the "
-                    "denominator, or select a nonzero one by np.where"
+                    "on finite numbers, as 0/0 does: it must not divide by a number that may be zero; add a positive number to "
+                    "the denominator, or select a nonzero denominator with np.where"
                 )
             raise what.error(
                 f" gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols"
-                ": it may depend only on its arguments and constant settings, so keep its memory in the state, and do not "
-                "use random numbers"
+                ": it may depend only on its arguments and constant settings; keep any memory in the state, and do not use "
+                "random numbers"
             )
 
 

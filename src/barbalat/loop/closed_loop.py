@@ -60,7 +60,7 @@ class ClosedLoop:
         commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
         if problem.faults and not is_sampled(equations):
             raise InputError(
-                f"faults reach a controller at its samples, and {controller.name} is continuous: give it a sample_time",
+                f"faults reach a controller at its samples, but {controller.name} is continuous: give it a sample_time",
                 controller=controller.name,
             )
         resolutions = None if around.sensor is None else around.sensor.resolutions(problem.measured)
@@ -95,7 +95,7 @@ class ClosedLoop:
                 fixed.require_sampled(self.sample_time)
         if self.resolutions is not None and not self.sampled:
             raise InputError.of(
-                "sensor.quantization", "is for controllers that read the sensor at samples: give the controller a sample_time"
+                "sensor.quantization", "applies only to controllers that sample the sensor: give the controller a sample_time"
             )
 
     def initial(self) -> Array:

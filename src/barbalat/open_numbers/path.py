@@ -118,7 +118,7 @@ class FieldPath:
         if isinstance(old, (list, dict)):
             entry = "entry" if isinstance(old, list) else "key"
             example = f"{self}[0]" if isinstance(old, list) else f"{self}.{next(iter(old), 'key')}"
-            raise InputError(f"{self} is not a number but has several; name one {entry}, as {example}")
+            raise InputError(f"{self} is not a single number; name one {entry}, such as {example}")
         if isinstance(old, (str, bool)):
             formula = isinstance(old, str) and self.keys[0] in ("plant", "truth", "sensor") and "parameters" in tables
             instead = "a formula: vary the parameters in it" if formula else "not a number, and cannot be varied"

@@ -59,7 +59,7 @@ def place(tables: Tables, path: FieldPath, *, redesign: bool | None, own: frozen
         _require_simulated(path, names_simulated(plant | {"sensor": tables.get("sensor")}, truth))
         return FieldPath(("truth", PARAMETERS, str(path.keys[-1])))
     if path.keys[:2] == THETA and "A" in own and redesign is not None:
-        raise InputError(f"{path} is not simulated: [truth] has its own matrix A; vary truth.A")
+        raise InputError(f"{path} is not simulated, because [truth] gives the matrix A; vary truth.A")
     if path.keys[0] == "plant" and path.keys[1:2] and path.keys[1] in own:
         if redesign is False:
             raise _in_both(path, tables["truth"].get("states"), tables.get("labels", {}).get("names"))
@@ -98,7 +98,7 @@ def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> Inpu
     known = (i for i in rows if i is not None)
     there = f"truth.{key}" if None in rows else str(FieldPath(("truth", key, *known, *index[of_states:])))
     design = ", or give --redesign to vary the design" if key in OF_THE_PLANT else ""
-    return InputError(f"{path} is not simulated: [truth] has its own {key}; vary {there}{design}")
+    return InputError(f"{path} is not simulated, because [truth] gives {key}; vary {there}{design}")
 
 
 def _row_of(i: Key, states: Any, labels: Sequence[str] | None) -> int | None:
@@ -137,8 +137,8 @@ def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
 def _require_simulated(path: FieldPath, names: set[str]) -> None:
     if (name := str(path.keys[-1])) not in names:
         raise InputError(
-            f"{path} is not simulated: no formula of the simulated plant contains {name}; use it in [truth], or give --redesign "
-            f"to vary the design"
+            f"{path} is not simulated: no formula of the simulated plant contains {name}; use it in [truth], or vary the design "
+            f"with --redesign"
         )
 
 
@@ -181,7 +181,7 @@ def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | 
     truth = problem.truth or Truth()
     if path.keys[:2] == THETA and ("A" in own or problem.plant.physical is not None):
         instead = "truth.A" if "A" in own else "parameters or plant.A"
-        raise InputError(f"{path} is not simulated: [truth] has its own matrix A; vary {instead}")
+        raise InputError(f"{path} is not simulated, because [truth] gives the matrix A; vary {instead}")
     if redesign is False and path.keys[0] == "plant" and key in own:
         raise _in_both(path, truth.states, None if problem.labels is None else problem.labels.names)
     if path.keys[0] != "plant" or key not in OF_THE_PLANT or redesign is not False or not problem.plant.is_linear:

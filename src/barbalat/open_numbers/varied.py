@@ -139,7 +139,7 @@ def _with_entries(part: Any, by_key: dict[Key, list[Place]]) -> Any:
         if not isinstance(part, (tuple, list, np.ndarray)):
             raise InputError(f"{path} does not name a field: [{key}] follows {validate.show(part)}, which has no entries")
         if not isinstance(key, int):
-            raise InputError(f"{path} does not name a field: {type(part).__name__} has no {key!r}; its fields are none")
+            raise InputError(f"{path} does not name a field: {type(part).__name__} has no {key!r}; it has no fields")
         if key >= len(part):
             raise InputError(f"{path} does not name a field: it has {validate.counted(len(part), 'entry')}, counted from 0")
         entries[key] = _put(part[key], [(path, keys[1:], value) for path, keys, value in some])

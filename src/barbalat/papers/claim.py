@@ -47,7 +47,7 @@ class Curve:
             object.__setattr__(self, name, validate.vector(f"{name} of curve {self.label!r}", getattr(self, name)))
         if len(self.x) != len(self.y):
             raise InputError(
-                f"curve {self.label!r} has {len(self.x)} values of x and {len(self.y)} of y; the numbers must be equal"
+                f"curve {self.label!r} has {len(self.x)} values of x and {len(self.y)} of y; they must have the same length"
             )
 
 

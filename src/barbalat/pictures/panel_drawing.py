@@ -27,7 +27,9 @@ OVERLAP_SHARE = 0.15
 """Fraction of the time in which two envelopes may overlap before they get separate axes or edges."""
 MOST_APART = 4
 """Largest number of axes in place of one panel."""
-ENVELOPE = "shaded, between thin lines: from the smallest to the largest value of signals that oscillate too fast to be drawn"
+ENVELOPE = (
+    "shaded, between thin lines: the range from the smallest to the largest value of signals that oscillate too fast to be drawn"
+)
 MARKED_SHARE, MARK_SIZE = 0.12, 3.5
 """Distance between marks on a line, as a fraction of the diagonal of the axes, and size of a mark [points]."""
 SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06

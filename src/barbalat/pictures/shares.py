@@ -48,7 +48,7 @@ def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
         axes.set_ylim(-0.02, 1.02)
         axes.set_xlabel(panel.axis, fontsize=9)
         axes.set_ylabel(
-            "share of the runs with at least this" if panel.at_least else "share of the runs with at most this", fontsize=9
+            "fraction of the runs with at least this" if panel.at_least else "fraction of the runs with at most this", fontsize=9
         )
         axes.tick_params(labelsize=9)
         axes.grid(visible=True, linewidth=0.3)

@@ -138,7 +138,7 @@ class FixedController:
         zeros = np.zeros(self.order * len(self.K))
         if isinstance(departure, ParameterBall):
             if self.order:
-                raise InputError.of("uncertainty", "must be a box with a dynamic baseline: give lower and upper")
+                raise InputError.of("uncertainty", "must be a box if the baseline is dynamic: give lower and upper")
             return ParameterBall(center=departure.center + self.theta, radius=departure.radius)
         lower, upper = (np.concatenate([np.asarray(end), zeros]) for end in (departure.lower, departure.upper))
         return ParameterBox(lower=lower + self.theta, upper=upper + self.theta)
@@ -167,7 +167,7 @@ class Baseline(ABC, Settings):
         """Return b as (n, m), and H (m, n)."""
         n, B = len(A), np.asarray(b, dtype=float).reshape(len(A), -1)
         if self.output is None:
-            raise InputError.of("baseline.output", "is missing: give the row of C of the output that follows the command")
+            raise InputError.of("baseline.output", "is missing: give the row of C for the output that tracks the command")
         H = np.atleast_2d(np.asarray(validate.array("baseline.output", self.output, (None,) * validate.dimensions(self.output))))
         if H.shape != (B.shape[1], n):
             raise InputError.of(
@@ -182,7 +182,7 @@ def _tracking(fixed: FixedController, T_t: float) -> Array:
     integrals = np.flatnonzero(~fixed.F.any(axis=1))
     K_i = fixed.K[:, fixed.H.shape[1] + integrals]
     if np.linalg.svd(K_i, compute_uv=False).min() <= 1e-9 * np.abs(fixed.K).max():
-        raise InputError.of("baseline.anti_windup", "needs an integral that acts on each input, and one has next to no gain")
+        raise InputError.of("baseline.anti_windup", "needs an integral that acts on each input, but one has next to no gain")
     W = np.zeros((fixed.order, len(fixed.K)))
     W[integrals] = -np.linalg.inv(K_i) / T_t
     return W
@@ -196,7 +196,7 @@ def _at_rest(A: Array, B: Array, H: Array, K: Array) -> Array:
         raise InputError.of(
             "baseline",
             "cannot hold the followed output at every constant command: it comes to rest at 0, or outputs depend on each other; "
-            "let another state follow, or give feedforward",
+            "choose a different state to track the command, or give feedforward",
         )
     return np.asarray(np.linalg.inv(gains))
 
@@ -327,7 +327,9 @@ class OnTheError(Baseline):
     def controller(self, A: Array, b: Array) -> FixedController:
         B, H = self.followed(A, b)
         if B.shape[1] > 1:
-            raise InputError.of("baseline.kind", f"is for plants with one input, got {B.shape[1]}; lqi and state take several")
+            raise InputError.of(
+                "baseline.kind", f"supports only plants with one input, got {B.shape[1]}; lqi and state support several"
+            )
         K = self.realised()
         return FixedController(
             K=np.concatenate([K.D * H[0], -K.C])[None], k_r=np.array([[K.D]]), F=K.A, G=K.B.reshape(-1, 1), H=H, on_error=True

@@ -192,7 +192,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
             said = ", ".join(f"{name} {_apart(getattr(true, name), getattr(own, name))}" for name in differs)
             yield Departure(f"the path before its input differs: {said}")
     if around.disturbance is not problem.disturbance:
-        yield Departure("another disturbance enters with u")
+        yield Departure("a different disturbance enters with u")
     if problem.truth is not None and problem.truth.unmatched is not None:
         yield Departure("other disturbances act on its states")
     simulated, designed = ((_lag(one), _noise(one), _resolution(one)) for one in (around.sensor, problem.sensor))
@@ -202,7 +202,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
         if not np.array_equal(simulated_C, fixed.C if S is None else fixed.C @ S):
             yield Departure("the quantities measured of its states differ from those that the observer expects")
     if simulated != designed:
-        yield Departure("its state is measured by another sensor")
+        yield Departure("its state is measured by a different sensor")
 
 
 def _apart(true: object, own: object) -> str:

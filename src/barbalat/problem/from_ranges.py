@@ -197,7 +197,7 @@ class FromRanges:
             found.append(BOX_NOTE.format("the entries of theta" if self.input_gain is None else "theta and omega"))
         if self.outside:
             found.append(
-                f"the case's own [uncertainty] does not contain everything that the parameters' ranges allow: {self.outside}; no "
+                f"the [uncertainty] of the case does not contain everything that the parameter ranges allow: {self.outside}; no "
                 "guarantee covers the ranges"
             )
         return found if self.too_wide is None else [*found, self.too_wide]
@@ -508,7 +508,7 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
         if not lower > 0:
             raise InputError.of(
                 "parameters",
-                f"must leave the input's gain positive, but over their ranges it is as low as {lower:g} times nominal",
+                f"must keep the input gain positive, but over the ranges it is as low as {lower:g} times nominal",
             )
     return FromRanges(
         theta=ParameterBox(lower=low[: ends[0]], upper=high[: ends[0]]),

@@ -91,9 +91,7 @@ class ScaledError:
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         if path.multiplicative is not None:
-            raise InputError.of(
-                "plant.input.multiplicative", "must be omitted if a modelling error is to be added at the same place"
-            )
+            raise InputError.of("plant.input.multiplicative", "cannot be combined with a modelling error at the same place")
         return replace(path, multiplicative=TransferFunction(size * self.shape.num, self.shape.den))
 
     def allowed(self, w: Array, gain: Array) -> Array:

@@ -333,7 +333,10 @@ class LuenbergerObserver(Observer):
         held = HeldSystem.of(plant.A, plant.b, T)
         wanted = [complex(np.exp(pole * T)) for pole in self._wanted(len(plant.A))]
         if unobservable_mode(held.Phi, plant.C) is not None:
-            raise InputError.of(FIELD, f"sees a mode only between the samples: with samples every {T:g} s it is not observable")
+            raise InputError.of(
+                FIELD,
+                f"cannot see a mode that is visible only between the samples: with samples every {T:g} s it is not observable",
+            )
         # (I - M C) Phi = Phi - M (C Phi)
         return _current(plant, observer_gain(held.Phi, plant.C @ held.Phi, wanted, f"{FIELD}.poles"), T)
 
@@ -447,12 +450,12 @@ class DerivativeObserver(Observer):
             if not len(direct) and not rates:
                 raise InputError.of(
                     FIELD,
-                    f"kind derivative does not give state {j + 1}: it is neither measured nor the rate of one that is; "
-                    "luenberger or kalman estimates it",
+                    f"kind derivative does not give state {j + 1}: it is neither measured nor the rate of a measured state; "
+                    f"luenberger or kalman estimates it",
                 )
             found.append((j, int(direct[0]), False) if len(direct) else (j, rates[0], True))
         if not any(rate for _, _, rate in found):
-            raise InputError.of(FIELD, "kind derivative has nothing to differentiate: all states are measured")
+            raise InputError.of(FIELD, "kind derivative has nothing to differentiate, because all states are measured")
         return found
 
     def _picked(self, plant: FixedObserver) -> tuple[Array, Array, Array]:

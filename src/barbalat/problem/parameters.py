@@ -138,9 +138,9 @@ class Parameter(Symbolic, Settings):
         if self.tolerance is not None:
             freeze(self, tolerance=validate.positive(f"{place}.tolerance", self.tolerance))
             if self.tolerance >= 1:
-                raise InputError.of(f"{place}.tolerance", f"must be below 1, as a share of the value, got {self.tolerance:g}")
+                raise InputError.of(f"{place}.tolerance", f"is relative to the value and must be below 1, got {self.tolerance:g}")
             if self.value == 0:
-                raise InputError.of(f"{place}.tolerance", "is a share of the value, which is 0: give between = [lower, upper]")
+                raise InputError.of(f"{place}.tolerance", "is relative to the value, which is 0: give between = [lower, upper]")
         if self.between is not None:
             low, high = validate.vector(f"{place}.between", self.between, 2)
             if not low <= self.value <= high:
@@ -149,14 +149,15 @@ class Parameter(Symbolic, Settings):
                 )
             if not math.isfinite(float(high) - float(low)):
                 raise InputError.of(
-                    f"{place}.between", f"must have a width in the range of double precision, got {validate.show(self.between)}"
+                    f"{place}.between",
+                    f"must have a width that is representable in double precision, got {validate.show(self.between)}",
                 )
             freeze(self, between=(float(low), float(high)))
         if self.distribution not in DISTRIBUTIONS:
             known = ", ".join(DISTRIBUTIONS)
             raise InputError.of(f"{place}.distribution", f"must be one of {known}, got {validate.show(self.distribution)}")
         if self.distribution == "loguniform" and self.range[0] <= 0:
-            raise InputError.of(f"{place}.distribution", f"must not be loguniform for a range from {self.range[0]:g}")
+            raise InputError.of(f"{place}.distribution", f"cannot be loguniform for a range that starts at {self.range[0]:g}")
 
     @property
     def text(self) -> str:  # type: ignore[override]
@@ -186,7 +187,8 @@ def require_parameter_name(name: object) -> None:
     if not isinstance(name, str) or not re.fullmatch(NAMES, name) or name in FUNCTION_NAMES:
         raise InputError.of(
             "parameters",
-            f"must have names of letters, digits and underscores that are not names of functions, got {validate.show(name)}",
+            f"must have names that consist of letters, digits and underscores and are not names of functions, got "
+            f"{validate.show(name)}",
         )
 
 

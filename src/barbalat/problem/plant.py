@@ -108,9 +108,7 @@ class Plant(Settings):
         freeze(self, declared=declared or physical is not None)
         self.__post_init__()
         if posed and all(path.saturation is None for path in self.paths):
-            raise InputError.of(
-                "baseline.anti_windup", "acts at the input's limits: give plant.input.saturation, which is missing"
-            )
+            raise InputError.of("baseline.anti_windup", "acts at the input limits: give plant.input.saturation, which is missing")
 
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
@@ -374,7 +372,9 @@ def inputs_of(field: str, given: Any, m: int) -> Any:
     for path in several:
         validate.instance(field, path, PlantInput)
     if len(several) != m or any(path.delay != several[0].delay for path in several):
-        raise InputError.of(field, f"must be one for all inputs, or a list of {m} with the same delay, got {len(several)}")
+        raise InputError.of(
+            field, f"must be one value for all inputs, or a list of {m} values with the same delay, got {len(several)}"
+        )
     return several[0] if m == 1 else several
 
 
@@ -468,7 +468,7 @@ class ReferenceModel(Settings):
     def require_commands(self, plant: Plant, k_0: Array | float, commands: int) -> None:
         """Raise InputError unless this gain takes this number of commands to the plant's inputs."""
         if plant.inputs == 1 and commands != 1:
-            raise InputError.of("reference", f"must be one command for a plant with one input, got {commands}")
+            raise InputError.of("reference", f"must be a single command for a plant with one input, got {commands}")
         wanted = (plant.inputs, commands) if plant.inputs > 1 else ()
         if np.shape(k_0) == wanted:
             return

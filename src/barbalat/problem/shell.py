@@ -64,7 +64,9 @@ class Shell(Settings):
     def __post_init__(self) -> None:
         for name in CHECKS:
             if not isinstance(getattr(self, name), Mapping):
-                raise InputError.of(f"shell.{name}", f"must give numbers by channels, got {validate.show(getattr(self, name))}")
+                raise InputError.of(
+                    f"shell.{name}", f"must give a number for each named channel, got {validate.show(getattr(self, name))}"
+                )
         ranges = {str(key): _pair(f"shell.range.{key}", value) for key, value in self.range.items()}
         rates = {str(key): validate.positive(f"shell.rate.{key}", value) for key, value in self.rate.items()}
         stuck = {str(key): validate.positive(f"shell.stuck.{key}", value) for key, value in self.stuck.items()}
@@ -83,7 +85,7 @@ class Shell(Settings):
         """Raise InputError for keys that require another key."""
         if self.jitter is not None and not LEAST_BAND <= self.jitter < WIDEST_BAND:
             limits = f"from {LEAST_BAND:g} to below {WIDEST_BAND:g}"
-            raise InputError.of("shell.jitter", f"must be a share of the sample time {limits}, got {self.jitter:g}")
+            raise InputError.of("shell.jitter", f"must be a fraction of the sample time {limits}, got {self.jitter:g}")
         if self.longest_outage is None:
             given = {"jitter": self.jitter is not None, "fallback": self.fallback != "hold", "fade": self.fade is not None}
             for name, there in given.items():
@@ -100,7 +102,7 @@ class Shell(Settings):
             twice = [key for key in getattr(self, field_name) if known.count(key) > 1]
             if twice:
                 raise InputError.of(
-                    f"shell.{field_name}.{twice[0]}", "is the name of several channels; give each a label of its own"
+                    f"shell.{field_name}.{twice[0]}", "is the name of several channels; give each channel a unique label"
                 )
             wrong = "names neither a measured channel nor a command" if known != names else "does not name a measured channel"
             for key in getattr(self, field_name):

@@ -229,7 +229,7 @@ class Problem(TrackingProblem, Settings):
         assert fixed is not None
         if fixed.C.shape[1] != self.plant.states:
             raise InputError(
-                f"observer is designed for a plant with {validate.counted(fixed.C.shape[1], 'state')}, and this one has "
+                f"observer is designed for a plant with {validate.counted(fixed.C.shape[1], 'state')}, but this plant has "
                 f"{self.plant.states}: give new settings"
             )
 

@@ -130,7 +130,7 @@ class TrackingProblem:
     @property
     def known(self) -> object:
         """The part of the problem that the designer knows."""
-        raise AssertionError("a problem declares the knowledge about it")
+        raise AssertionError("a problem must declare what is known about it")
 
     @property
     def dynamics(self) -> MeasuredDynamics:
@@ -298,7 +298,7 @@ class TrackingProblem:
         if self.fixed is None:
             return "needs a case with a baseline controller, and this one has none"
         if self.fixed.external:
-            return "needs a baseline that the export computes, and baseline.external = true leaves it to another code"
+            return "needs a baseline that the export computes, but baseline.external = true leaves it to other code"
         if self.fixed_observer is not None:
             return "needs the state itself, and the case has an observer, which predicts through an outage"
         return None

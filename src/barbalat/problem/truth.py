@@ -91,7 +91,7 @@ class Truth(Settings):
             validate.instance("truth.sensor", self.sensor, (Sensor, Mapping))
         for name in ("parameters", "terms"):
             if not isinstance(getattr(self, name), Mapping):
-                raise InputError.of(f"truth.{name}", f"must give values by names, got {validate.show(getattr(self, name))}")
+                raise InputError.of(f"truth.{name}", f"must give a value for each name, got {validate.show(getattr(self, name))}")
         freeze(self, friction=tuple(self.friction), unmatched=None if self.unmatched is None else tuple(self.unmatched))
 
 
@@ -205,7 +205,7 @@ def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
         if both := sorted(parsed(f"truth.terms.{state}", text, found.known_names).names & set(own) & set(values)):
             raise InputError.of(
                 f"truth.terms.{state}",
-                f"uses {both[0]}, which is both a parameter and the name of a state or an input in terms: rename the parameter",
+                f"uses {both[0]}, which is a parameter and also the name of a state or an input in terms: rename the parameter",
             )
     return found
 
@@ -338,6 +338,7 @@ def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturban
     selects = ((S == 0) | (S == 1)).all() and (S.sum(axis=1) == 1).all()
     if not selects:
         raise InputError.of(
-            "truth.unmatched", "is missing: with a matrix of states the plant's directions do not determine the truth's"
+            "truth.unmatched",
+            "is missing: if states is a matrix, the directions of the plant do not determine those of the truth",
         )
     return tuple(Disturbance(direction=S.T @ one.direction, signal=one.signal) for one in of_plant)

@@ -27,8 +27,9 @@ def rule(found: Contest) -> str:
     asked = found.rule
     until = "the loop begins to oscillate" if asked.until is Criterion.ONSET else "the motion is lost"
     return (
-        f"each scheme takes the tuning with the smallest RMS |e| among those that tolerate {asked.delay_margin:g} s of added "
-        f"delay and an input gain multiplied or divided by {asked.gain_margin:g} before {until}, without noise and with it. "
+        f"for each scheme the tuning with the smallest RMS |e| is chosen among those that tolerate {asked.delay_margin:g} s of "
+        f"added "
+        f"delay and an input gain multiplied or divided by {asked.gain_margin:g} before {until}, both without noise and with it. "
         f"Error and margins are those of the worst of {counted(len(found.thetas), 'plant')}. Each scheme tries at most "
         f"{counted(asked.trials, 'tuning')}, on the same plants, command and noise"
     )
@@ -152,7 +153,7 @@ def show(screen: Screen, found: Contest) -> None:
     screen.line(f"Rule: {rule(found)}.")
     screen.line(f"Validation: {held_out(found)}.")
     for heading, columns, rows in (
-        ("Validation runs that failed, or do not tolerate the delay and gains of the rule", FAILURES, failures(found)),
+        ("Validation runs that failed or do not tolerate the delay and gains of the rule", FAILURES, failures(found)),
         ("Under the rule", MARGINS, margins(found)),
         ("RMS |e| over RMS |x_m| of the validation runs", ERRORS, errors(found)),
         ("Ratio of the errors on the same runs, 95 % interval", PAIRS, pairs(found, neighbours=True)),

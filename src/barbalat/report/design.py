@@ -12,7 +12,7 @@ COLUMNS = (
     "requirement",
     "asked",
     "on the worst plant",
-    "share of the limit used",
+    "fraction of the limit used",
     "validation plants that violate it",
 )
 

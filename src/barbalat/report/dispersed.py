@@ -18,9 +18,9 @@ from barbalat.vehicles.vehicle import Vehicle
 
 LARGE = 9.995
 NOTES = (
-    "lost: the number of lost draws, and Clopper and Pearson's interval of the probability of loss",
-    "a lost flight counts as an infinite error in the median; the median's interval is from order statistics and needs at "
-    "least six draws",
+    "lost: the number of lost draws, and the Clopper-Pearson interval of the probability of loss",
+    "a lost flight counts as an infinite error in the median; the interval of the median is obtained from order statistics and "
+    "needs at least six draws",
 )
 
 
@@ -36,12 +36,12 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
     """Return sentences that explain the tables."""
     chance = (
         f"beyond chance: all controllers flew the same draws, so an exact sign test compares each pair of them through each "
-        f"failure by error and by losses; with Holm's correction over all {found.evidence.comparisons} comparisons that "
-        f"some draw decides, no result is due to chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %"
+        f"failure by error and by losses; with Holm's correction over all {found.evidence.comparisons} comparisons that at "
+        f"least one draw decides, there is a probability of {100 * CONFIDENCE_LEVEL:.0f} % that no result is due to chance"
     )
     name, short = found.campaign.vehicle.drawing.beside
     less = (
-        f"less than {short}: the percentage of draws, among those not lost by both, with a smaller error than {name}; + and "
+        f"less than {short}: among the draws not lost by both, the percentage with a smaller error than {name}; + and "
         f"- mark results beyond chance"
     )
     travel = f"RMS e, and under {found.campaign.vehicle.drawing.travel[1]} the travel per second, are medians of all draws"

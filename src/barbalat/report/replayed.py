@@ -68,10 +68,11 @@ def sentences(found: Mapping[str, Replay]) -> list[str]:
     """Return sentences on the distance between each controller's control and the recorded control, and warnings on the
     estimates."""
     apart = [
-        f"The u of {name} differs from the recorded u by {one.apart:.3g} (RMS; that of the recorded u is {_rms(one.flown):.3g})."
+        f"The u of {name} differs from the recorded u by {one.apart:.3g} (RMS; the RMS of the recorded u is "
+        f"{_rms(one.flown):.3g})."
         for name, one in found.items()
     ]
-    return [*apart, "An estimator may follow the recording although its estimates are not the plant's parameters."]
+    return [*apart, "An estimator may reproduce the recording even though its estimates are not the parameters of the plant."]
 
 
 def _rms(values: Array) -> float:

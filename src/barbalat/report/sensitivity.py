@@ -15,7 +15,7 @@ from barbalat.validate import counted
 
 MOST_ROWS = 12
 """How many numbers a screen lists for each controller; the others are in the JSON document."""
-REFUSED = "refused"
+REFUSED = "rejected"
 
 
 def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: bool) -> None:
@@ -23,11 +23,11 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: 
 
     named  whether the numbers were chosen by name; if not, definitions are only listed
     """
-    screen.line(f"{found.case}: percent of a figure per percent of a number", "bold")
+    screen.line(f"{found.case}: percent change of a metric per percent change of a number", "bold")
     if not found.redesign:
         screen.line(
-            "Numbers of the plant and its parameters move the simulated plant alone: the controllers stay as designed "
-            "(--redesign).", start="  ", indent="  ",
+            "Numbers of the plant and its parameters change only the simulated plant: the controllers stay as designed (unless "
+            "--redesign is given).", start="  ", indent="  ",
         )  # fmt: skip
     for name in found.controllers:
         own = [one for one in found.derivatives if one.controller == name]
@@ -39,10 +39,10 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: 
             at = "-" if value.at is None else number_text(value.at)
             screen.line(f"{by_label(figure, labels)} = {at}{when}", start="  ", indent="    ")
         if all(one.at is None for one in own):
-            screen.line("The run diverges, and its figures have no derivatives.", "yellow", start="  ")
+            screen.line("The run diverges, so its metrics have no derivatives.", "yellow", start="  ")
             continue
         if all(one.refused for one in own):
-            screen.line("All derivatives are refused.", start="  ")
+            screen.line("All derivatives are rejected.", start="  ")
             _reasons(screen, own, labels)
             continue
         ranked = _ranked([one for one in own if named or not one.definition])
@@ -55,21 +55,21 @@ def show(screen: Screen, found: Sensitivities, labels: Labels | None, *, named: 
             screen.table(headings, [_row(path, by, figures) for path, by in lead])
         if len(ranked) > len(lead):
             rest = counted(len(ranked) - len(lead), "further number")
-            screen.line(f"Of less influence, and in the output of --json: {rest}.", start="  ")
+            screen.line(f"With less influence, listed in the output of --json: {rest}.", start="  ")
         if defining := [] if named else list(dict.fromkeys(str(one.path) for one in own if one.definition)):
             screen.line(
-                f"Definitions of a rate or of a transfer function's form, in the output of --json and with --to: "
+                f"Numbers that only define a rate or the form of a transfer function (shown by --json and --to): "
                 f"{', '.join(defining)}.", start="  ", indent="    ",
             )  # fmt: skip
         if any(one.local for one in own):
             screen.line(
-                "* for changes well below 0.1 % only: a change of 0.1 % has another slope, by more than a tenth.",
+                "* valid only for changes well below 0.1 %: the slope over a change of 0.1 % differs by more than a tenth.",
                 "yellow", start="  ", indent="  ",
             )  # fmt: skip
         _reasons(screen, own, labels)
     for why in dict.fromkeys(found.without.values()):
         which = [path for path, other in found.without.items() if other == why]
-        screen.line(f"No derivative by {', '.join(which)}: {why}.", "yellow", "    ", "  ")
+        screen.line(f"No derivative with respect to {', '.join(which)}: {why}.", "yellow", "    ", "  ")
     if found.steps is not None:
         screen.line(f"{found.steps[0].upper()}{found.steps[1:]}.")
     total = sum(found.seconds.values())
@@ -130,9 +130,9 @@ def _refusals(own: Sequence[Derivative], labels: Labels | None) -> list[str]:
     found = []
     for why in dict.fromkeys(one.refused for one in refused):
         same = [one for one in refused if one.refused == why]
-        which = f"{by_label(same[0].figure, labels)} by {same[0].path}"
+        which = f"{by_label(same[0].figure, labels)} with respect to {same[0].path}"
         more = f" and {len(same) - 1} more" if len(same) > 1 else ""
-        found.append(f"Refused, {which}{more}: {why}.")
+        found.append(f"Rejected: {which}{more}. Reason: {why}.")
     kept = found[:MOST_REASONS]
     return kept + ([f"{len(found) - len(kept)} further reasons are in the output of --json."] if len(found) > len(kept) else [])
 

@@ -75,13 +75,13 @@ def _judged(name: str) -> str:
 def meanings(found: SweepResult) -> list[str]:
     """Return sentences, without full stops, on the meanings of the names of fractions."""
     unexamined = found.evidence.unexamined.items()
-    lacking = [f"Whether the estimates of {one} ring is not examined: {why}" for one, why in unexamined]
+    lacking = [f"Whether the estimates of {one} oscillate is not examined: {why}" for one, why in unexamined]
     if not found.judged:
-        return [f"Diverged: {DIVERGES}", f"Estimates ring, at this step: {EXAMINED}", *lacking]
+        return [f"Diverged: {DIVERGES}", f"Estimates oscillate, at this step: {EXAMINED}", *lacking]
     return [
-        "Lost: diverged, or a component left its limit, by default 100 times its scale, which is normally the model's "
-        "largest motion; limit cycle: the control oscillates permanently; off: the tail's error is outside its band, by "
-        "default 5 % of the scale; the table [judge] sets limits and bands",
+        "Lost: diverged, or a component exceeded its limit, by default 100 times its scale, which is normally the largest "
+        "motion of the model; limit cycle: the control oscillates permanently; off: the error in the tail is outside its band, "
+        "by default 5 % of the scale; the table [judge] sets limits and bands",
         "Not settled: within the budget no step distinguishes the plant from the solver; the intervals allow either verdict "
         "for these members",
         *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
@@ -149,7 +149,7 @@ def show(screen: Screen, found: SweepResult, labels: Labels | None) -> None:
     for controller, part in found.evidence.filled.items():
         screen.line(
             f"{controller}: the largest |e| of a member reaches {percent(part.median)} of the guaranteed bound in the median, "
-            f"{percent(part.max)} at most"
+            f"and at most {percent(part.max)}"
         )
     told = [one for one in found.evidence.sensitivities if one.figure.startswith("max_abs_e") and one.low > 0]
     told.sort(key=lambda one: (found.controllers.index(one.controller), one.figure, -one.first))

@@ -123,8 +123,8 @@ def show(screen: Screen, found: TradeOff) -> None:
     screen.line(f"{found.problem.name}: the delay [s] that the plant's input tolerates", "bold")
     screen.line(
         "The largest delay of any tuning whose relative error, RMS |e| / RMS |x_m|, is at most ...: until the loop begins to "
-        f"oscillate (onset), and until its error grows by {found.by.lost.share:g} max |x_m| or it is lost (loss); either may "
-        "come first."
+        f"oscillate (onset), and until its error grows by {found.by.lost.share:g} max |x_m| or the run is lost (loss); either "
+        f"may come first."
     )
     headings = ("error", *(f"{criterion}:\n{scheme}" for criterion in ("onset", "loss") for scheme in schemes))
     for which in reversed(panels(found)):
@@ -137,6 +137,6 @@ def show(screen: Screen, found: TradeOff) -> None:
                 part = part.replace(scheme, held(scheme))  # noqa: PLW2901
             screen.line(part, indent="    ", start="  ")
     if len(found.thetas) == 1:
-        screen.line("All numbers are for the case's own plant; --plants takes the worst of several.")
+        screen.line("All numbers are for the plant of the case; with --plants they are the worst of several plants.")
     for sentence in grouped_omissions(found.notes):
         screen.line(f"Note: {sentence}.", "yellow", "  ")

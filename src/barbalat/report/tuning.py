@@ -107,7 +107,7 @@ def judged(found: Tuning) -> str:
     return (
         f"{'largest' if aim.maximize else 'smallest'} {aim.quantity.name}, {share} {count} plants"
         if count > 1
-        else (f"{'largest' if aim.maximize else 'smallest'} {aim.quantity.name} on the case's own plant")
+        else (f"{'largest' if aim.maximize else 'smallest'} {aim.quantity.name} on the plant of the case")
     )
 
 
@@ -142,4 +142,4 @@ def show(screen: Screen, found: Tuning) -> None:
         screen.table(HELD_OUT, rows)
     for note in found.notes:
         screen.line(f"Note: {note}.", "yellow")
-    screen.line(f"{found.seconds:.0f} s. Measured on these plants and this command: no guarantee.")
+    screen.line(f"{found.seconds:.0f} s. Measured on these plants with this command; not a guarantee.")

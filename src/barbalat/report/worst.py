@@ -30,7 +30,9 @@ def show(screen: Screen, found: WorstFound, labels: Labels | None) -> None:
     if found.steps is not None:
         screen.line(f"{found.steps[0].upper()}{found.steps[1:]}.")
     undefined = f"; {found.undefined} gradients do not exist or overflow" if found.undefined else ""
-    screen.line(f"Found by {found.runs} runs and {found.gradients} gradients from many starts and the vertices{undefined}.")
+    screen.line(
+        f"Found by {found.runs} runs and {found.gradients} gradients from many starting points and the vertices{undefined}."
+    )
 
 
 def _value(member: Member) -> str:

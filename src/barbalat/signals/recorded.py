@@ -302,7 +302,7 @@ def times_and_values(path: Path, found: dict[str, Array], times: str, values: st
     if times not in found and pair in found and found[pair].ndim == 2 and 2 in found[pair].shape:
         if found[pair].shape == (2, 2):
             raise InputError(
-                f"{path}: {pair} is 2 x 2, so that its times may be a column or a row; save them as a separate vector"
+                f"{path}: {pair} is 2 x 2, so the times may be a column or a row; save the times as a separate vector"
             )
         first, second = found[pair] if found[pair].shape[0] == 2 else found[pair].T
         return first, second

@@ -80,9 +80,13 @@ class Simulation(Settings):
     ) -> None:
         automatic = isinstance(solver, (str, Tableau)) and solver in (AUTO.name, AUTO)
         if tolerance is not None and not (solver is None or automatic):
-            raise InputError.of("simulation.solver", f"must be auto with a tolerance, got {getattr(solver, 'name', solver)}")
+            raise InputError.of(
+                "simulation.solver", f"must be auto if a tolerance is given, got {getattr(solver, 'name', solver)}"
+            )
         if tolerance is None and automatic:
-            raise InputError.of("simulation.solver", "auto needs simulation.tolerance, but dt is given: name another method")
+            raise InputError.of(
+                "simulation.solver", "auto needs simulation.tolerance, but dt is given: choose a different method"
+            )
         method = AUTO if tolerance is not None else RK4 if solver is None else solver_of("simulation.solver", solver)
         validate.freeze(self, t_end=t_end, dt=dt, solver=method, tolerance=tolerance, record_points=record_points, fused=fused)
         self.__post_init__()
@@ -139,7 +143,8 @@ class Simulation(Settings):
         """Raise InputError if there are no fixed steps; the message says that ``what`` needs them."""
         if self.tolerance is not None:
             raise InputError.of(
-                "simulation.tolerance", f"= {self.tolerance:g} does not fix a step, and {what} needs one: give simulation.dt"
+                "simulation.tolerance",
+                f"= {self.tolerance:g} does not determine a fixed step, but {what} needs one: give simulation.dt",
             )
 
     @property

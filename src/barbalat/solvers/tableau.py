@@ -95,7 +95,7 @@ class Tableau:
         for left, right in pairwise(edges):
             if np.polynomial.polynomial.polyval((left + right) / 2, excess) > 0:
                 return float(left)
-        raise ValueError(f"the method {self.name} grows nowhere along {direction}: it can't be explicit")
+        raise ValueError(f"the method {self.name} does not grow anywhere along {direction}, so it can't be explicit")
 
 
 def _combine(state: Value, h: float, weights: tuple[float, ...], slopes: list[Value]) -> Value:

@@ -43,7 +43,7 @@ def refined(simulation: Simulation) -> Simulation:
 
 def finer(simulation: Simulation) -> str:
     """A short phrase for the effect of ``refined``."""
-    return f"a step {FINER_BY} times smaller" if simulation.tolerance is None else f"a {1 / FINER:.0f}nd of the tolerance"
+    return f"a step {FINER_BY} times smaller" if simulation.tolerance is None else f"1/{1 / FINER:.0f} of the tolerance"
 
 
 @dataclass(frozen=True, kw_only=True)

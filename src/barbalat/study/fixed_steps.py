@@ -52,7 +52,8 @@ def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], sim
     loops = [ClosedLoop.of(problem, controller) for controller in controllers]
     if any(loop.around is not None and loop.around.jitters for loop in loops):
         raise InputError.of(
-            "simulation.tolerance", "does not fix a step, and none can be found for samples that jitter: give simulation.dt"
+            "simulation.tolerance",
+            "does not determine a fixed step, and none can be found for samples with jitter: give simulation.dt",
         )
     sampled = [loop.sample_time for loop in loops] + ([] if problem.noise is None else [problem.noise.sample_time])
     t_end = Fraction(str(simulation.t_end))
@@ -65,15 +66,14 @@ def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], sim
         if all(_agree(one, other) for one, other in zip(found, expected, strict=True)):
             return FixedSteps(
                 tried,
-                f"all runs here use fixed steps, {tried.how}: the longest step tried at which the errors and controls of the "
-                f"case's own runs agree within {100 * AGREES:.0f} % with those of runs at simulation.tolerance = "
+                f"all runs here use fixed steps, {tried.how}. This is the longest step tried at which the errors and controls "
+                f"of the case's runs agree within {100 * AGREES:.0f} % with those of runs at simulation.tolerance = "
                 f"{simulation.tolerance:g}",
             )
     raise InputError.of(
         "simulation.tolerance",
-        f"= {simulation.tolerance:g} does not fix a step, and with up to {MOST_STEPS:.0e} fixed steps the errors and controls of "
-        f"the case's own runs do not agree within {100 * AGREES:.0f} % with those of the run at that tolerance: "
-        "give simulation.dt",
+        f"= {simulation.tolerance:g} does not determine a fixed step: even with {MOST_STEPS:.0e} fixed steps the errors and "
+        f"controls of the case's runs differ by more than {100 * AGREES:.0f} % from those at that tolerance; give simulation.dt",
     )
 
 

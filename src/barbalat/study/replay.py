@@ -50,7 +50,7 @@ def replay_case(
     loops = {one: ClosedLoop.of(problem.nominal, one) for one in controllers}
     able = [one for one, loop in loops.items() if loop.sampled and loop.parameters]
     if not able:
-        raise InputError("a replay needs a sampled controller that estimates something, and the case has none: give sample_time")
+        raise InputError("a replay needs a sampled controller that estimates something, but the case has none: give sample_time")
     found = {}
     for one in able:
         try:
@@ -90,7 +90,7 @@ def replay(problem: Problem, controller: Controller, times: Array, measured: Arr
         i = int(wrong[0])
         raise InputError.of(
             "times",
-            f"must be the sample time of {T:g} s apart, but sample {i + 2} comes {times[i + 1] - times[i]:g} s after the last",
+            f"must be one sample time of {T:g} s apart, but sample {i + 2} comes {times[i + 1] - times[i]:g} s after the last",
         )
     acting, estimates, proposed = computer.initial(loop.at_first), [], []
     for k in range(N):

@@ -33,8 +33,8 @@ from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Lost
 
 MEASURED_SENTENCE = (
-    "measured on the case's own run with its limits and commands, not a guarantee: it ends when the judge calls the run "
-    "lost or a limit cycle, or when an oscillation grows throughout the observed time"
+    "measured on the run of the case with its limits and commands, not a guarantee: the margin ends when the judge finds the "
+    "run lost or in a limit cycle, or when an oscillation grows throughout the observed time"
 )
 FILLED_SENTENCE = (
     "its estimates already cover the known set without a delay: the noise drives one of them from end to end in the last quarter"
@@ -129,9 +129,9 @@ class _Measured:
         onset, begun = float(self.delay.onset.tolerates[0]), self._begun
         limit = _limit(self.delay.onset.tolerates[0], self.delay.onset.loses[0], simulation)
         loss = (
-            "delay_margin_simulated was measured on the case's own run, no guarantee: the loop is taken to be lost when the "
-            f"judge calls it so, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so that a "
-            f"smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
+            "delay_margin_simulated was measured on the run of the case and is not a guarantee: the loop counts as lost when "
+            "the judge finds it lost, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so "
+            "a smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
             f"{_limit(self.delay.loss.tolerates[0], self.delay.loss.loses[0], simulation)}"
         )
         drawn = Draft()
@@ -213,7 +213,7 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
     """A few words on the simulation."""
     commands = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in problem.commands))
     around = problem.surroundings
-    parts = [f"{simulation.t_end:g} s of the case's own run, {commands} command"]
+    parts = [f"{simulation.t_end:g} s of the run of the case, {commands} command"]
     if any(path.saturation is not None or path.rate_limit is not None for path in around.paths):
         parts.append("with the input's limits")
     if problem.delay > 0:
@@ -244,6 +244,6 @@ def _not_tracking(found: DelayMargins) -> str:
         return f"no simulated delay margin: the loop diverges without a delay, at t = {diverged:.4g} s"
     error = float(found.undelayed.tail_max_abs_e[0].max())
     return (
-        "no simulated delay margin: without a delay the loop does not follow its model, |e| in the tail reaches "
-        f"{error:.4g}, more than the model's own motion in every component"
+        f"no simulated delay margin: without a delay the loop does not track its model: |e| in the tail reaches {error:.4g}, "
+        f"more than the motion of the model in every component"
     )

@@ -114,7 +114,7 @@ class TauStudy:
         validate.instance("controller", self.controller, RobustMrac)
         validate.instance("lost", self.lost, Grown)
         if self.problem.plant.inputs > 1:
-            raise InputError(f"the robust MRAC has one input, but plant.b has {self.problem.plant.inputs} columns")
+            raise InputError(f"the robust MRAC supports one input, but plant.b has {self.problem.plant.inputs} columns")
 
     def tail_errors(
         self, sizes: Array, taus: Array, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
@@ -238,7 +238,7 @@ def _drawn(found: TauLimits, *, shown: bool) -> Figure:
     limits.plot(
         found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest smaller tau that is lost"
     )
-    _set_up(limits, "Lower limit of tau", "size of the modelling error", "tau")
+    _set_up(limits, "Lower limit on tau", "size of the modelling error", "tau")
     chosen = np.unique(np.linspace(0, len(found.sizes) - 1, min(len(found.sizes), MOST_CURVES)).round().astype(int))
     for k, i in enumerate(chosen):
         errors.plot(

@@ -60,7 +60,7 @@ class Audit:
     @property
     def _finer(self) -> tuple[str, str]:
         """The refined setting in words, and its name."""
-        return ("a 32nd of the tolerance", "simulation.tolerance") if self.tolerance else ("half the step", "simulation.dt")
+        return ("1/32 of the tolerance", "simulation.tolerance") if self.tolerance else ("half the step", "simulation.dt")
 
     @property
     def share(self) -> Share | None:
@@ -71,7 +71,7 @@ class Audit:
     def sentences(self) -> list[str]:
         """The audit in sentences."""
         if self.share is None:
-            finer = "a 32nd of its tolerance" if self.tolerance else "half its step"
+            finer = "1/32 of its tolerance" if self.tolerance else "half its step"
             return [f"no member was repeated at {finer}, so any share may be due to the solver: {self.why}"]
         low, high = self.share.interval
         again = f"of {validate.counted(len(self.members), 'member')} repeated at {self._finer[0]}"

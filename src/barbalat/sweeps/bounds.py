@@ -73,8 +73,8 @@ class Bounds:
             if count > MOST_CERTIFIED:
                 found.append(
                     f"{name}"
-                    f": no bound is compared, since each of {count} combinations of numbers other than theta would need its "
-                    f"own certificate, and at most {MOST_CERTIFIED} are made"
+                    f": no bound is compared, since each of {count} combinations of numbers other than theta would need a "
+                    f"separate certificate, but at most {MOST_CERTIFIED} are computed"
                 )
         return found
 

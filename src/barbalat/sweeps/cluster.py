@@ -284,7 +284,8 @@ def _require_answer(address: str) -> None:
     asking.join()  # Ctrl-C ends this without waiting
     if not answered.is_set():
         raise InputError(
-            f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
+            f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start a scheduler there with 'dask "
+            f"scheduler', "
             "or omit --scheduler"
         )
 
@@ -413,8 +414,8 @@ class Workers:
             if given.deaths > MOST_DEATHS:
                 first, size = given.chunk
                 raise InputError(
-                    f"members {first} to {first + size - 1} ended every worker that took them, {error.last_worker} last; "
-                    f"perhaps they ran out of memory"
+                    f"members {first} to {first + size - 1} ended every worker that ran them, most recently "
+                    f"{error.last_worker}; perhaps the workers ran out of memory"
                 ) from None
             return None
         except CancelledError as error:
@@ -425,8 +426,8 @@ class Workers:
         if digest != self.canary[0]:
             raise InputError(
                 f"the worker {worker} does not reproduce this computer's results bit for bit for the same {CANARY_MEMBERS} "
-                f"members, although its "
-                "versions and sources are the same: none of its rows is kept; stop it, then repeat the command"
+                f"members, although its versions and sources are the same; none of its results is kept: stop it, then repeat "
+                f"the command"
             )
         figures: list[Figured] = found
         return figures

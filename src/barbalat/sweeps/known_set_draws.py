@@ -31,7 +31,7 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
     if path.keys[:2] == ("plant", "input") and path.keys[-1] == GAIN:
         return {path: _of_gain(problem, path)}
     if path.keys[0] == "parameters":
-        raise InputError(f"{path} = {KNOWN_SET}: physical parameters are drawn over their ranges; write {path}={BETWEEN}")
+        raise InputError(f"{path} = {KNOWN_SET}: physical parameters are drawn from their ranges; write {path}={BETWEEN}")
     if stands_there is None:
         vector = "a vector of estimated parameters, as plant.theta"
         raise InputError(f"the case has no {path}; {KNOWN_SET} needs {vector}")
@@ -40,8 +40,8 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
     if known is None or not shape or int(np.prod(shape)) != known.size:
         size = "the case has none" if known is None else f"{known.size} here"
         raise InputError(
-            f"{path} = {KNOWN_SET} needs a vector there with as many entries as the known set has ({size}), or an input's gain; "
-            f"got {validate.show(stands_there)}"
+            f"{path} = {KNOWN_SET} needs a vector with as many entries as the known set ({size}), or an input gain; got "
+            f"{validate.show(stands_there)}"
         )
     entries = []
     for place in np.ndindex(*shape):
@@ -59,10 +59,10 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
 def _of_gain(problem: object, path: FieldPath) -> Uniform:
     gains = problem.known.gains if isinstance(problem, Problem) else None
     if gains is None:
-        raise InputError(f"{path} = {KNOWN_SET} needs the interval of the input's gain: give uncertainty.input_gain")
+        raise InputError(f"{path} = {KNOWN_SET} needs the interval of the input gain: give uncertainty.input_gain")
     which = path.keys[2] if isinstance(path.keys[2], int) else 0
     if which >= gains.size:
-        raise InputError(f"{path} does not name a field: the plant has {gains.size} inputs, counted from 0")
+        raise InputError(f"{path} is out of range: the plant has {gains.size} inputs, numbered from 0")
     return Uniform(float(gains.lower[which]), float(gains.upper[which]))
 
 
@@ -108,7 +108,7 @@ def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
     if path.keys == (PARAMETERS,):
         uncertain = {FieldPath((PARAMETERS, name)): one for name, one in known.items() if not one.is_exact}
         if not uncertain:
-            raise InputError(f"{path}={BETWEEN} needs [parameters] with ranges, and the case has none")
+            raise InputError(f"{path}={BETWEEN} needs [parameters] with ranges, but the case has none")
         return {one: spread_of(parameter) for one, parameter in uncertain.items()}
     if not is_parameter(path):
         raise InputError(f"{BETWEEN} needs a physical parameter, such as parameters.k={BETWEEN}, or all of them: got {path}")

@@ -259,7 +259,7 @@ def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], na
     axes.set_yticks(range(len(paths)), paths, fontsize=9)
     axes.invert_yaxis()
     axes.set_xlim(left=0)
-    axes.set_xlabel(f"share of the variance of max {symbol(name)} [%]", fontsize=9)
+    axes.set_xlabel(f"fraction of the variance of max {symbol(name)} [%]", fontsize=9)
     axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, frameon=False, fontsize=9)
     _plain(axes)
     return figure

@@ -80,16 +80,19 @@ class Plan:
         if not self.draws and self.members != 1:
             raise InputError(f"members = {self.members} needs a number to draw: give --sample PATH=uniform:A:B, or omit it")
         if self.design is Design.SALTELLI and self.axes:
-            raise InputError("Saltelli's design cannot have a grid: omit --vary")
+            raise InputError("Saltelli's design cannot be combined with a grid: omit --vary")
         if self.design is Design.SALTELLI and (not self.draws or self.members & (self.members - 1)):
-            raise InputError(f"Saltelli's design needs a number to draw and a power of two of members, got {self.members}")
+            raise InputError(
+                f"Saltelli's design needs a number to draw, and the number of members must be a power of two, got {self.members}"
+            )
         if self.design is Design.SALTELLI and any(isinstance(one, InBall) for one in self.draws.values()):
             raise InputError("Saltelli's design needs independent numbers, but those of a ball are not independent")
         if self.design in (Design.SOBOL, Design.SALTELLI) and self.members > MOST_SOBOL:
             raise InputError(f"a Sobol sequence has at most {MOST_SOBOL} points, got members = {self.members}")
         if self.count > MOST_MEMBERS:
             raise InputError(
-                f"a sweep has at most {MOST_MEMBERS:.0e} members, got {self.count:.3g}: run several, each with its own --seed"
+                f"a sweep has at most {MOST_MEMBERS:.0e} members, got {self.count:.3g}: run several sweeps, each with a "
+                f"different --seed"
             )
 
     @property

@@ -36,7 +36,9 @@ class Requirement:
         found = _FORM.match(text)
         limit = None if found is None else _number(found["limit"])
         if found is None or not found["figure"] or limit is None:
-            raise InputError(f'a requirement must be FIGURE, one of < <= > >=, NUMBER, such as "max_abs_e[0] < 2"; got {text!r}')
+            raise InputError(
+                f'a requirement must be METRIC, then one of < <= > >=, then NUMBER, such as "max_abs_e[0] < 2"; got {text!r}'
+            )
         return cls(found["figure"], found["sign"], limit)
 
     def __str__(self) -> str:
@@ -54,7 +56,9 @@ class Requirement:
         """Raise InputError if no controller has the metric."""
         if not any(self.columns(names, controller) for controller in controllers):
             figures = sorted({name.split("/", 1)[1] for name in names if "/" in name})
-            raise InputError(f"the requirement {validate.show(str(self))} does not name a figure; known are {', '.join(figures)}")
+            raise InputError(
+                f"the requirement {validate.show(str(self))} does not name a metric; choose one of {', '.join(figures)}"
+            )
 
     def broken(self, values: Array) -> Array:
         """(M,) whether a column violates the requirement; a metric that is missing because of divergence violates it."""

@@ -68,7 +68,9 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
         elif find_spec("SALib") is None:
             notes.append("sensitivity to drawn numbers needs the package SALib: pip install 'barbalat[study]'")
     if any(isinstance(one, InBall) for one in plan.draws.values()):
-        notes.append("entries of a ball are not independent: their shares of a variance overlap and need not add up to the whole")
+        notes.append(
+            "entries of a ball are not independent: their fractions of a variance overlap and need not add up to the whole"
+        )
     for controller in controllers:
         without: dict[int, list[str]] = {}
         for name in rows.names:

@@ -35,7 +35,7 @@ class Axis:
         if self.logarithmic and (self.start <= 0 or self.stop <= 0):
             raise InputError(f"START and STOP must be positive for log, got {self.start:g} and {self.stop:g}")
         if self.count > 1 and self.start == self.stop:
-            raise InputError(f"START and STOP must differ for {self.count} values, both are {self.start:g}")
+            raise InputError(f"START and STOP must differ for {self.count} values, but both are {self.start:g}")
 
     @classmethod
     def parse(cls, text: str) -> Axis:
@@ -46,7 +46,7 @@ class Axis:
         try:
             start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
         except ValueError:
-            raise InputError(f"START and STOP must be numbers and COUNT a whole one, got {validate.show(text)}") from None
+            raise InputError(f"START and STOP must be numbers and COUNT an integer, got {validate.show(text)}") from None
         return cls(start, stop, count, len(parts) == 4)
 
     @property
@@ -197,5 +197,5 @@ def _require_range(name: str, low: float, high: float) -> None:
     validate.number(f"{name}'s lower limit", low)
     validate.number(f"{name}'s upper limit", high)
     if low >= high:
-        raise InputError(f"{name}'s lower limit must be below its upper one, got {low:g} and {high:g}")
+        raise InputError(f"{name}'s lower limit must be below its upper limit, got {low:g} and {high:g}")
     validate.number(f"{name}'s width", high - low)

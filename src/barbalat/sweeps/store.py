@@ -289,7 +289,7 @@ def _require_empty(folder: Path) -> None:
     """Raise InputError if the folder contains other files."""
     ours = (LOCK_FILE, WRITING_DIR)
     if foreign := sorted(one.name for one in folder.iterdir() if one.name not in ours and not _ours(one)):
-        raise InputError(f"the store {str(folder)!r} contains other files, such as {foreign[0]!r}: choose another folder")
+        raise InputError(f"the store {str(folder)!r} contains other files, such as {foreign[0]!r}: choose a different folder")
 
 
 def _damaged(folder: Path, index: StoreIndex) -> tuple[str, ...]:
@@ -313,7 +313,7 @@ def _locked(folder: Path) -> Iterator[None]:
                 lock.acquire()
             except Timeout:  # a timeout is an OSError too
                 raise InputError(
-                    f"the store {str(folder)!r} is being written by another process: wait for it, or choose another"
+                    f"the store {str(folder)!r} is being written by another process: wait for it, or choose a different folder"
                 ) from None
         try:
             yield

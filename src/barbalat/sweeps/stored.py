@@ -92,7 +92,8 @@ def read_index(folder: Path) -> StoreIndex | None:
         return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError):
         raise InputError(
-            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then starts again"
+            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; running the same command again then "
+            f"starts the sweep anew"
         ) from None
 
 
@@ -135,7 +136,7 @@ def require_same(
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key in ("equations", "judge") else ""
             raise InputError(
-                f"the store {str(folder)!r} was made with {what}{by}: choose another folder, or the command that made it"
+                f"the store {str(folder)!r} was made with {what}{by}: choose a different folder, or use the command that made it"
             )
 
 
@@ -175,12 +176,12 @@ class StoredRows:
             if 0 <= place < self.index.files[file]["count"]:
                 if not intact(self.folder / file, self.index.files[file]["sha256"]):
                     raise InputError(
-                        f"the store's file {str(self.folder / file)!r} is damaged or gone: the same command without --member "
-                        "makes it again"
+                        f"the store's file {str(self.folder / file)!r} is damaged or missing: run the same command without "
+                        f"--member to write it again"
                     )
                 table = _table(self.folder / file, None).slice(place, 1)
                 return {name: float(_numbers(table, name)[0]) for name in table.column_names}
-        raise InputError(f"the store {str(self.folder)!r} does not hold member {member}")
+        raise InputError(f"the store {str(self.folder)!r} does not contain member {member}")
 
 
 def _table(file: Path, names: list[str] | None) -> pa.Table:

@@ -223,7 +223,7 @@ SHORT_TAIL = (
     "and a half times as long"
 )
 UNJUDGED = (
-    "this store is older than the verdicts on runs: its members have neither verdicts nor finer steps; use another --store, "
+    "this store is older than the verdicts on runs: its members have neither verdicts nor finer steps; use a different --store, "
     "or none, to obtain them"
 )
 """A store without the judge's columns. Its rows are read, and new rows get the same columns."""

@@ -90,7 +90,7 @@ class SearchedSet:
                 balls.setdefault((path.vector, one.center, one.radius), []).append(i)
             else:
                 what = "a normal distribution" if isinstance(one, Normal) else "this distribution"
-                raise InputError(f"{path}: a search for the worst member needs a range, and {what} has no ends")
+                raise InputError(f"{path}: a search for the worst member needs a range, but {what} has no ends")
             if ends[-1][0] == ends[-1][1]:
                 raise InputError(f"{path}: a search for the worst member needs a range, got {ends[-1][0]:g} alone")
             log.append(isinstance(one, LogUniform) or (isinstance(one, Axis) and one.logarithmic))

@@ -44,8 +44,8 @@ MOST_DRAWS = 25
 CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
 """Duration of the flights of a drawing's ``chunk`` in seconds, and size of the metrics of one flight in bytes."""
 DIFFERENCES = {
-    "case": "another flight, or of other --schemes or --failures",
-    "plan": "more --dispersions, or another --seed",
+    "case": "a different flight, or different --schemes or --failures",
+    "plan": "more --dispersions, or a different --seed",
     "equations": "other equations",
 }
 """Words for the differences from another store, by the keys of ``Campaign.identity``."""

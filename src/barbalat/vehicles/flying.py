@@ -132,7 +132,7 @@ def _own(vehicle: AnyVehicle, model: Any, controller: Controller, maker: Maker) 
     for loop, one in zip(loops, own, strict=True):
         if one.sample_time != loop.sample_time:
             raise InputError(
-                f"{one.name} must have sample_time {loop.sample_time:g} s, that of this flight computer, got {one.sample_time:g}"
+                f"{one.name} must have the sample time of this flight computer, {loop.sample_time:g} s, got {one.sample_time:g}"
             )
     rest = () if vehicle.own_loops is None else scheme_aboard(vehicle, model, vehicle.own_rest, maker).loops[vehicle.own_loops :]
     return Aboard(name=controller.name, loops=own + rest)

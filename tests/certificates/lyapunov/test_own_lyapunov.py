@@ -304,7 +304,7 @@ class Clipping(laws.HighOrderTunerEquations):
         (laws.ConcurrentLearning(), Unlearning, "not shown to remain so"),
         (laws.CompositeAdaptation(), Escaping, "not shown|false|finite time"),
         (laws.CompositeAdaptation(), TrackingOnly, "finite time"),
-        (laws.CompositeAdaptation(), OnlyLimited, "although their rates are not projected"),
+        (laws.CompositeAdaptation(), OnlyLimited, "without a projection of their rates"),
         (laws.HighOrderTuner(), Branching, "evaluated on numbers, its code differs"),
         (laws.HighOrderTuner(), Clipping, "minimum"),
     ],

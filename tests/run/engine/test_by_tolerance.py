@@ -120,7 +120,7 @@ def test_a_figure_that_the_tolerance_leaves_open_is_named() -> None:
 def test_a_tolerance_that_roundings_leave_no_room_for_ends_in_a_sentence() -> None:
     """The run is Section V near 6.9 s, where theta_hat_1 reaches its bound."""
     with pytest.raises(
-        InputError, match=r"= 1e-12 is finer than 64-bit numbers resolve .* such as 1e-09, or give simulation\.dt"
+        InputError, match=r"= 1e-12 is finer than 64-bit arithmetic can resolve .* such as 1e-09, or give simulation\.dt"
     ):
         final_state(PAPER.problem, L1, 1e-12, 8.0)
     assert final_state(PAPER.problem, L1, 1e-9, 8.0).t == 8.0
@@ -168,7 +168,7 @@ def test_refusals() -> None:
         simulate(replace(PAPER.problem, reference=Callable()), [MRAC], simulation)
     with pytest.raises(InputError, match=r"the error in each quarter needs one: give simulation\.dt"):
         barbalat.simulate_ensemble([(PAPER.problem, MRAC)], simulation, quarters=True)
-    with pytest.raises(InputError, match="must be auto with a tolerance, got rk4"):
+    with pytest.raises(InputError, match="must be auto if a tolerance is given, got rk4"):
         Simulation(1.0, tolerance=1e-6, solver="rk4")
     with pytest.raises(InputError, match="replaces dt"):
         Simulation(1.0, 1e-3, tolerance=1e-6)

@@ -39,7 +39,7 @@ def test_lost_samples_are_those_of_the_draw(fault, dt):
     found = run.missed
     assert (found.samples, found.missed, found.in_a_row, found.fallback) == expected
     assert run.findings[0].sentence == found.sentence
-    assert found.sentence.startswith(f"{100 * lost.sum() / 200:.2g} % of the 200 samples were lost or refused by the shell")
+    assert found.sentence.startswith(f"{100 * lost.sum() / 200:.2g} % of the 200 samples were lost or rejected by the shell")
 
 
 def test_calls_of_a_jittered_timer_are_counted_once():
@@ -104,7 +104,7 @@ def test_a_refused_command_is_held_until_its_size_may_have_been_reached():
     step = replace(PROBLEM, reference=Step(amplitude=1.0, start=1.0))
     run = missed(replace(step, shell=Shell(rate={"command": 2.0})))
     assert (run.missed.missed, run.missed.commands) == (0, 24)
-    assert run.missed.sentence == "12 % of the 200 commands were lost or refused by the shell; the last good one was held"
+    assert run.missed.sentence == "12 % of the 200 commands were lost or rejected by the shell; the last good one was held"
     late = missed(replace(PROBLEM, reference=Step(amplitude=1.0, start=1.48)))
     np.testing.assert_array_equal(run.u, late.u)
     never = missed(replace(step, shell=Shell(range={"command": [-0.5, 0.5]})))

@@ -21,7 +21,7 @@ def together(*relays, judge=None):
 @pytest.mark.parametrize("size", [0.5, 50.0])
 def test_a_single_run_that_slides_is_refused(size) -> None:
     said = refusal(lambda: simulate(PAPER.problem, Relay(size), SIMULATION))
-    assert "the motion slides along a jump of its equations" in said
+    assert "the solution slides along a discontinuity of the equations" in said
     assert said.endswith("or give simulation.dt")
 
 

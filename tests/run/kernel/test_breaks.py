@@ -435,7 +435,7 @@ def test_of_millions_of_jumps_in_a_step_none_is_looked_at(monkeypatch):
 
 SMOOTH = Sine(1.0, 1.0)
 MOTION = {
-    "a rate limiter that never limits": (PlantInput(rate_limit=1000.0), None, 1, "its lag is the step: first order"),
+    "a rate limiter that never limits": (PlantInput(rate_limit=1000.0), None, 1, "it lags by one step: first order"),
     "a converter": (PlantInput(quantization=0.01), None, 1, "first order at best"),
     "a saturation": (PlantInput(saturation=[-0.2, 0.2]), None, 2, "saturation inside steps: second order"),
     "a dead zone": (PlantInput(), DeadZone(0.05), 2, "the dead zone's edge inside steps: second order"),

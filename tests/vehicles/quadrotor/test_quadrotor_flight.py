@@ -201,7 +201,7 @@ def test_a_flight_of_a_controller_of_ones_own_that_breaks_is_lost_alone(monkeypa
 def test_a_controller_of_ones_own_says_why_it_does_not_fly():
     for wrong, sentence in (
         (Mrac(gamma=1.0), "MRAC is continuous"),
-        (Sampled(Mrac(gamma=1.0), 0.01), "must have sample_time 0.0025 s"),
+        (Sampled(Mrac(gamma=1.0), 0.01), "must have the sample time of this flight computer, 0.0025 s"),
     ):
         with pytest.raises(InputError, match=sentence):
             fly("quadrotor", schemes=[], controllers=[wrong], failures=["none"])
@@ -212,7 +212,7 @@ def test_a_controller_of_ones_own_says_why_it_does_not_fly():
     [
         (["--schemes", "lqr"], "--schemes must be one of geometric, "),
         (["--failures", "none,engine"], "--failure must be one of none, slung-mass, "),
-        (["--mach", "0.5"], "are the F-16's: the quadrotor hovers near the ground"),
+        (["--mach", "0.5"], "apply only to the F-16: the quadrotor hovers near the ground"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, monkeypatch, capsys):

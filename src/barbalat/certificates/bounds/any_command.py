@@ -71,7 +71,7 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
         raise InputError("the known set is a ball, but this bound is computed over the cells of a box")
     states = problem.known.n + (1 + problem.known.n) * len(loop.B)
     if states > MOST_STATES:
-        raise InputError(f"the loop has {states} states with its variations, and the limit is {MOST_STATES}")
+        raise InputError(f"the loop, with its variations, has {states} states, more than the limit of {MOST_STATES}")
     [command] = problem.commands
     size = float(command.bound)  # type: ignore[attr-defined]
 

@@ -32,7 +32,7 @@ def model_bounds(problem: Problem) -> ModelBounds:
     bound."""
     r = problem.reference
     if not isinstance(r, BoundedSignal):
-        raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
+        raise InputError(f"a certificate needs a reference with a known bound, but {r!r} has none")
     each = state_bounds(problem)
     return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD_FACTOR)
 
@@ -56,7 +56,7 @@ def command_bounds(problem: Problem) -> Array:
     pushed = np.zeros(problem.known.inputs)
     for command, column in zip(problem.commands, np.reshape(problem.known.k_0, (len(pushed), -1)).T, strict=True):
         if not isinstance(command, BoundedSignal):
-            raise InputError(f"a certificate needs a reference with a bound, and {command!r} has none")
+            raise InputError(f"a certificate needs a reference with a known bound, but {command!r} has none")
         pushed += np.abs(column) * command.bound
     return pushed
 

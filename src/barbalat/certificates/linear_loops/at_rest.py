@@ -180,7 +180,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     if state is None:
         return NotApplicable(f"no equilibrium of the loop was found {under}")
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
-        return NotApplicable(f"the controller's own limit acts at the equilibrium of the loop {under}")
+        return NotApplicable(f"the internal limit of the controller acts at the equilibrium of the loop {under}")
     ideal = ideal or tuple(part for part, value in true.items() if np.array_equal(state[part.rows], value))
     return Rest(loop, state, signals, level, ideal)
 

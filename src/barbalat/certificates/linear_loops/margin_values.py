@@ -32,7 +32,7 @@ KEYS_OF_MARGINS = {
     "gain_down": "gain_reduction_margin",
 }
 """The certificate's keys for the entries of ``Margins``."""
-PLAIN_LAW_ONLY = "it is given only for the plain law: with the modification the loop has another equilibrium"
+PLAIN_LAW_ONLY = "it is given only for the plain law: with the modification the loop has a different equilibrium"
 """The reason why a law with leakage, a dead zone or a memory has no margin that includes the law."""
 
 

@@ -157,7 +157,7 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     closed = ClosedLoop.of(problem, controller)
     closed = without_limits(closed)
     if closed.clocked:
-        raise InputError("the plant depends on time, and the theorem holds for time-invariant plants")
+        raise InputError("the plant depends on time, but the theorem holds only for time-invariant plants")
     size, count = closed.size, closed.signal_count
     places, sizes = closed.unpack(np.arange(size)), closed.signals
     held = places.held

@@ -26,7 +26,7 @@ OWN = {
 }
 """The meanings of the keys that only a law with its own V has."""
 
-EXACT_LINES = "V' <= -W holds for the law's own code, read in exact arithmetic"
+EXACT_LINES = "V' <= -W holds for the code of the law, evaluated in exact arithmetic"
 
 
 class Handed(NamedTuple):
@@ -56,10 +56,10 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
 def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotApplicable:
     """Any failure to read foreign code is a finding, with its reason."""
     if not isinstance(problem, Problem):
-        return NotApplicable("a law's own V is checked only for state feedback")
+        return NotApplicable("the V of a law is checked only for state feedback")
     known = problem.known
     if known.matched.gain_unknown or known.theta_0 is not None or known.enters is not None:
-        return NotApplicable("a law's own V is checked only for a known input gain and without a baseline")
+        return NotApplicable("the V of a law is checked only for a known input gain and without a baseline")
     try:
         return shown(read(problem, controller), problem.uncertainty)
     except (Refused, NotRational) as refused:
@@ -75,7 +75,7 @@ def add_bounds(draft: Draft, problem: TrackingProblem, handed: Handed) -> None:
     found, rests_on = handed
     if isinstance(found, NotApplicable) or not isinstance(problem, Problem):
         why = found.why if isinstance(found, NotApplicable) else rests_on[-1].broken
-        draft.missing("error_bound", f"the law's V is not accepted: {why}", theorem=theorems.UNKNOWN_LAW)
+        draft.missing("error_bound", f"the V of the law is not accepted: {why}", theorem=theorems.UNKNOWN_LAW)
         return
     draft.guarantee("lyapunov_decay", found.how, *rests_on)
     level = found.initial_level(problem.parameters)

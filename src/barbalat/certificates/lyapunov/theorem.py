@@ -227,7 +227,8 @@ def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
     for number, relation in enumerate(relations, start=1):
         if not reading.along(relation).replaced(solved).is_zero:
             raise Refused(
-                f"quantity {number} of those declared to stay zero does not: its rate is not zero where these quantities are zero"
+                f"quantity {number} is declared to stay zero but does not: its rate is not zero where all these quantities are "
+                f"zero"
             )
     return solved
 
@@ -292,13 +293,16 @@ def _without_normals(reading: Reading, falls: Rational) -> Rational:
             slope = slopes.derivative(place)
             k = slope.derivative(true)
             if not k.is_constant or k.number < 0 or not (slope + k * (ring.variables[own] - ring.variables[true])).is_zero:
-                raise Refused("the projection is not shown to lower V: V's metric must be that of the projection's gain")
+                raise Refused("the projection is not shown to lower V: V must have the metric of the projection's gain")
             shares.append(k.number)
             lowers |= {own} if k.number > 0 else set()
         if not normals.alone and len(set(shares)) > 1:
-            raise Refused("the projection is not shown to lower V: V must weight all parameters as the projection's gain does")
+            raise Refused(
+                "the projection is not shown to lower V: V must weight all parameters in the same way as the gain of "
+                "the projection"
+            )
     if not reading.limited <= lowers:
-        raise Refused("`limit` keeps estimates in the known set although their rates are not projected, which may increase V")
+        raise Refused("`limit` keeps estimates in the known set without a projection of their rates, which may increase V")
     zero = {place: ring.constant(fmpq(0)) for normals in reading.normals for place in normals.places}
     return falls.replaced(zero)
 
@@ -314,7 +318,7 @@ def _is_positive(den: Any) -> bool:
 def _require_positive_denominators(reading: Reading, *more: Rational) -> None:
     if not all(_is_positive(one.den) for one in (*reading.rates.values(), *reading.control, *more)):
         raise Refused(
-            "a denominator is not shown to be positive: it must be a positive number plus even powers, as 1 + phi'phi is"
+            "a denominator is not shown to be positive: it must be a positive number plus even powers, such as 1 + phi'phi"
         )
 
 
@@ -424,7 +428,7 @@ def _require_motion(reading: Reading, in_V: tuple[int, ...]) -> None:
         while bad := {i for i in group if not _is_linear(reading, reading.rates[i], group, left)}:
             group -= bad
         if not group:
-            raise Refused("a part of the state that V does not contain may escape in finite time: its rate is not linear in it")
+            raise Refused("a part of the state that does not appear in V may escape in finite time: its rate is not linear in it")
         left -= group
 
 

@@ -28,13 +28,13 @@ KEYS = ("error_bound", "error_bound_held", "state_bound", "control_bound")
 OF_NOISE = ("error_noise_rms", "control_noise_rms")
 OF_RESPONSES = {
     "error_bound_held": Quantity(
-        "bound of every component of x - x_m at all times, with x_m of the model under the sampled command"
+        "bound on every component of x - x_m at all times, where x_m is that of the model under the sampled command"
     ),
-    "state_bound": Quantity("bound of every component of |x|, at all times"),
-    "control_bound": Quantity("bound of every entry of |u|, at all times"),
-    "error_noise_rms": Quantity("bound of the standard deviation that measurement noise adds to x - x_m, component by component"),
-    "control_noise_rms": Quantity("bound of the standard deviation that measurement noise adds to u, input by input"),
-    "error_rms_bound": Quantity("bound of the root mean square of every component of x - x_m over all realisations of the noise"),
+    "state_bound": Quantity("bound on every component of |x|, at all times"),
+    "control_bound": Quantity("bound on every entry of |u|, at all times"),
+    "error_noise_rms": Quantity("bound on the standard deviation that measurement noise adds to x - x_m, component by component"),
+    "control_noise_rms": Quantity("bound on the standard deviation that measurement noise adds to u, input by input"),
+    "error_rms_bound": Quantity("bound on the root mean square of every component of x - x_m over all realisations of the noise"),
 }
 UP_TO_THE_END = Assumption("only the jumps of r up to t_end are considered")
 INDEPENDENT = Assumption("the noise of different samples is independent and has zero mean")
@@ -81,7 +81,7 @@ def _add_noise(
     assert problem.noise is not None
     T = float(controller.sample_time)  # type: ignore[attr-defined]  # of every sampled controller
     if problem.noise.sample_time > T * (1 + SAME_INSTANT):
-        why = f"the noise is held for {problem.noise.sample_time:g} s, longer than a sample, so that samples are not independent"
+        why = f"the noise is held for {problem.noise.sample_time:g} s, longer than a sample, so the samples are not independent"
         draft.all_missing((*OF_NOISE, RMS), why)
         return
     try:
@@ -151,7 +151,7 @@ def _quiet(problem: Problem) -> Assumption:
 
 def _never_limited(problem: Problem) -> Assumption:
     limited = any(path.saturation is not None for path in problem.plant.paths)
-    return Assumption("u has no limits", "Gaussian noise may lead u beyond its limits" if limited else "", theorems.LIMITS)
+    return Assumption("u has no limits", "Gaussian noise may drive u beyond its limits" if limited else "", theorems.LIMITS)
 
 
 def _listed(words: list[tuple[str, bool]]) -> str:

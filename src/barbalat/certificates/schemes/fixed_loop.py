@@ -84,7 +84,7 @@ class FixedLoop:
         """N; raises InputError if the loop with theta_0 is unstable."""
         S, n = self.nominal_response(), len(self.theta_0)
         if not np.linalg.eigvals(S.A).real.max() < 0:
-            raise InputError("the linear loop is unstable with the nominal parameters: no bound of the error exists")
+            raise InputError("the linear loop is unstable with the nominal parameters: no error bound exists")
         return l1_norm(S.A, S.B[:, None], np.eye(n, len(S.A)), np.zeros((n, 1)))
 
     def known_loop(self) -> known_command.KnownLoop:
@@ -102,7 +102,7 @@ def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> N
     known_set = problem.uncertainty
     if problem.input_gain is not None and loop.gain is not None:
         draft.note(
-            f"bounds of e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
+            f"bounds on e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
             "uncertainty.input_gain; margins in the known set hold for all of it"
         )
     if known_set is not None:

@@ -60,7 +60,7 @@ OWN_QUANTITIES = {
     "nu_1": Quantity("of (10)"),
     "nu_2": Quantity("of (10)"),
     "reference_error_bound": Quantity(
-        "bound of every component of x - x_ref at all times; x_ref is the filtered loop with theta known"
+        "bound on every component of x - x_ref at all times; x_ref is the filtered loop with theta known"
     ),
 }
 FILTER_AT_REST = Assumption("the filter starts at rest")

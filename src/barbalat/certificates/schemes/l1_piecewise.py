@@ -119,7 +119,7 @@ OWN_QUANTITIES = (
         "controller_z": Quantity(
             "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
         ),
-        "disturbance_left": Quantity("share of a constant sigma that sigma_hat does not cover, for each entry"),
+        "disturbance_left": Quantity("fraction of a constant sigma that sigma_hat does not cover, for each entry"),
         "sample_time_ratio": Quantity("T divided by the T that the controller's numbers assume"),
         "baseline_gain": Quantity(
             "u relative to its baseline at low frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"
@@ -128,7 +128,7 @@ OWN_QUANTITIES = (
             "delay margin of the theory's reference system, to which the loop tends as T falls; compare delay_margin", "s"
         ),
         "reference_distance": Quantity(
-            "bound of every component of x - x_ref at the samples; x_ref is the state of the theory's reference system"
+            "bound on every component of x - x_ref at the samples; x_ref is the state of the reference system of the theory"
         ),
         "reference_distance_between": Quantity("the same at all times, if r is held between samples in the reference system"),
     }

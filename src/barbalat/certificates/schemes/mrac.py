@@ -98,7 +98,7 @@ def one_sample_of_delay(sample_time: float) -> str:
     return (
         "with a high gain and short samples, its loop inside the known set tolerates a delay of one sample, "
         f"{sample_time:g} s, at the plant's input; with a longer delay the estimates swing between their bounds, and no bound "
-        "of e is proven"
+        f"on e is proven"
     )
 
 

@@ -54,7 +54,7 @@ OWN_QUANTITIES = {
     "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
 }
 AT_REST = "with the gains fixed at the ideal ones"
-BOTH_GAINS = "gamma_max is the limit of Gamma with gamma_r in proportion"
+BOTH_GAINS = "gamma_max is the limit on Gamma when gamma_r is scaled in proportion"
 ESTIMATES = (
     "V never grows; if phi and r together are persistently exciting, which is not checked here, they converge to theta/omega "
     "and k_0/omega"

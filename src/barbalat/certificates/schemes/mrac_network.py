@@ -232,12 +232,12 @@ def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float
 
 
 OWN_QUANTITIES = {
-    "W_hat_bound": Quantity("bound of every outer weight, and of the norm of a neuron's weights, at all times"),
-    "V_hat_bound": Quantity("bound of the norm of all inner weights, at all times"),
-    "control_bound": Quantity("bound of every entry of |u|, at all times"),
+    "W_hat_bound": Quantity("bound on every outer weight, and on the norm of a neuron's weights, at all times"),
+    "V_hat_bound": Quantity("bound on the norm of all inner weights, at all times"),
+    "control_bound": Quantity("bound on every entry of |u|, at all times"),
     "V_hat0": Quantity("the initial inner weights, those of the constant 1 first", form=Form.MATRIX, timeless=True),
 }
-NO_WEIGHTS = "with the sigma-modification the weights are bounded if e is, and no bound of e was found"
+NO_WEIGHTS = "with the sigma-modification the weights are bounded if e is, but no bound on e was found"
 STARTS_AT_ZERO = Assumption("W_hat(0) = 0")
 WHATEVER_ACTS = (STARTS_AT_ZERO, ACTS_CONTINUOUSLY)
 CORNER_AT_REST = (

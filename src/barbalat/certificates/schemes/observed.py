@@ -26,7 +26,7 @@ from barbalat.solvers.simulation import Simulation
 NO_THEOREM = "no theorem covers adaptation with an observer"
 NO_BOUND = "with an observer a bound is computed only for controllers with a sample_time"
 NOT_LINEAR = "with an observer a bound is computed only for controllers that are linear from sample to sample"
-NO_MORE = "with an observer nothing is proven beyond the bounds of x and e from sample to sample"
+NO_MORE = "with an observer nothing is proven beyond the bounds on x and e from sample to sample"
 
 
 def certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:

@@ -147,7 +147,7 @@ def grounds_of_loop(problem: OutputProblem, controller: Controller, simulation: 
 
 
 OF_LINEAR_LOOPS = {
-    "output_bound": Quantity("bound of |y| before disturbances at the output, up to t_end"),
+    "output_bound": Quantity("bound on |y| before disturbances at the output, up to t_end"),
     "steady_error": Quantity("the steady e for constant r and d without f", form=Form.PER_UNIT),
     "slope": Quantity("slope of f(t, y) in y within that bound"),
 }

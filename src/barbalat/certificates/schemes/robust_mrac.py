@@ -35,7 +35,7 @@ from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, the upper limit of tau (Theorem 2)", "s")}
+OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, the upper limit on tau (Theorem 2)", "s")}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
 """``bind`` rejects other c_0."""
 SEVERAL_INPUTS = "not known: Theorem 2 is for one input"
@@ -149,7 +149,7 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
     if not projected(estimate_set) and not found.leaks:
-        return nothing("modelling_error", "needs projection or leakage, and the law has neither")
+        return nothing("modelling_error", "needs projection or leakage, but the law has neither")
     present = ", ".join(departures(problem))
     ceiling = () if controller.tau is None else (_below_the_ceiling(controller, controller.tau),)
     enough = laws.bounds_the_parameters(found, problem.parameters)

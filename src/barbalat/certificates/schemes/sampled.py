@@ -32,11 +32,11 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers import EULER
 from barbalat.solvers.simulation import Simulation
 
-NO_MIDPOINT_LIMITS = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
+NO_MIDPOINT_LIMITS = "its law is numerically stable at every gain, so there is no gamma_max and no step_max"
 EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all integrators of the controller"
 WHOLE_LOOP_LIMITS = (
     "step_max is that of Euler's method "
-    "on the whole loop including the plant; with a sampled controller the plant moves exactly, so that the largest possible "
+    "on the whole loop including the plant; with a sampled controller the plant is integrated exactly, so the largest possible "
     "sample time may be longer or shorter"
 )
 HELD_LIMITS = "gamma_max and step_max are those of the frozen law from sample to sample, with A_m's exact motion between samples"

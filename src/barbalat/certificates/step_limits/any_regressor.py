@@ -120,7 +120,7 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     beyond = largest_g / at_rest * (1 + 1e-9)
     found = largest_from(tolerates, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
     return found or NotApplicable(
-        f"no gain is shown to be tolerated: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
+        f"no gain is shown to be tolerated: the bound on |phi| grows as the gain falls, so Gamma |phi|^2 stays above the "
         f"{largest_g:.4g} that the step tolerates"
     )
 

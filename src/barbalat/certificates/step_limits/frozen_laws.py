@@ -125,7 +125,7 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
         return STEP_TOO_LONG
     if room <= 0:
         return NotApplicable(
-            "no gain is shown to be tolerated: |x| is known to fall with 1/sqrt(Gamma) only, so that sqrt(Gamma) |x| may be "
+            "no gain is shown to be tolerated: |x| is known to fall only with 1/sqrt(Gamma), so sqrt(Gamma) |x| may be "
             f"{factor:.4g} at every gain, and the step tolerates {root_g:.4g}"
         )
     return None if offset == 0 else (room / offset) ** 2

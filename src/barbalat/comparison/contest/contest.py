@@ -279,12 +279,12 @@ def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
         if one.start is None:
             if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
                 said.append(
-                    f"{one.name}: it is not known whether its estimates are those of theta, so they start at the "
-                    "scheme's own values"
+                    f"{one.name}: it is not known whether its estimates are those of theta, so they start at the values of the "
+                    f"scheme"
                 )
         elif not np.array_equal(one.start, theta_set.middle):
             said.append(
-                f"{one.name} starts with estimates of {validate.show(one.start)}, and not in the middle of the known set, "
+                f"{one.name} starts with estimates of {validate.show(one.start)} instead of the centre of the known set, "
                 f"{validate.show(theta_set.middle)}: its class has no field theta_hat0 that the contest may set"
             )
     return said

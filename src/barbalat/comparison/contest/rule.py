@@ -146,7 +146,7 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
     if problem.noise is not None or share == 0 or (sensor is not None and sensor.quantization is not None):
         return problem
     if not 0 < share < 1:
-        raise InputError(f"noise must be a share of the model's motion, at least 0 and below 1, got {share:g}")
+        raise InputError(f"noise must be a fraction of the model's range of motion, at least 0 and below 1, got {share:g}")
     held = simulation.resolution * max(round(sample_time / simulation.resolution), 1)
     noise = Noise(std=[share * each for each in ReferenceMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
     return problem.with_sensor(lambda own: Sensor(noise=noise) if own is None else replace(own, noise=noise))
@@ -159,7 +159,7 @@ def added_noise(problem: Problem, noisy: Problem, share: float) -> str | None:
     each = ", ".join(f"{float(std):.3g}" for std in np.atleast_1d(noisy.noise.std))
     names = ", ".join(problem.measured_names)
     return (
-        f"the case has no measurement noise: Gaussian noise of {100 * share:.3g} % of the model's largest motion is added "
-        f"(standard deviation of {names}: {each}; a new value every {noisy.noise.sample_time:.3g} s); state the sensor's own in "
-        "[sensor.noise]"
+        f"the case has no measurement noise: Gaussian noise of {100 * share:.3g} % of the largest motion of the model is added "
+        f"(standard deviation of {names}: {each}; a new value every {noisy.noise.sample_time:.3g} s); state the noise of the "
+        f"sensor in [sensor.noise]"
     )

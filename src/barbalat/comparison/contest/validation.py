@@ -185,8 +185,8 @@ class Remeasured:
             return f"{again} none changes its verdict or its error"
         return (
             f"{again} the verdict changes on {self.verdicts}, and the error changes by more than "
-            f"{100 * EQUAL_FIGURES_SHARE:.0f} % on {self.errors}: part of them is due to the solver, "
-            f"make {fine.refined_by} smaller"
+            f"{100 * EQUAL_FIGURES_SHARE:.0f} % on {self.errors}: some of these changes are due to the solver; make "
+            f"{fine.refined_by} smaller"
         )
 
 

@@ -198,7 +198,8 @@ class Design:
         if self.tried[1]:
             said.append(
                 f"all of this is measured on {sum(self.tried)} plants, {self.tried[0]} for tuning and {self.tried[1]} for "
-                "validation: the case's own, extremes of its ranges, and random ones; on validation plants delay and gain are "
+                f"validation: the plant of the case, extremes of its ranges, and random plants; on validation plants delay and "
+                f"gain are "
                 "tested only up to the required values; for plants in between nothing is guaranteed"
             )
         said += self._of_the_baseline()
@@ -211,7 +212,7 @@ class Design:
                 f"{self._faster_model}, since controllers follow it"
             )
         if self.added_noise is not None:
-            decides = "" if self.specification.noise is None else ", on which the required noise share of u depends"
+            decides = "" if self.specification.noise is None else ", on which the required noise fraction of u depends"
             said.append(f"{self.added_noise}{decides}")
         return said
 

@@ -88,7 +88,9 @@ class StepTest:
         names, follow = problem.followed_names, problem.reference_model.follow
         component = names.index(follow) if isinstance(follow, str) and follow in names else int(np.argmax(moves[-1]))
         if not moves[:, component].any():
-            raise InputError("a design needs a command that moves the model: the specification concerns its step response")
+            raise InputError(
+                "a design needs a command that moves the model, because the specification concerns its step response"
+            )
         times = [k * steps * simulation.dt for k in range(count + 1)]
         y, name = rests[:, component], names[component]
         stages = [

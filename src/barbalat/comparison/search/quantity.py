@@ -78,7 +78,7 @@ class TunedQuantity:
 
     def __post_init__(self) -> None:
         if not self.name:
-            raise InputError(f"a quantity must be a figure ({', '.join(FIGURE_NAMES)}) or a key of certify, got ''")
+            raise InputError(f"a quantity must be a metric ({', '.join(FIGURE_NAMES)}) or a key of certify, got ''")
 
     @property
     def origin(self) -> Origin:
@@ -114,7 +114,9 @@ class TunedQuantity:
             parts = [values for name, values in columns.items() if name.split("[")[0] == self.name]
             if not parts:
                 known = [name for name in columns if name.split("[")[0] == self.name.split("[")[0]]
-                raise InputError(f"{self.name} is not a figure of this case; known are {', '.join(known) or ', '.join(columns)}")
+                raise InputError(
+                    f"{self.name} is not a metric of this case; choose one of {', '.join(known) or ', '.join(columns)}"
+                )
             found = self._together(np.array(parts))
         return np.where(np.isnan(found), self.worst, found)
 
@@ -153,13 +155,13 @@ class TunedQuantity:
         lacking = [name for name in certificates if name not in having]
         if having and lacking:
             raise InputError(
-                f"certify has no {validate.show(self.key)} of {_listed(lacking)}, but of {_listed(having)}"
+                f"certify has {validate.show(self.key)} only for {_listed(having)}, not for {_listed(lacking)}"
                 ": select the controller to tune with --controller"
             )
         if lacking:
             known = (*FIGURE_NAMES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
             raise InputError(
-                f"{validate.show(self.name)} is neither a figure of run --json, such as rms_e, nor one of {', '.join(PROBES)}, "
+                f"{validate.show(self.name)} is neither a metric of run --json, such as rms_e, nor one of {', '.join(PROBES)}, "
                 f"nor a key of certify --json for {_listed(lacking)}{validate.hint(self.name, known)}"
             )
 
@@ -185,7 +187,7 @@ class Constraint:
             if quantity.larger_is_worse or requirement.limit <= least:
                 what, example = ("delay", "0.01") if least == 0 else ("factor", "2")
                 raise InputError(
-                    f"{quantity.name} needs a lower limit of the {what} above {least:g}, such as {quantity.name} >= "
+                    f"{quantity.name} needs a lower limit on the {what} above {least:g}, such as {quantity.name} >= "
                     f"{example}, got {text!r}"
                 )
         return cls(requirement, quantity)

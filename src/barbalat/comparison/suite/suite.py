@@ -79,7 +79,7 @@ class Suite:
             try:
                 text, folder = contents(place, "the suite", TEXT_BYTE).decode("utf-8"), place.parent
             except (OSError, UnicodeDecodeError):
-                raise InputError(f"--suite: {source!r} is not a readable file of UTF-8 text") from None
+                raise InputError(f"--suite: {source!r} is not a readable UTF-8 text file") from None
         text = text.replace("\r\n", "\n")
         try:
             data = tomllib.loads(text)
@@ -94,8 +94,8 @@ class Suite:
             raise InputError(f"--suite: {source} needs a name, [rule] with {', '.join(RULE_KEYS)}, and [[case]] tables")
         if name in PUBLIC and PUBLIC[name] != found:
             raise InputError(
-                f"--suite: {source} calls itself {name!r}, whose SHA-256 is {PUBLIC[name]}, and has {found}: "
-                "a changed suite needs another name"
+                f"--suite: {source} has the name {name!r}, whose SHA-256 is {PUBLIC[name]}, but its own SHA-256 is {found}: a "
+                f"changed suite needs a different name"
             )
         tables = {str(one.get("name")): one for one in cases}
         if bare := [key for key, one in tables.items() if not {"name", "sample_time", "specification"} <= set(one)]:
@@ -152,7 +152,7 @@ class Submission:
             found = tuple(kind() for kind in classes.values())
         if dumb := [one.name for one in found if not isinstance(one, Tunable)]:
             raise InputError(
-                f"--submission: {dumb[0]} does not declare tunable settings; give it with fixed settings in a case file"
+                f"--submission: {dumb[0]} does not declare tunable settings; submit it in a case file with fixed settings"
             )
         return cls(tuned=tuple(found))
 
@@ -164,7 +164,9 @@ class Submission:
             raise InputError(f"--submission: {given!r} needs the name of a case of the suite and [[controller]] tables")
         case = suite.case(name, controllers)
         if changed := [key for key, value in data.items() if suite.tables[name].get(key) != value]:
-            raise InputError(f"--submission: [{changed[0]}] of {given!r} is not that of the suite's case {name!r}; leave it out")
+            raise InputError(
+                f"--submission: [{changed[0]}] of {given!r} differs from that of the suite's case {name!r}; leave it out"
+            )
         for one in case.controllers:
             _require_sample_time(one.name, case, one, suite.sample_time(name))
         return cls(case=name, as_set=case.controllers)
@@ -176,7 +178,9 @@ def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -
     own = equations.sample_time if isinstance(equations, SampledEquations) else None
     if own != held:
         runs = "is continuous" if own is None else f"runs every {own:g} s"
-        raise InputError(f"--submission: {entry} {runs}; on the suite's case {case.name!r} all have sample_time = {held:g}")
+        raise InputError(
+            f"--submission: {entry} {runs}, but on the suite's case {case.name!r} all controllers have sample_time = {held:g}"
+        )
 
 
 def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:

@@ -15,14 +15,14 @@ from barbalat.pictures.theme import NARROW, Theme, dash_of, new_figure
 from barbalat.validate import Array
 
 MARKS = ("o", "s", "^", "D")
-TITLES = {"plant": "the case's own plant", "worst": "worst of the plants in the sample"}
+TITLES = {"plant": "the plant of the case", "worst": "worst of the plants in the sample"}
 SYMBOLS = {"gamma": "Γ", "kappa": "κ", "slope_ratio": "κ₂/κ", "tau": "τ", "covariance0": "P(0)"}
 
 
 def criteria(found: TradeOff) -> dict[str, str]:
     """Return one line on each criterion."""
     return {
-        "onset": "onset: until it is lost or in a limit cycle",
+        "onset": "onset: until the run is lost or in a limit cycle",
         "loss": f"loss: error grown by less than {found.by.lost.share:g} max |x$_m$|, with or without oscillation",
     }
 

@@ -208,9 +208,9 @@ class FrontCheck:
     def sentence(self) -> str:
         """The finding as a sentence."""
         count = validate.counted(len(self.tunings), "tuning")
-        again = f"{self.scheme}: of {count} on the fronts of the case's own plant, repeated at {self.simulation.step},"
+        again = f"{self.scheme}: of {count} on the fronts of the plant of the case, repeated at {self.simulation.step},"
         if not self.tunings:
-            return f"{self.scheme}: no tuning lies on a front of the case's own plant, and none was repeated at a finer step"
+            return f"{self.scheme}: no tuning lies on a front of the plant of the case, and none was repeated at a finer step"
         said = f"{again} none changes its result"
         if self.changed:
             first = next(iter(self.changed.values()))
@@ -282,15 +282,15 @@ def _require_motion(clouds: tuple[Cloud, ...]) -> None:
     if not any(np.isfinite(cloud.error).any() for cloud in clouds):
         tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
         raise InputError(
-            f"none of the tunings that were tried ({tried}) follows the model without a delay: in the last quarter |e| stays "
-            "above the largest |x_m|, or the run diverges"
+            f"none of the tunings that were tried ({tried}) tracks the model even without a delay: in the last quarter |e| "
+            f"stays above the largest |x_m|, or the run diverges"
         )
 
 
 def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion) -> list[str]:
     """Return sentences on what the plot does not show."""
     said = [
-        f"no tuning of {cloud.scheme} follows its model without a delay on the case's own plant"
+        f"no tuning of {cloud.scheme} tracks its model without a delay on the plant of the case"
         for cloud in clouds
         if not np.isfinite(cloud.error[:, 0]).any()
     ]

@@ -209,7 +209,7 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
     """Return the ranges for each tuned controller, by its index, and sentences on the omitted controllers."""
     names = [one.name for one in tuner.case.controllers]
     if controller is not None and controller not in names:
-        raise InputError(f"--controller must be one of the case's ({', '.join(names)}), got {validate.show(controller)}")
+        raise InputError(f"--controller must be a controller of the case ({', '.join(names)}), got {validate.show(controller)}")
     chosen = range(len(names)) if controller is None else [names.index(controller)]
     if space is None:
         return _own_spaces(tuner, chosen)
@@ -217,7 +217,8 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
     own = {place for place in places if isinstance(place, int)}
     if controller is None and None in places and len(names) > 1 and len(own) != 1:
         raise InputError(
-            f"select the controller to tune with --controller ({', '.join(names)}): --vary has numbers of several controllers"
+            f"select the controller to tune with --controller ({', '.join(names)}): --vary names parameters of several "
+            f"controllers"
         )
     if None in places or controller is not None:
         which = names.index(controller) if controller is not None else next(iter(own), 0)
@@ -269,7 +270,9 @@ def _require_steps(aim: Aim, case: Case) -> None:
     steps = "two steps, " * (case.simulation.tolerance is None)
     for one in aim.constraints:
         if DelayError() in one.quantity.errors and one.requirement.limit < shortest:
-            raise InputError(f"{one.requirement} requires less than can be simulated, {steps}{shortest:g} s")
+            raise InputError(
+                f"{one.requirement} requires less than the smallest delay that can be simulated, {steps}{shortest:g} s"
+            )
 
 
 def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
@@ -287,7 +290,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
     """Return sentences on the limitations of the result."""
     said, own = [], "the step" if tuner.case.simulation.tolerance is None else "the tolerance"
     if len(tuner.aim.family(tuner.case)) < tuner.aim.plants:
-        said.append("only the case's own plant was used: it has no known set from which other values of theta could be drawn")
+        said.append("only the plant of the case was used: it has no known set from which other values of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
             said.append(f"{name}: {_unmet(tuner, one)}; the case file keeps its original values")
@@ -316,8 +319,8 @@ def _unmet(tuner: Tuner, one: Tuned) -> str:
     if plants == 1:
         return f"the run diverges with each of {tunings}"
     return (
-        f"each of {tunings} diverges on at least one of the {plants} plants, the case's own and others of its known set. A "
-        f"smaller known set may help; --plants 1 uses only the case's own plant"
+        f"each of {tunings} diverges on at least one of the {plants} plants: that of the case and others of its known set. A "
+        f"smaller known set may help; --plants 1 uses only the plant of the case"
     )
 
 

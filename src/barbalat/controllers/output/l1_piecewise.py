@@ -117,7 +117,9 @@ class L1OutputPiecewiseConstant(Scheme):
         validate.label("name", self.name)
         if self.filter is None:
             raise InputError.of(
-                "filter", "must be a low pass of at least the model's relative degree, which C = 1 (kappa = 0) is not"
+                "filter",
+                "must be a low-pass filter whose relative degree is at least that of the model, which rules out C = 1 "
+                "(kappa = 0)",
             )
         validate.freeze(
             self,

@@ -71,6 +71,6 @@ class Equations:
 
     def sampled(self, T: float) -> SampledEquations:
         raise InputError(
-            "discretization = 'midpoint' is not known for the Lyapunov law of output feedback, whose predictor would need "
-            "the plant's gain (docs/sampled.md); use 'euler', or a law on the parametric model such as gradient"
+            "discretization = 'midpoint' is not available for the Lyapunov law of output feedback, because its predictor would "
+            "need the plant's gain (docs/sampled.md); use 'euler', or a law on the parametric model such as gradient"
         )

@@ -47,7 +47,7 @@ export function refusal(number, value) {
   const [low, high] = [values[0], values[values.length - 1]];
   if (!Number.isFinite(value)) return `${label}: write a number, such as ${number.value}.`;
   if (value < low || value > high) return `${label} must be from ${low} to ${high} here, got ${value}.`;
-  if (without.includes(value) || (value === 0 && !values.includes(0))) return `${label} can't be ${value}: that would be a different system.`;
+  if (without.includes(value) || (value === 0 && !values.includes(0))) return `${label} can't be ${value}, because that would be a different system.`;
   return "";
 }
 
@@ -56,11 +56,11 @@ export function exclusion(data, setting, i, value) {
   const number = data.numbers[i];
   const { t_end: tEnd, dt } = data.simulation;
   if (number.grids && value !== number.value && (setting.dt !== dt || setting.tEnd !== tEnd)) {
-    return `For another ${number.label}, the times of the command's jumps are known only for h = ${dt} s and a horizon of ${tEnd} s: restore those first.`;
+    return `For a different ${number.label}, the times of the command's jumps are known only for h = ${dt} s and a horizon of ${tEnd} s: restore those first.`;
   }
   const other = data.numbers[number.excludes.find((k) => setting.values[k] !== data.numbers[k].value)];
   if (!other || value === number.value) return "";
-  return `${number.label} changes the same entries of the loop as ${other.label} (${other.group}): put that one back to ${other.value} first.`;
+  return `${number.label} changes the same entries of the loop as ${other.label} (${other.group}): set the latter back to ${other.value} first.`;
 }
 
 // The value that is set: the given one if it is only copied, else the nearest value whose consequences are tabulated.

@@ -34,9 +34,9 @@ LONGEST_NAME = 16 - len("CC3_")
 LONGEST_LABELS, LONGEST_FORMAT = 64, 16
 """Largest lengths of the description of a log line: the names of its entries with commas, and their type letters."""
 TOLD = """
-Parameters that the controller refuses leave it unchanged and are reported once. They are tried again with each update, so that
-two bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in
-the table, not by its name: after another export, set all of them again before you fly.
+Parameters that the controller rejects leave it unchanged and are reported once. They are tried again with each update, so two
+bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in
+the table, not by its name: after a new export, set all of them again before you fly.
 """
 LINES = "123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
@@ -122,7 +122,7 @@ def parameters(printed: Printed) -> list[str]:
     if len(found) + OWN > MOST_PARAMETERS:
         most = MOST_PARAMETERS - OWN
         raise InputError(
-            f"ArduPilot has room for {most} parameters of a backend, and this case has {len(found)}: leave out --parameters"
+            f"ArduPilot has room for {most} backend parameters, but this case has {len(found)}: leave out --parameters"
         )
     names = []
     for one in found:

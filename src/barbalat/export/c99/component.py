@@ -46,7 +46,7 @@ def _require_distinct(present: Mapping[str, str]) -> None:
         if both := sorted(own & owner.keys()):
             raise InputError(
                 f"the names {owner[both[0]]} and {name} can't be in one folder because both exports would define {both[0]}: "
-                "choose another name"
+                f"choose a different name"
             )
         owner |= dict.fromkeys(own, name)
 
@@ -69,13 +69,13 @@ def require_apart(folder: Path, made: Iterable[str]) -> None:
     joint, where = any(file.endswith(HEADER) for file in made), validate.show(str(folder))
     if not joint and (found := sorted(present(folder))):
         raise InputError(
-            f"{where} holds exports with names ({', '.join(found)}), "
-            "and this export would replace their README.md: give it a name as well, or choose another folder"
+            f"{where} contains exports with names ({', '.join(found)}), and this export would replace their README.md: give it "
+            f"a name as well, or choose a different folder"
         )
     if joint and _is_export(folder / HEADER.removeprefix("_")):
         raise InputError(
-            f"{where} holds an export without a name, "
-            "and this export would replace its README.md: choose another folder, or export the other one again with a name"
+            f"{where} contains an export without a name, and this export would replace its README.md: choose a different "
+            f"folder, or export the other controller again with a name"
         )
 
 

@@ -92,7 +92,9 @@ def made_of(
     opened = Opened.of(problem.nominal, controller, simulation, tunable=True, place=place)
     made = Contents.of(problem, controller, simulation, real, opened=opened)
     if not made.parameters:
-        raise InputError(f"{controller.name} has no number that enters its operations unchanged, so there is no parameter to set")
+        raise InputError(
+            f"{controller.name} has no parameter that enters its operations unchanged, so no parameter can be set at run time"
+        )
     return made if real is FLOAT else made.replayed()
 
 
@@ -146,16 +148,16 @@ def readme(printed: Printed, *, closed_loop: bool = False, warning: str = "") ->
         **(PREDICTS if contents.loop.observer is not None else HOLDS),
         gap=GAP if any(part.path == "controller.span" for part in layout.parts) else "",
         shell=shell_readme(printed),
-        start_range=", lies outside its plausible range (see below) or" if in_ranges(printed, "x") else " or",
+        start_range=", is outside its plausible range (see below) or" if in_ranges(printed, "x") else " or",
         after_refusals=BEGINS_AGAIN
         if contents.around is None or contents.around.longest is None
-        else "It is a miss, see the longest outage.",
+        else "It counts as a miss: see the longest outage.",
         other_time=""
         if contents.around is not None and contents.around.band is not None
         else OTHER_TIME.format(contents.sample_time),
         decide=DECIDE
         if contents.around is None or contents.around.longest is None
-        else "In this export it ends with the longest outage.",
+        else "In this export, holding ends with the longest outage.",
         members=members,
         real=printed.real,
         log_size=len(logged(printed)),
@@ -165,15 +167,14 @@ def readme(printed: Printed, *, closed_loop: bool = False, warning: str = "") ->
     )
 
 
-BEGINS_AGAIN = """At the
-  second good sample in a row of that kind the controller begins again, as by a start that keeps the estimates and u within its
-  limits; from the tenth on with the initial estimates and with u at zero, or at the limit nearest to it."""
+BEGINS_AGAIN = """At the second consecutive good sample of that kind the controller restarts, as with a start that keeps the
+  estimates and keeps u within its limits; from the tenth on it restarts with the initial estimates and with u at zero, or at
+  the limit nearest to zero."""
 EXISTING = """
-- *The existing loop* stays in its own code. At each sample it gives its control, before the limits, in
+- *The existing loop* stays in its own code. At each sample it passes its control, before limiting, in
   `in.{measured}[{macro}_U_BASELINE]`: u is this control plus the adaptive part, and u_limited is the sum within the limits. If
   the existing loop has an integrator, pass u_limited to its anti-windup. The controller keeps a copy of the loop's states,
-  which the law needs. If this control is not a number, the sample counts as one without a measurement. A start ignores that
-  entry."""
+  which the law needs. If this control is NaN, the measurement of that sample counts as lost. A start ignores this entry."""
 
 
 def _handed(printed: Printed) -> str:
@@ -217,29 +218,32 @@ def _patent(printed: Printed) -> str:
 
 
 FROZEN_FEEDBACK = (
-    "\n  The estimate of this law is its only feedback: frozen, the loop is open, and an unstable vehicle is lost within seconds."
+    "\n  The estimate of this law is its only feedback: while it is frozen, the loop is open, and an unstable vehicle is lost "
+    "within seconds."
 )
 EULER_SWAPPING = (
-    " The swapping term of (14) still moves as if the law were active, because Euler's steps compute it only from the law's rate."
+    " The swapping term of (14) still changes as if the law were active, because the Euler steps compute it only from the rate "
+    "of the law."
 )
 
 OTHER_TIME = """\
-- *Another sample time* than {!r} s, by more than 0.1 %, is flagged, and the step is made as if the time were right: a wrong
-rate is better than no control. The error of a crystal, below 0.01 %, and the resolution of a clock of 1 us at a sample time of
-1 ms are accepted; a jitter of more than 0.1 % in the measured time is flagged at each sample, and is harmless.
+- *A wrong sample time*, which differs from {!r} s by more than 0.1 %, is flagged, and the step is made as if the time were
+right: a wrong rate is better than no control. The error of a crystal oscillator, below 0.01 %, and a clock resolution of 1 us
+at a sample time of 1 ms are accepted; a jitter of more than 0.1 % in the measured time is flagged at each sample but is
+harmless.
 """
 
-DECIDE = """You decide how long an outage may last before something else must take over: without a longest outage in the
-case's [shell] the controller does not count it."""
+DECIDE = """You decide how long an outage may last before something else must take over: unless the case's [shell] gives a
+longest outage, the controller does not count missed samples."""
 
 HOLDS = {"with_what": "the last good measurement and this u", "settle": "settle\n  for the last good sample"}
 PREDICTS = {
     "with_what": "what the observer predicts from this u",
-    "settle": "go on with\n  the observer's prediction, which for an unstable plant grows without bound",
+    "settle": "continue with\n  the observer's prediction, which for an unstable plant grows without bound",
 }
 """The input of the models and filters at a lost measurement, without and with an observer."""
-GAP = """ The prediction error accumulated over m samples is divided by m; otherwise the law would respond to all of it as if
-one sample had caused it."""
+GAP = """ The prediction error accumulated over m samples is divided by m; otherwise the law would respond as if a single
+sample had caused all of it."""
 
 LIBRARY = {"sqrt", "fabs", "floor", "ceil", "exp", "log", "sin", "cos", "tan", "tanh", "pow", "copysign"}
 """Operations that call math.h."""
@@ -259,8 +263,8 @@ def loop_program(made: PrintedPlant) -> str:
     count = plant.opened.whole_samples(count)
     if not count:
         raise InputError(
-            "loop.c replays samples up to the first jump inside a solver step, and here this jump is in the first step: "
-            "choose simulation.dt such that the signals jump at its multiples"
+            "loop.c replays samples up to the first jump inside a solver step, but here this jump is in the first step: choose "
+            "simulation.dt so that the signals jump at multiples of it"
         )
     macro, declared, given = printed.macro, [], []
     if plant.loop.signals.noise:

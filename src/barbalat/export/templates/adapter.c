@@ -4,7 +4,7 @@
 #include <stdint.h>
 
 uint64_t barbalat_refused = 0;
-int barbalat_in_a_row = 0; /* the count of refused results has no place in the simulation's state, because no simulation has any */
+int barbalat_in_a_row = 0; /* the count of rejected results has no place in the simulation's state, because a simulation rejects no results */
 
 void barbalat_sample(double *numbers, int64_t step);
 

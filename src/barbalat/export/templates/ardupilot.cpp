@@ -68,8 +68,8 @@ ${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
     return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
 }
 
-// Angle and rate in the case's units${units_said}. When a heading passes south, angle and command continue without a jump, in
-// the same turn. An angle more than half a turn from the command jumps by one turn, because the other way is then shorter.
+// Angle and rate in the case's units${units_said}. When a heading passes south, the angle and the command continue without a
+// jump, within the same revolution. If the angle is more than half a turn from the command, it jumps by one turn, because the other way is then shorter.
 bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
 {
     Quaternion body, target = _att_control->get_attitude_target_quat();
@@ -99,8 +99,8 @@ bool AC_CustomControl_${kind}::_measure(float *measured, float *r)
     return turned;
 }
 
-// The main controller's output remains on the ground and on the other axes. It returns until the first sample after a start is
-// accepted, if the state or the result is refused, and instead of any fallback of the case.
+// The output of the main controller is used on the ground and on the other axes. It is also used until the first sample after
+// a start is accepted, if the state or the result is rejected, and instead of any fallback of the case.
 Vector3f AC_CustomControl_${kind}::update(void)
 {
     Vector3f out{_motors->get_roll(), _motors->get_pitch(), _motors->get_yaw()};
@@ -141,7 +141,7 @@ ${handed}    if ((status & (${macro}_STATE_REFUSED | ${macro}_RESULT_REFUSED)) !
         return out;
     }
     if (first && (status & (${macro}_MEASUREMENT_LOST | ${macro}_COMMAND_LOST)) != 0u) {
-        _starting = true; // a lost first sample or command: nothing has begun
+        _starting = true; // the first sample or command was lost: nothing has begun
         return out;
     }
     _u = result.u_limited[0];

@@ -21,7 +21,7 @@ public:
     static const struct AP_Param::GroupInfo var_info[];
 
 protected:
-    // reads the axis's measurement and command [rad, rad/s]; returns whether the angle has moved to another turn
+    // reads the axis's measurement and command [rad, rad/s]; returns whether the angle has jumped by a turn
     bool _measure(float *measured, float *r);
     float *_axis_of(Vector3f &rpy) const;
 
@@ -29,9 +29,9 @@ protected:
     bool _starting; // whether the next update starts the controller
     bool _waiting; // whether the main controller acts until an outage ends
     bool _told; // whether an outage has been reported in this engagement
-    uint8_t _logged; // updates since the last line of the log
-    float _at; // [rad] the last angle, in the command's turn
-    float _command; // [rad] the last command, continued beyond half a turn
+    uint8_t _logged; // updates since the last log line
+    float _at; // [rad] last angle, unwrapped to the revolution of the command
+    float _command; // [rad] last command, unwrapped beyond half a turn
     float _u; // the last control
     float _period; // period of the main loop [s]
     uint64_t _last; // [us] time of the last update, if it is measured; 0 after a start

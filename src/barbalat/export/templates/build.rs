@@ -1,4 +1,4 @@
-// Compiles the exported C by the machine's cc, or by CC, as its README.md says, and archives it for the linker.
+// Compiles the exported C with the machine's cc, or with CC, as its README.md says, and archives it for the linker.
 use std::{env, path::PathBuf, process::Command};
 
 fn run(command: &mut Command) {

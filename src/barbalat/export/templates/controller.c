@@ -23,7 +23,7 @@ static int result_is_usable(const ${name}_controller *c)
     return ${usable_result};
 }
 
-/* Whether the whole state is in range. No sample leads out of range. */
+/* Whether the whole state is in range. A sample never brings the state out of range. */
 static int state_is_usable(const ${name}_controller *c)
 {
     return ${usable}
@@ -35,12 +35,12 @@ static void advance(${name}_controller *c, const ${name}_input *in)
 {
 ${advance}}
 
-/* Copies the state that a sample changes, number by number, so that the compiler can drop copies that are not needed. */
+/* Copies the state that a sample changes, value by value, so that the compiler can drop copies that are not needed. */
 static void copy(${name}_controller *to, const ${name}_controller *from)
 {
 ${copied}}
 
-/* Bumpless start: u begins at the present position of the actuator, and the difference fades out. */
+/* Bumpless start: u begins at the current position of the actuator, and the difference fades out. */
 static void fade(${name}_controller *c)
 {
     int i;
@@ -58,7 +58,7 @@ static void fade(${name}_controller *c)
     }
 }
 
-/* Without a measurement the control is held, and a fade pauses, so that u does not jump at the next good sample. */
+/* If there is no measurement, the control is held and a fade pauses, so that u does not jump at the next good sample. */
 static void hold(${name}_controller *c)
 {
     int i;
@@ -72,15 +72,15 @@ static void begin(${name}_controller *c, ${begin_argument}int keep_estimates)
 {
 ${start}}
 
-${limit}${come_back}${fall_back}${refuse}${parameter_change}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
+${limit}${come_back}${fall_back}${refuse}${parameter_change}/* Advances to this sample, measured or lost, and returns 1; returns 0 and changes nothing if the result would be out of range. */
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured${commanded})
 {
     int i;
-    int bumped = 0; /* whether the bump changes */
+    int bumped = 0; /* whether the bump offset changes */
     ${name}_controller before;
     copy(&before, c);
     if (measured ${good} || c->${started}[0] > 0) {
-${advances}    } else { /* nothing has begun, and the measurement is already the held one */
+${advances}    } else { /* nothing has begun, and the measurement is already the held value */
         for (i = 0; i < ${macro}_COMMANDS; ++i) {
             c->${last_r}[i] = in->r[i];
         }
@@ -104,7 +104,7 @@ ${accepted}    for (i = 0; i < ${macro}_INPUTS; ++i) {
     return 1;
 }
 
-${shell_functions}${shell_timer}/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen${predicts}. */
+${shell_functions}${shell_timer}/* Replaces a lost command with the last good command, and a lost measurement with the last good measurement while the estimates are frozen${predicts}. */
 static void take(${kept_const}${name}_controller *c, ${name}_input *in, int *measured, ${commanded_taken}unsigned *status)
 {
     int i;

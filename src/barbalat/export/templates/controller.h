@@ -9,15 +9,15 @@
 
 #define ${macro}_EXPORT ${mark}
 #define ${macro}_SAMPLE_TIME ${sample_time} /* sample time of the controller [s] */
-#define ${macro}_RANGE ${range} /* largest size of a measurement, a command or a state; larger ones are refused */
-${sizes}#define ${macro}_REFUSALS ${refusals} /* number of refused results in a row after which it restarts with the initial estimates */
+#define ${macro}_RANGE ${range} /* largest magnitude of a measurement, a command or a state; larger values are rejected */
+${sizes}#define ${macro}_REFUSALS ${refusals} /* number of consecutive rejected results after which it restarts with the initial estimates */
 ${limits}${shell_macros}${log_macros}${parameter_macros}
 /* Status bits of a step, possibly several, and of a start. */
 #define ${macro}_OK 0u
 #define ${macro}_WRONG_SAMPLE_TIME 1u /* called at a wrong time, off by more than ${tolerated}: ${wrong_time} */
 #define ${macro}_MEASUREMENT_LOST 2u /* an entry of the measurement is NaN or out of range: see ${name}_step */
 #define ${macro}_STATE_REFUSED 4u /* the state was NaN or out of range: u is held, and the controller starts again */
-#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: ${result_refused} */
+#define ${macro}_RESULT_REFUSED 8u /* the result of the step would have been out of range: ${result_refused} */
 #define ${macro}_COMMAND_LOST 16u /* an entry of the command is NaN or out of range: see ${name}_step */
 #define ${macro}_START_REFUSED 32u /* returned by ${name}_start, which changed nothing: an argument is NaN or out of range${start_range} */
 
@@ -32,7 +32,7 @@ ${members}    ${real} last_u[${macro}_INPUTS]; /* the last control, which is hel
     long fade; /* samples over which it fades out */
     long fade_left; /* remaining samples of the fade */
     int matching; /* 1 until the first sample after a start */
-    int refused; /* good samples in a row whose result was out of range */
+    int refused; /* consecutive good samples whose result was out of range */
 ${shell_members}} ${name}_controller;
 
 typedef struct {
@@ -55,22 +55,22 @@ ${log_members}} ${name}_log;
 /* The state in which the simulation starts. */
 void ${name}_init(${name}_controller *c);
 
-/* The same, but the last control is still held if an input is refused. */
+/* Like init, but the last control is still held if an input is rejected. */
 void ${name}_reset(${name}_controller *c);
 
 /*
  * ${start_comment}
- * u_now is the present control of the actuator: the first control equals it, and the difference from the controller's own control
- * fades out over this number of samples, at most 1e9. keep_estimates: if nonzero, the estimates are kept.
+ * u_now is the current command to the actuator: the first control equals it, and the difference from the control that the
+ * controller computes fades out over this number of samples, at most 1e9. keep_estimates: if nonzero, the estimates are kept.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
 unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
     int keep_estimates);
 
 /*
- * One sample. Call it every ${macro}_SAMPLE_TIME, also without a measurement (then pass NaN), apply u at once and hold it
+ * One sample. Call it every ${macro}_SAMPLE_TIME, even without a measurement (then pass NaN), apply u at once and hold it
  * until the next call. Returns the status.
- * A lost measurement: u is held, and everything else continues with ${with_what}, with the estimates frozen.
+ * A lost measurement: u is held, and everything else continues with ${with_what} while the estimates are frozen.
  * A lost command: the last good command replaces it, and the controller continues normally.
  * Until the first good measurement after init, reset or start the state does not advance and u is held${first_misses}.
 ${shell_comment} */

@@ -1,5 +1,5 @@
 /*
- * All controllers of this folder. Written by barbalat, and rewritten with each export into the folder.
+ * All controllers of this folder. Written by barbalat; each export into the folder rewrites this file.
  */
 #ifndef CONTROLLERS_H
 #define CONTROLLERS_H

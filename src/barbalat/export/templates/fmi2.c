@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * All functions of FMI 2.0 (https://fmi-standard.org), for Co-Simulation; the functions of Model Exchange exist and refuse.
+ * All functions of FMI 2.0 (https://fmi-standard.org), for Co-Simulation; the Model Exchange functions exist but return an error.
  */
 #include "fmu_instance.h"
 

@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * All functions of FMI 3.0 (https://fmi-standard.org), for Co-Simulation; the functions of the other interfaces exist and refuse.
+ * All functions of FMI 3.0 (https://fmi-standard.org), for Co-Simulation; the functions of the other interfaces exist but return an error.
  */
 #include "fmu_instance.h"
 

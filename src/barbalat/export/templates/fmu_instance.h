@@ -22,14 +22,14 @@ enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED };
 typedef struct {
     model m;
     double start; /* [s] */
-    double steps; /* number of steps of MODEL_STEP since the start, a whole number */
+    double steps; /* number of steps of MODEL_STEP since the start, an integer */
     int stage;
 } fmu_state;
 
 typedef struct {
     char mark[sizeof MODEL_TOKEN];
     fmu_state state;
-} fmu_saved; /* the form written to a file */
+} fmu_saved; /* the format written to a file */
 
 static void clear(fmu_state *s)
 {
@@ -43,7 +43,7 @@ static double now(const fmu_state *s)
     return s->start + s->steps * MODEL_STEP;
 }
 
-/* Calculated values follow from all values that were set, also before the start. */
+/* Calculated values follow from all values that were set, even before the start. */
 static void refresh(fmu_state *s)
 {
     if (s->stage <= INITIALIZING) {
@@ -75,7 +75,7 @@ static const char *set_real(fmu_state *s, unsigned reference, double value)
         return "this variable can't be set now: it is an output, or a parameter that is fixed after the start";
     }
     if (when != 'i' && !isfinite(value)) {
-        return "a parameter must be a finite number"; /* the controller itself refuses such an input, with a status */
+        return "a parameter must be a finite number"; /* the controller itself rejects such an input and reports it in its status */
     }
     if ((when == 'T' || when == 'S') && !(value > 0.0)) {
         return "this parameter must be above 0, see modelDescription.xml";
@@ -84,7 +84,7 @@ static const char *set_real(fmu_state *s, unsigned reference, double value)
     return NULL;
 }
 
-/* Sets all real values of one call, or none of them. Before the start parameters may be set in any order. */
+/* Sets all real values of one call, or none of them. Before the start, parameters may be set in any order. */
 static const char *set_reals(fmu_state *s, const unsigned references[], size_t count, const double values[])
 {
     double before[MODEL_REALS];
@@ -135,7 +135,7 @@ static const char *begin(fmu_state *s)
     return what;
 }
 
-/* Advance from the communication point by a whole number of the model's own steps; returns the fault and its severity. */
+/* Advance from the communication point by a whole number of model steps; returns the fault and its severity. */
 static const char *advance_by(fmu_state *s, double point, double size, int *grade)
 {
     const double ratio = size / MODEL_STEP, count = floor(ratio + 0.5);

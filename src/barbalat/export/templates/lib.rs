@@ -1,4 +1,4 @@
-//! The exported controller ${name}: a safe wrapper of its C. README.md describes the functions.
+//! The exported controller ${name}: a safe wrapper around its C. README.md describes the functions.
 
 use std::ffi::{c_int, c_long, c_uint, c_void};
 
@@ -20,7 +20,7 @@ ${set_declared}    #[allow(clippy::too_many_arguments)]
         freeze: c_int, u: *mut ${number}, u_limited: *mut ${number}, theta_hat: *mut ${number}) -> c_uint;
 }
 
-/// The result of a step; `status` has the bits of controller.h, 0 if there is no fault.
+/// The result of a step; `status` contains the status bits of controller.h and is 0 if there is no fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Output {
     pub u: [${number}; INPUTS],
@@ -53,7 +53,7 @@ impl Controller {
         self.kept.as_mut_ptr().cast()
     }
 
-    /// The same, but the last control is still held if an input is refused.
+    /// Like `init`, but the last control is still held if an input is rejected.
     pub fn reset(&mut self) {
         unsafe { ${name}_reset(self.at()) }
     }

@@ -1,7 +1,7 @@
 /*
  * ${origin}
- * The exported controller closes the loop with the exported plant. Exit code 0: ${samples} samples of both agree with the
- * simulation in every bit; with a controller of 32 bits the program shows the largest differences instead.
+ * The exported controller closes the loop with the exported plant. Exit code 0: ${samples} samples of both agree bit for bit
+ * with the simulation; for a 32-bit controller the program shows the largest differences instead.
  */
 #include "controller.h"
 #include "plant.h"

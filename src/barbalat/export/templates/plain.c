@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * The controller with plain arguments: its state is ${name}_size() bytes of the caller.
+ * The controller with plain arguments: its state is stored in ${name}_size() bytes that the caller provides.
  */
 #include "${header}"
 #include <stddef.h>

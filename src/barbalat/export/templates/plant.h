@@ -1,7 +1,7 @@
 /*
  * ${origin}
  *
- * The plant from the control to the measurement, integrated by the solver's own steps. Compile as ISO C: -std=c99 -ffp-contract=off.
+ * The plant from the control to the measurement, integrated with the steps of the solver. Compile as ISO C: -std=c99 -ffp-contract=off.
  */
 #ifndef ${macro}_PLANT_H
 #define ${macro}_PLANT_H
@@ -9,7 +9,7 @@
 #define ${macro}_PLANT_STEP ${dt} /* [s] of the solver */
 #define ${macro}_PLANT_STEPS_PER_SAMPLE ${steps}
 ${sizes}
-/* A step uses the disturbances at these fractions of it, in this order: ${nodes}. */
+/* A step uses the disturbances at these fractions of its length, in this order: ${nodes}. */
 
 #ifdef __cplusplus
 extern "C" {
@@ -25,7 +25,7 @@ ${inputs}} ${name}_plant_input;
 void ${name}_plant_init(${name}_plant *p);
 void ${name}_plant_reset(${name}_plant *p);
 
-/* The present measurement, for the controller. The control in the input does not affect it. */
+/* The current measurement, for the controller. The control in the input does not affect it. */
 void ${name}_plant_measure(const ${name}_plant *p, const ${name}_plant_input *in, double y[${macro}_PLANT_OUTPUTS]);
 
 /* One solver step. */

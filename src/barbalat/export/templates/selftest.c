@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * Exit code 0: the ${samples} test vectors agree in every bit, and everything else behaves as README.md says.
+ * Exit code 0: the ${samples} test vectors agree bit for bit, and everything else behaves as README.md says.
  */
 #include "controller.h"
 #include <stdint.h>
@@ -144,7 +144,7 @@ ${state_tests}    c.fade = -1L;
     require(replay(&c, SAMPLES < 50 ? SAMPLES : 50) == (SAMPLES < 50 ? SAMPLES : 50), "reset is not a fresh start");
 }
 
-/* Lost samples, also before the first good one: u and the state agree with the simulation with the same losses. */
+/* Lost samples, including losses before the first good sample: u and the state agree with the simulation with the same losses. */
 static void test_losses(void)
 {
     ${name}_controller c;
@@ -168,7 +168,7 @@ static void test_losses(void)
     }
 ${lossy_tests}}
 
-/* A bad measurement repeats the last good one, frozen, and holds u. The last good command replaces a bad one. */
+/* After a bad measurement the last good one is repeated, the estimates are frozen and u is held. The last good command replaces a bad command. */
 static void test_refused(${real} bad, int in_command)
 {
     ${name}_controller c, other;
@@ -203,7 +203,7 @@ ${mirror_command}        require(same(out.u, expected.u, ${macro}_INPUTS), "a wr
     }
 }
 
-/* A first sample that would lead out of range, here because of the fade: nothing changes. */
+/* If the result of the first sample would be out of range, here because of the fade, nothing changes. */
 static void test_result(void)
 {
     ${name}_controller c, before;
@@ -217,7 +217,7 @@ static void test_result(void)
     c.fade_left = 1L;
     beyond = c.bump[0] + controls[${fade_from}][0];
     if (beyond >= -${macro}_RANGE && beyond <= ${macro}_RANGE) {
-        return; /* this control vanishes in the rounding of such a large number */
+        return; /* this control is lost in the rounding of such a large number */
     }
     before = c;
     in.sample_time = ${off};
@@ -267,7 +267,7 @@ ${limit_tests}    ${name}_reset(&c);
     c.fade = 0L;
     c.fade_left = 1L;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a fade that never ends is not refused");
-    /* a held control is applied within the limits: from below the lower to above the upper one, and at both */
+    /* a held control is applied within the limits: tested from below the lower limit to above the upper limit, and at both limits */
     for (k = -4; k <= 20; ++k) {
         ${name}_init(&c);
         in.${measured}[0] = 2 * ${macro}_RANGE;
@@ -283,7 +283,7 @@ ${limit_tests}    ${name}_reset(&c);
     }
 }
 
-/* Far outside the simulated range, with inputs up to the range: the outputs stay finite, within limits, and reported. */
+/* Far outside the simulated region, with inputs up to the range, the outputs stay finite and within limits, and violations are reported. */
 static void test_hard_inputs(void)
 {
     ${name}_controller c;
@@ -324,7 +324,7 @@ ${frozen_tests}        (void)before;
     }
 }
 
-/* If the controller's own control is not zero, the first is u_now, and the difference fades out; it waits during a lost sample. */
+/* If the control that the controller computes is not zero, the first control is u_now, and the difference fades out; the fade pauses during a lost sample. */
 static void test_fade(void)
 {
     ${name}_controller c;
@@ -364,7 +364,7 @@ static void test_fade(void)
     }
 }
 
-/* A bump beyond the range, with one sign or the other, is refused if u is large enough to move it beyond. */
+/* A bump offset of either sign is rejected if u is large enough to move it beyond the range. */
 static void test_bump_out_of_range(void)
 {
     const ${name}_input in = sample(${fade_from});
@@ -421,7 +421,7 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
     (void)${name}_start(&c, ${start_argument}u_now, 0L, 1);
     require(${name}_step(&c, &in, &out) == ${macro}_OK && same(out.u, own.u, ${macro}_INPUTS),
         "a start without a fade is not the controller's own control");
-    for (i = 0; i < 2; ++i) { /* a start beyond the limits begins at them */
+    for (i = 0; i < 2; ++i) { /* a start beyond the limits begins at the limits */
         ${real} ends[${macro}_INPUTS], beyond[${macro}_INPUTS];
         int j;
         for (j = 0; j < ${macro}_INPUTS; ++j) {

@@ -1,7 +1,7 @@
 #define CHOSEN ${count}
 #define NUMBERS ${numbers}
 
-/* Single samples, chosen because the simulation's run does not reveal some faults of the arithmetic: see README.md. */
+/* Single samples, chosen because the simulated run does not reveal some faults of the arithmetic: see README.md. */
 static const ${real} chosen_before[CHOSEN][NUMBERS] = {
 ${before_rows}};
 static const ${real} chosen_measured[CHOSEN][${macro}_MEASURED] = {

@@ -84,8 +84,8 @@ def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb,
     bits = max(abs(top) * (denominator // bottom) for top, bottom in fractions).bit_length()
     if n > 2 and bits > _WIDEST_ENTRIES:
         raise ArithmeticError(
-            f"the eigenvalues of a matrix ({n}, {n}) need entries that fit into {_WIDEST_ENTRIES} bits together, got {bits}: "
-            "they are too far apart"
+            f"the eigenvalues of a matrix ({n}, {n}) need entries that together fit into {_WIDEST_ENTRIES} bits, got {bits}: "
+            f"their magnitudes are too far apart"
         )
     integers = fmpz_mat(n, n, [top * (denominator // bottom) for top, bottom in fractions])
     # The stub of python-flint 0.9 types the (root, multiplicity) pairs as single roots.
@@ -107,7 +107,9 @@ def require_hurwitz(A: FloatMatrix) -> None:
             unstable = any(part >= 0 for part in real_parts)
             quoted = float(largest.mid())
         if unstable or bits >= _SPECTRUM_BITS_LIMIT:
-            raise ValueError(f"the L1 norm requires a certainly Hurwitz matrix A, but the largest real part is {quoted:.6g}")
+            raise ValueError(
+                f"the L1 norm requires a matrix A that is certainly Hurwitz, but the largest real part is {quoted:.6g}"
+            )
         bits *= 2
 
 

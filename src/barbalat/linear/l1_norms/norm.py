@@ -313,7 +313,7 @@ def _checked(A: ArrayLike, B: ArrayLike | None, C: ArrayLike | None, D: ArrayLik
     a, b, c, d = given
     n, (p, m) = a.shape[0], d.shape
     if a.shape != (n, n) or b.shape != (n, m) or c.shape != (p, n) or p == 0 or m == 0:
-        raise ValueError(f"shapes do not form a system: A {a.shape}, B {b.shape}, C {c.shape}, D {d.shape}")
+        raise ValueError(f"the shapes do not form a system: A {a.shape}, B {b.shape}, C {c.shape}, D {d.shape}")
     if not all(np.isfinite(matrix).all() for matrix in given):
         raise ValueError("A, B, C and D must have finite entries")
     return System(a, b, c, d)

@@ -219,7 +219,9 @@ def _require_fitting(
     shape: LoopShape, lanes: int, sample: Program | None, watch: Program | None, outside: ExternalFunction | None
 ) -> None:
     if (sample is None) != (shape.sample_every == 0):
-        raise ValueError("a loop with a sampled part needs a shape with sample_every, and one without it a shape without")
+        raise ValueError(
+            "a loop with a sampled part needs a shape with sample_every, and a loop without one needs a shape without it"
+        )
     if shape.in_pieces and shape.delayed:
         raise ValueError("a step that remembers its past is not made in pieces")
     if shape.recalled is not None and shape.delayed:

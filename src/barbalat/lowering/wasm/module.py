@@ -42,7 +42,7 @@ def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
     sections = _sections(_object_file(source))
     imported = _imported(sections.pop(_Section.IMPORTS))
     if lacking := sorted(imported.keys() - {"__linear_memory", "__stack_pointer"}):
-        raise ValueError(f"WebAssembly has no {', '.join(lacking)}, and a module has no functions from outside")
+        raise ValueError(f"WebAssembly has no {', '.join(lacking)}, and the modules import no functions")
     pages = imported["__linear_memory"]
     if "__stack_pointer" in imported:
         if not stack_bytes:

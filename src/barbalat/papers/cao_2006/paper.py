@@ -9,6 +9,8 @@ PAPER = Paper(
     package=__package__,
     title="Are Phase and Time-delay Margins Always Adversely Affected by High-Gain?",
     introduction=""
-    "The statements in the abstract of the paper by Cao, Patel, Reddy, Hovakimyan, Lavretsky and Wise (AIAA 2006-6347), measured on the class of plants that it names: a linear\nsystem under a constant disturbance. Only the abstract was available; the plant, gains and filters are ours.",
+    "The statements in the abstract of the paper by Cao, Patel, Reddy, Hovakimyan, Lavretsky and Wise (AIAA 2006-6347), "
+    "measured on the class of plants that it names: a linear\nsystem under a constant disturbance. Only the abstract was "
+    "available; the plant, the gains and the filters are our own.",
     coverage=COVERAGE,
 )

@@ -13,100 +13,136 @@ def _change(date: str, before: Finding | None, after: Finding, what: str) -> Cha
 
 CHANGED: dict[str, tuple[Change, ...]] = {
     "minus-mu-s": (
-        _change("2026-11-25", "fails", "holds", "the literal reading had required agreement at every tau of the robust MRAC; the sentence says 'may', for which one instance is sufficient"),
+        _change("2026-11-25", "fails", "holds", "the literal reading had required agreement at every tau of the robust MRAC; "
+        "the sentence says 'may', for which one instance is sufficient"),
     ),
     "tau-error": (
         _change("2026-11-25", "holds", "holds", "the reading now says what is tested; the test is unchanged"),
         _change(REFEREE, "holds", "holds", "the headline says that nu is read off the runs and that (14) has its sign corrected"),
     ),
     "same-lyapunov": (
-        _change("2026-11-25", "holds", "mixed", "the filter beyond the limit has kappa = 1 s: with the former 0.5 s the growth in 20 s was too slow to be distinguished from the response to the command"),
-        _change(AUDIT, "mixed", "holds", "the literal reading had also required a filter beyond the limit, which the sentence does not mention; that reading is supplementary now"),
+        _change("2026-11-25", "holds", "mixed", "the filter beyond the limit has kappa = 1 s: with the former 0.5 s the growth "
+        "in 20 s was too slow to be distinguished from the response to the command"),
+        _change(AUDIT, "mixed", "holds", "the literal reading had also required a filter beyond the limit, which the sentence "
+        "does not mention; that reading is supplementary now"),
     ),
     "robust-mrac-better": (
         _change(AUDIT, "fails", "holds if", "a reading with the paper's filter (6) was missing"),
-        _change(AUDIT, "holds if", "fails", "delays, previously known to a factor of two, are now bisected; equally many tunings of each side are compared"),
-        _change(REFEREE, "fails", "holds", "for 'can' one instance is sufficient, compared with Section V's L1-AC; the literal reading had required that every tuning of L1-AC be beaten, which no-advantage decides"),
-        _change(REFEREE, "holds", "fails", "one tuning out of 64 had been compared with an untuned L1-AC, which seven of the tuned L1-ACs beat too; both sides are tuned now, and the comparison with Section V's L1-AC is supplementary"),
+        _change(AUDIT, "holds if", "fails", "delays, previously known to a factor of two, are now bisected; equally many "
+        "tunings of each side are compared"),
+        _change(REFEREE, "fails", "holds", "for 'can' one instance is sufficient, compared with Section V's L1-AC; the literal "
+        "reading had required that every tuning of L1-AC be beaten, which no-advantage decides"),
+        _change(REFEREE, "holds", "fails", "one tuning out of 64 had been compared with an untuned L1-AC, which seven of the "
+        "tuned L1-ACs beat too; both sides are tuned now, and the comparison with Section V's L1-AC is supplementary"),
     ),
     "no-advantage": (
-        _change(AUDIT, "fails", "fails", "the quotation now includes the paper's reason, the robust MRAC, so the row compares with that"),
-        _change(REFEREE, "fails", "fails", "only this row now decides about tunings that no tuning of the other side beats; robust-mrac-better has its own literal reading"),
+        _change(AUDIT, "fails", "fails", "the quotation now includes the paper's reason, the robust MRAC, so the row compares "
+        "with that"),
+        _change(REFEREE, "fails", "fails", "only this row now decides about tunings that no tuning of the other side beats; "
+        "robust-mrac-better has its own literal reading"),
     ),
     "filter-reduces-margins": (
-        _change(AUDIT, "fails", "fails", "the quotation ends where another claim, the bias, begins; at equal error both sides are tuned by one rule, and filters of two slopes are included"),
-        _change(REFEREE, "fails", "fails", "it quotes Section VI, which it names first; the abstract's sentence has its own entry in the table of coverage"),
+        _change(AUDIT, "fails", "fails", "the quotation ends before the next claim, the bias; at equal error both sides are "
+        "tuned by one rule, and second-order filters (two slopes) are included"),
+        _change(REFEREE, "fails", "fails", "it quotes Section VI, which it names first; the sentence of the abstract has a "
+        "separate entry in the table of coverage"),
     ),
     "bias-kappa": (
-        _change(AUDIT, "mixed", "mixed", "proportionality is required at Section V's kappa, no longer over the range that Theorem 1 admits"),
+        _change(AUDIT, "mixed", "mixed", "proportionality is required at Section V's kappa, no longer over the range that "
+        "Theorem 1 admits"),
     ),
     "no-numerical-problems": (
         _change(AUDIT, None, "holds if", "its literal reading was written together with its measurement"),
-        _change(AUDIT, "holds if", "holds", "the literal reading had required it at every tau; the sentence concerns Section V's settings"),
+        _change(AUDIT, "holds if", "holds", "the literal reading had required it at every tau; the sentence concerns Section "
+        "V's settings"),
     ),
     "exponential-convergence": (
-        _change(AUDIT, "holds if", "fails", "the condition replaced the paper's own law (15), which a weaker reading must include; that reading is supplementary now"),
+        _change(AUDIT, "holds if", "fails", "the condition replaced law (15) of the paper, which a weaker reading must "
+        "include; that reading is supplementary now"),
     ),
     "stiff-solvers": (
-        _change(AUDIT, "fails", "fails", "the ringing is judged where it occurs, from 0.5 to 6.4 s, with its drift removed; each implicit method is tried at all gains"),
+        _change(AUDIT, "fails", "fails", "the ringing is judged where it occurs, from 0.5 to 6.4 s, with its drift removed; "
+        "each implicit method is tried at all gains"),
         _change(REFEREE, "fails", "fails", "the headline now states the number that decides and that no singularity was found"),
     ),
     "oscillation-without-filter": (
-        _change(REFEREE, "holds", "holds", "'cannot' requires a search for a filter that can; the row had tried only Section V's"),
+        _change(REFEREE, "holds", "holds", "'cannot' requires a search for a filter that can; the row had tried only Section "
+        "V's"),
     ),
     "sampled-delay": (
-        _change(REFEREE, "holds", "holds", "the statement now says what its literal reading tests, a shorter delay; it had said that no robustness is left"),
+        _change(REFEREE, "holds", "holds", "the statement now says what its literal reading tests, a shorter delay; it had said "
+        "that no robustness is left"),
     ),
     "own-oscillation": (
         _change(AUDIT, "mixed", "mixed", "ringing is now measured as in stiff-solvers"),
-        _change(REFEREE, "mixed", "holds if", "the literal reading compares the equations' ringing with Figure 3's in every second of the run; it had judged the last quarter, and the motion without projection, which the sentence does not mention"),
+        _change(REFEREE, "mixed", "holds if", "the literal reading compares the equations' ringing with Figure 3's in every "
+        "second of the run; it had judged the last quarter, and the motion without projection, which the sentence does not "
+        "mention"),
     ),
     "gain-reduces-margins": (
-        _change(AUDIT, "mixed", "mixed", "a high gain is compared with a moderate one; the literal reading had required a fall with every increase"),
-        _change(REFEREE, "mixed", "holds", "the comparison is between the highest and the lowest gain of the sweep, the rule for a sentence without an example; Gamma = 10 had been the moderate gain"),
-        _change(REFEREE, "holds", "mixed", "the quoted sentence spoke of the literature; Section III.B's is quoted instead and read at Section V's settings, Gamma = 10 and 1e4; the ends of the sweep are supplementary"),
-        _change(REFEREE, "mixed", "holds", "that sentence concerns only the MRAC schemes of Section III, as its beginning says; the quotation now includes that beginning, and L1-AC's reading is supplementary"),
+        _change(AUDIT, "mixed", "mixed", "a high gain is compared with a moderate one; the literal reading had required a fall "
+        "with every increase"),
+        _change(REFEREE, "mixed", "holds", "the comparison is between the highest and the lowest gain of the sweep, the rule "
+        "for a sentence without an example; Gamma = 10 had been the moderate gain"),
+        _change(REFEREE, "holds", "mixed", "the quoted sentence spoke of the literature; Section III.B's is quoted instead and "
+        "read at Section V's settings, Gamma = 10 and 1e4; the ends of the sweep are supplementary"),
+        _change(REFEREE, "mixed", "holds", "that sentence concerns only the MRAC schemes of Section III, as its beginning says; "
+        "the quotation now includes that beginning, and L1-AC's reading is supplementary"),
     ),
     "filtered-mrac": (
-        _change(AUDIT, "holds if", "fails", "the condition C = 1, which no MRAC could fail, was replaced by two that an MRAC can fail, faster filters"),
+        _change(AUDIT, "holds if", "fails", "the condition C = 1, which no MRAC could fail, was replaced by two that an MRAC "
+        "can fail, faster filters"),
         _change(REFEREE, "fails", "holds if", "the weaker reading with the predictor (8) in MRAC was missing"),
-        _change(REFEREE, "holds if", "fails", "that reading restricts no setting, and no MRAC could fail it: (3), (7), (8) with C are (5)-(8); it is supplementary now"),
+        _change(REFEREE, "holds if", "fails", "that reading restricts no setting, and no MRAC could fail it: (3), (7), (8) with "
+        "C are (5)-(8); it is supplementary now"),
     ),
     "kappa-0.05": (
-        _change(AUDIT, "holds if", "erratum", "the rule on rounding was added: a limit that is rounded to its unsafe side fails, and the correction adds the missing digit"),
+        _change(AUDIT, "holds if", "erratum", "the rule on rounding was added: a limit that is rounded to its unsafe side "
+        "fails, and the correction adds the missing digit"),
     ),
     "part-iii": (
-        _change(REFEREE, "fails", "mixed", "the sentence concerns both schemes, so each now has its own literal reading; the row had tested only L1-AC"),
+        _change(REFEREE, "fails", "mixed", "the sentence concerns both schemes, so each now has its own literal reading; the "
+        "row had tested only L1-AC"),
     ),
     "figures-2-5": (
-        _change(REFEREE, "holds", "holds", "three checks of statements that the paper does not make were removed, and statements that another row decides are no longer counted here"),
-        _change(REFEREE, "holds", "holds", "it now quotes the captions that are tested; it had quoted a sentence that only names the figures"),
+        _change(REFEREE, "holds", "holds", "three checks of statements that the paper does not make were removed, and "
+        "statements that another row decides are no longer counted here"),
+        _change(REFEREE, "holds", "holds", "it now quotes the captions that are tested; it had quoted a sentence that only "
+        "names the figures"),
     ),
     "siso-any-relative-degree": (
-        _change(REFEREE, "holds", "holds", "the literal readings are measured with law (15), pure least squares; the plain command had used the gradient law"),
+        _change(REFEREE, "holds", "holds", "the literal readings are measured with law (15), pure least squares; the plain "
+        "command had used the gradient law"),
     ),
     "lemma-1-small": (
-        _change(REFEREE, "holds if", "fails", "the condition, single runs of Section V, replaced one constant for all signals by a constant for each run, which always exists; it is supplementary now"),
+        _change(REFEREE, "holds if", "fails", "the condition, single runs of Section V, replaced one constant for all signals "
+        "by a constant for each run, which always exists; it is supplementary now"),
     ),
     "l1-against-pi": (
-        _change(REFEREE, "holds if", "fails", "the condition, a filter of two slopes, replaced the paper's filter (6), which the statement names; it is supplementary now"),
+        _change(REFEREE, "holds if", "fails", "the condition, a filter of two slopes, replaced the paper's filter (6), which "
+        "the statement names; it is supplementary now"),
     ),
     "smaller-gain": (
-        _change(REFEREE, "holds", "holds", "the headline now says that there is no modelling error and what delay that MRAC tolerates"),
+        _change(REFEREE, "holds", "holds", "the headline now says that there is no modelling error and what delay that MRAC "
+        "tolerates"),
     ),
     "l1-margins": (
-        _change(REFEREE, "mixed", "mixed", "it is now a statement of ours about Section V's plant; it had quoted an abstract about another class of plants, which reproduce cao_2006 measures"),
+        _change(REFEREE, "mixed", "mixed", "it is now our own statement about Section V's plant; it had quoted an abstract "
+        "about a different class of plants, which reproduce cao_2006 measures"),
     ),
     "c-of-20": (
         _change(AUDIT, None, "holds if", "its literal reading was written together with its measurement"),
-        _change(REFEREE, "holds if", "holds", "the paper's sentence is about a publication that is not available; the row now measures a statement of ours, that one C exists"),
+        _change(REFEREE, "holds if", "holds", "the paper's sentence is about a publication that is not available; the row now "
+        "measures our own statement that one C exists"),
     ),
     "tau-range": (
         _change(AUDIT, None, "holds", "its literal reading was written together with its measurement"),
-        _change(REFEREE, "holds", "holds", "no measurement can refute the theorem, which does not give Delta*; the row now measures a statement of ours about one delay"),
+        _change(REFEREE, "holds", "holds", "no measurement can refute the theorem, which does not give Delta*; the row now "
+        "measures our own statement about one delay"),
     ),
     "l1-mrac-in-flight": (
-        _change(AUDIT, None, "mixed", "it replaced a row that had substituted our vehicles for Ref. 24's; it was written when the numbers were known"),
+        _change(AUDIT, None, "mixed", "it replaced a row that had substituted our vehicles for Ref. 24's; it was written when "
+        "the numbers were known"),
     ),
 }  # fmt: skip
 """The changes of each row, by name, oldest first."""

@@ -49,9 +49,11 @@ ABSTRACT = (
     _row(
         "filtered-mrac",
         "Abstract; Section III.A, after (8)",
-        "the L1-AC for plants with measured states is simply a standard MRAC with a low pass filter inserted in front of the control input",
+        "the L1-AC for plants with measured states is simply a standard MRAC with a low pass filter inserted in front of the "
+        "control input",
         "L1-AC is the standard MRAC with a filter before the plant's input",
-        "with a filter before the plant's input, the unchanged MRAC (3)-(4), whose law is driven by e = x - x_m, has the tail errors of (5)-(8) to within 1 %",
+        "with a filter before the plant's input, the unchanged MRAC (3)-(4), whose law is driven by e = x - x_m, has the tail "
+        "errors of (5)-(8) to within 1 %",
         equation="(3) to (8)",
     ),
     _row(
@@ -59,8 +61,10 @@ ABSTRACT = (
         "Abstract; Theorem 1, proof",
         "the same Lyapunov function is used to establish stability",
         "The Lyapunov function of MRAC, with the prediction error instead of the tracking error, shows that L1-AC is stable",
-        "V = x_tilde'P x_tilde + theta_tilde'theta_tilde/Gamma never increases along a run of L1-AC with Section V's gain and filter, at a step that resolves the gain",
-        "the proof of part (ii) combines V with the small-gain theorem: Section V's filter satisfies the theorem's condition, and the run's |e| stays below the resulting bound (10)",
+        "V = x_tilde'P x_tilde + theta_tilde'theta_tilde/Gamma never increases along a run of L1-AC with Section V's gain and "
+        "filter, at a step that resolves the gain",
+        "the proof of part (ii) combines V with the small-gain theorem: Section V's filter satisfies the theorem's condition, "
+        "and the run's |e| stays below the resulting bound (10)",
         equation="(5) to (8), (10)",
     ),
     _same(
@@ -74,7 +78,8 @@ ABSTRACT = (
         "Abstract; Section III.A, last but two paragraphs",
         "A high adaptive gain however makes the differential equation of the adaptive law or estimator very stiff",
         "A high adaptive gain makes the loop stiff",
-        "linearised at the largest |x|, the loop has a mode that decays faster as the gain rises (Lambert's definition: decay rates that differ greatly)",
+        "linearised at the largest |x|, the loop has a mode that decays faster as the gain rises (Lambert's definition: decay "
+        "rates that differ greatly)",
         equation="(3) to (8)",
     ),
     _same(
@@ -94,7 +99,8 @@ ABSTRACT = (
         "Abstract",
         "the filter helps reduce the frequency of these oscillations in the control law",
         "The filter reduces the frequency of the numerical oscillations in the control",
-        "at Figure 3's gain and step, the filter lowers the power-weighted mean frequency of u and its strongest frequency, both by more than a tenth",
+        "at Figure 3's gain and step, the filter lowers the power-weighted mean frequency of u and its strongest frequency, "
+        "both by more than a tenth",
         equation="(5) to (8)",
     ),
     _same(
@@ -118,7 +124,8 @@ ABSTRACT = (
     _row(
         "smaller-gain",
         "Abstract; Section VI",
-        "the tracking properties of the L1-AC scheme are worse than what a simple MRAC scheme can generate with adaptive gains that could be high but away from the region of numerical instability",
+        "the tracking properties of the L1-AC scheme are worse than what a simple MRAC scheme can generate with adaptive gains "
+        "that could be high but away from the region of numerical instability",
         "A plain MRAC with a gain that the step resolves tracks better than the L1-AC of Figure 3",
         "the estimates of an MRAC with Gamma = 10 vary by less than 1 per s at Figure 3's step",
         "its largest error and its largest error in the tail are smaller than those of Figure 3's L1-AC, in both components",
@@ -132,9 +139,12 @@ ABSTRACT = (
     _row(
         "no-advantage",
         "Abstract",
-        "provides literally no advantage as simple robust MRAC techniques can solve the same problem achieving much better properties",
+        "provides literally no advantage as simple robust MRAC techniques can solve the same problem achieving much better "
+        "properties",
         "The filter brings no advantage over a robust MRAC",
-        "for every tuning of L1-AC tried, some tuning of the robust MRAC is no worse in any of five objectives and better in at least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated delay",
+        "for every tuning of L1-AC tried, some tuning of the robust MRAC is no worse in any of five objectives and better in at "
+        "least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated "
+        "delay",
         equation=f"(5) to (8), (11); {MENDED}, (15), (16)",
     ),
     _row(
@@ -142,7 +152,9 @@ ABSTRACT = (
         "Abstract; Sections III.B, VI",
         "simple robust MRAC techniques can solve the same problem achieving much better properties",
         "A robust MRAC can solve the problem of Section V with much better properties than L1-AC, both tuned by the same rule",
-        "one tuning of the robust MRAC beats every tuning of L1-AC: it is no worse in any of five objectives and better in at least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated delay",
+        "one tuning of the robust MRAC beats every tuning of L1-AC: it is no worse in any of five objectives and better in at "
+        "least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated "
+        "delay",
         equation=f"(5) to (8), (11); {MENDED}, (15), (16)",
     ),
     _none("Abstract", "The authors of L1-AC often compare the properties of a numerically unstable MRAC", ABROAD),
@@ -158,7 +170,8 @@ ABSTRACT = (
 SECTIONS_I_AND_II = (
     _none(
         "Section I",
-        "Adaptive control as a powerful control design tool for handling large parametric uncertainties has been attracting the interest of researchers.",
+        "Adaptive control as a powerful control design tool for handling large parametric uncertainties has been attracting the "
+        "interest of researchers.",
         HISTORY,
     ),
     _none(
@@ -182,18 +195,22 @@ SECTIONS_I_AND_II = (
         "Section I, last sentence; Section IV",
         "a large uncertainty such that the control objective cannot be achieved with robust non-adaptive techniques",
         "No fixed linear controller meets the objective over Section V's known set",
-        "every linear design tried has a tail error above a fifth of the model's amplitude at the centre or at a corner of the known set",
+        "every linear design tried has a tail error above a fifth of the model's amplitude at the centre or at a corner of the "
+        "known set",
         equation=f"(1), (2); {MENDED}, (15)",
     ),
     _none("Section II, (1)", "We consider the following class of plants considered by the L1-AC authors", DEFINITION),
     _none(
         "Section II",
-        "if the eigenvalues of A_m are not in desired locations, they can be arbitrarily assigned by a simple state feedback gain",
-        "proved in three lines: since (A_m, b) is controllable, some k gives x' = (A_m - b k')x + b(u + ...) any desired poles (pole placement), and k'x becomes part of u",
+        "if the eigenvalues of A_m are not in desired locations, they can be arbitrarily assigned by a simple state feedback "
+        "gain",
+        "proved in three lines: since (A_m, b) is controllable, some k gives x' = (A_m - b k')x + b(u + ...) any desired poles "
+        "(pole placement), and k'x becomes part of u",
     ),
     _none(
         "Section II, (2)",
-        "The objective is to choose u(t) such that all signals in the closed-loop system are uniformly bounded and x(t) tracks the state vector of a desired reference model",
+        "The objective is to choose u(t) such that all signals in the closed-loop system are uniformly bounded and x(t) tracks "
+        "the state vector of a desired reference model",
         DEFINITION,
     ),
     _none("Section II", "This paper examines and compares properties of the L1-AC", OUTLINE),
@@ -213,17 +230,20 @@ SECTION_III_A = (
     _none(
         "Section III.A, (6)",
         "is the simplest choice for the input filter",
-        "proved in three lines: a strictly proper C(s) with C(0) = 1 is not a constant, so it has at least one pole; (6) has exactly one pole and one parameter",
+        "proved in three lines: a strictly proper C(s) with C(0) = 1 is not a constant, so it has at least one pole; (6) has "
+        "exactly one pole and one parameter",
     ),
     _none(
         "Section III.A, after (6)",
         "In general C(s) must be chosen so that ||W_b(s)(C(s)-1)||_1 theta_max < 1",
-        "a definition: the condition of Theorem 1 (ii), which is sufficient for stability; filter-limits-theta measures how far beyond it the loop is stable",
+        "a definition: the condition of Theorem 1 (ii), which is sufficient for stability; filter-limits-theta measures how far "
+        "beyond it the loop is stable",
     ),
     _none(
         "Section III.A",
         "if filter C(s) is removed i.e., C(s) = 1 in (5), then x_hat(t) = x_m(t)",
-        "proved in three lines: with u = -theta_hat'x + k_0 r, (8) is x_hat' = A_m x_hat + b k_0 r, which is (2), from the same initial state; a test confirms it to rounding",
+        "proved in three lines: with u = -theta_hat'x + k_0 r, (8) is x_hat' = A_m x_hat + b k_0 r, which is (2), from the same "
+        "initial state; a test confirms it to rounding",
     ),
     _same("Section III.A", "the only difference between (3)-(4) and (5)-(8) is the insertion of C(s)", "filtered-mrac"),
     _none("Section III.A", "Theorem 1 states what can be analytically proved for the MRAC scheme and the L1-AC scheme", OUTLINE),
@@ -232,7 +252,8 @@ SECTION_III_A = (
         "Theorem 1 (i); Section III.B, last paragraph",
         "for any reference signal r(t) the tracking error e(t) = x(t) - x_m(t) converges to zero as t -> infinity",
         "Without modelling error, the tracking errors of the standard and the robust MRAC go to zero for any command",
-        "the standard MRAC: with every drawn command the integral of |e|^2 stays below V(0) = |theta_tilde(0)|^2/Gamma, from which e -> 0 follows (Barbalat)",
+        "the standard MRAC: with every drawn command the integral of |e|^2 stays below V(0) = |theta_tilde(0)|^2/Gamma, from "
+        "which e -> 0 follows (Barbalat)",
         "the robust MRAC: with every drawn command the largest error in the last quarter is smaller than in the second quarter",
         equation=f"(3), (4); {MENDED}, (15)",
     ),
@@ -255,19 +276,22 @@ SECTION_III_A = (
         "Theorem 1 (ii), (10)",
         "||e(t)||_inf <= kappa nu_1 + nu_2/sqrt(Gamma)",
         "L1-AC's error never exceeds kappa nu_1 + nu_2/sqrt(Gamma)",
-        "no |e_i| exceeds this bound in any run, with theta drawn from the known set, Gamma from 0.1 to 100 and kappa up to 0.95 kappa_max",
+        "no |e_i| exceeds this bound in any run, with theta drawn from the known set, Gamma from 0.1 to 100 and kappa up to "
+        "0.95 kappa_max",
         equation="(10)",
     ),
     _same(
         "Theorem 1 (ii), after (10)",
         "positive constants independent of Gamma (these constants can be explicitly calculated)",
         "bound-10",
-        "calculates them from the known set, the model and certified norms; the paper gives no formula for nu_1, so we derive one",
+        "calculates them from the known set, the model and certified norms; the paper gives no formula for nu_1, so we derived "
+        "one",
     ),
     _row(
         "constant-command",
         "Theorem 1 (iii)",
-        "both schemes guarantee convergence of the tracking error to zero provided the dc gain of the reference model is equal to one",
+        "both schemes guarantee convergence of the tracking error to zero provided the dc gain of the reference model is equal "
+        "to one",
         "For a constant command both errors go to zero if the model's DC gain is one",
         "with r = 50 and a DC gain of one, max |e| in the last quarter of 120 s is below 1e-4 for both schemes",
         equation="(3) to (8)",
@@ -275,7 +299,8 @@ SECTION_III_A = (
     _none(
         "Theorem 1, proof (i)",
         "The proof follows by choosing the Lyapunov function V = e'Pe + theta_tilde'Gamma^-1 theta_tilde",
-        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection; so e, theta_hat, x, e' are bounded, the integral of |e|^2 is at most V(0), and e -> 0 (Barbalat)",
+        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection; so e, "
+        "theta_hat, x, e' are bounded, the integral of |e|^2 is at most V(0), and e -> 0 (Barbalat)",
     ),
     _same(
         "Theorem 1, proof (ii)",
@@ -309,11 +334,14 @@ SECTION_III_A = (
     _row(
         "bias-kappa",
         "Section III.A, after Theorem 1; Figure 3, caption",
-        "The presence of the input filter destroys the property of zero tracking error at steady state and introduces a constant bias that is proportional to kappa",
+        "The presence of the input filter destroys the property of zero tracking error at steady state and introduces a "
+        "constant bias that is proportional to kappa",
         "The filter causes a steady-state error: a constant bias proportional to kappa",
         "with Section V's sine the error in the tail is more than a hundredth of the largest error",
-        "the remaining error is a bias: an error also remains with a constant command, larger than a thousandth of the error with a sine of the same size",
-        "with Section V's sine, starting from its kappa of 0.02 s: halving kappa halves the error, and doubling kappa doubles it, to within a tenth",
+        "the remaining error is a bias: an error also remains with a constant command, larger than a thousandth of the error "
+        "with a sine of the same size",
+        "with Section V's sine, starting from its kappa of 0.02 s: halving kappa halves the error, and doubling kappa doubles "
+        "it, to within a tenth",
         equation="(5) to (8)",
     ),
     _row(
@@ -327,7 +355,8 @@ SECTION_III_A = (
     _none(
         "Section III.A",
         "Table 1 summarizes the properties of the standard MRAC scheme (3)-(4) and the L1-AC scheme (5)-(8)",
-        "not testable here: the table's cells are not in the available text; the page on guarantees derives the table by analysis",
+        "not testable here: the table's cells are not in the available text; the page on guarantees derives the table by "
+        "analysis",
     ),
     _none("Section III.A", "The authors of L1-AC were motivated from the bound (9)", MOTIVES),
     _same(
@@ -347,9 +376,12 @@ SECTION_III_A = (
     _row(
         "unmodelled-unbounded",
         "Section III.A, paragraph after Table 1",
-        "both the MRAC and L1-AC above cannot be proven to have globally bounded solutions unless the adaptive gain has a reasonable size and further modifications in the adaptive law are imposed",
-        "With unmodelled dynamics the projected MRAC and L1-AC are not bounded in general, and a small gain is not a sufficient remedy",
-        "with either scheme some run grows without bound, for a theta in Section V's known set and a delay that the same loop tolerates if theta is known",
+        "both the MRAC and L1-AC above cannot be proven to have globally bounded solutions unless the adaptive gain has a "
+        "reasonable size and further modifications in the adaptive law are imposed",
+        "With unmodelled dynamics the projected MRAC and L1-AC are not bounded in general, and a small gain is not a sufficient "
+        "remedy",
+        "with either scheme some run grows without bound, for a theta in Section V's known set and a delay that the same loop "
+        "tolerates if theta is known",
         "this happens at every gain tried: a reasonable gain alone does not prevent it",
         equation="(3) to (8), (11)",
     ),
@@ -365,7 +397,8 @@ SECTION_III_A = (
     ),
     _same(
         "Section III.A, last paragraph",
-        "we present a scheme that meets the transient performance and robustness criteria while at the same time preserving the ideal tracking properties of MRAC",
+        "we present a scheme that meets the transient performance and robustness criteria while at the same time preserving the "
+        "ideal tracking properties of MRAC",
         "tau-error",
         "with tau-limit-delay for the robustness and any-command for the tracking",
     ),
@@ -378,7 +411,8 @@ SECTION_III_B = (
     ),
     _none(
         "Section III.B",
-        "the robustness analysis of the L1-AC with respect to unmodeled dynamics has been considered as an open problem by the authors of L1-AC",
+        "the robustness analysis of the L1-AC with respect to unmodeled dynamics has been considered as an open problem by the "
+        "authors of L1-AC",
         ABROAD,
     ),
     _none(
@@ -388,7 +422,8 @@ SECTION_III_B = (
     ),
     _none(
         "Section III.B",
-        "the claim of guaranteed robustness in the presence of fast adaptation made by the authors of L1-AC as the key feature of the L1-AC scheme is misleading",
+        "the claim of guaranteed robustness in the presence of fast adaptation made by the authors of L1-AC as the key feature "
+        "of the L1-AC scheme is misleading",
         JUDGEMENT + "; l1-margins measures the effect of fast adaptation on the margins",
     ),
     _none("Section III.B, (11)", "We consider the plant with a multiplicative uncertainty term", DEFINITION),
@@ -397,18 +432,22 @@ SECTION_III_B = (
         "Section III.B, after (11)",
         "a small constant may represent the approximation of a time delay mu in the input",
         "A small -mu s represents an input delay of mu",
-        "with theta known, u = -theta'x + k_0 r, the largest mu that the loop of Section V tolerates equals its delay margin to within a tenth",
+        "with theta known, u = -theta'x + k_0 r, the largest mu that the loop of Section V tolerates equals its delay margin to "
+        "within a tenth",
         equation=f"(11); {MENDED}, (15)",
     ),
     _none(
         "Section III.B, (12)",
         "Equation (11) can be written as",
-        "proved in three lines: (11) is x' = A_m x + b v with v = theta*'x + u + Delta_m u; by Laplace's transform x = (sI - A_m)^-1 b v + (sI - A_m)^-1 x_0; A_m is Hurwitz, so w decays",
+        "proved in three lines: (11) is x' = A_m x + b v with v = theta*'x + u + Delta_m u; by Laplace's transform x = (sI - "
+        "A_m)^-1 b v + (sI - A_m)^-1 x_0; A_m is Hurwitz, so w decays",
     ),
     _none(
         "Section III.B, (12)",
-        "Since (A_m, b) is controllable, there exists a vector c_0 in R^n so that W_m(s) = c_0'W_b(s) is a strictly proper minimum-phase transfer function.",
-        "proved in three lines: in the controllable canonical form c_0's entries are the coefficients of W_m's numerator; choose any Hurwitz polynomial of degree below n; Section V's c_0 = [1, 1] gives s + 1",
+        "Since (A_m, b) is controllable, there exists a vector c_0 in R^n so that W_m(s) = c_0'W_b(s) is a strictly proper "
+        "minimum-phase transfer function.",
+        "proved in three lines: in the controllable canonical form c_0's entries are the coefficients of W_m's numerator; "
+        "choose any Hurwitz polynomial of degree below n; Section V's c_0 = [1, 1] gives s + 1",
     ),
     _none(
         "Section III.B, (13)",
@@ -418,7 +457,9 @@ SECTION_III_B = (
     _none(
         "Section III.B, after (13)",
         "We assume that Delta(s) = W_m(s) Delta_m(s) is strictly proper and is analytic in Re[s] >= -delta_0/2",
-        "a definition; with Section V's c_0 the paper's example Delta_m = -mu s does not satisfy it: W_m = (s + 1)/(s^2 + s + 0.3) then has relative degree 1, and eta contains -mu u; an input delay satisfies it, and so does the realisation of -mu s in tau-limit-mu",
+        "a definition; with Section V's c_0 the paper's example Delta_m = -mu s does not satisfy it: W_m = (s + 1)/(s^2 + s + "
+        "0.3) then has relative degree 1, and eta contains -mu u; an input delay satisfies it, and so does the realisation of "
+        "-mu s in tau-limit-mu",
     ),
     _none(
         "Section III.B, after (13)",
@@ -442,7 +483,9 @@ SECTION_III_B = (
     _none(
         "Section III.B, (16)",
         "is designed to guarantee that |phi(t)/m_s(t)| and |eta(t)/m_s(t)| are bounded",
-        "proved in three lines: m_s^2 >= 1 + phi'phi gives |phi|/m_s < 1; with alpha_0 > 0 and Delta strictly proper and analytic right of -delta_0/2, |eta|^2 <= ||Delta||^2_(2 delta_0) n_d gives |eta|/m_s <= ||Delta||/sqrt(alpha_0); lemma-1-small lists it along runs",
+        "proved in three lines: m_s^2 >= 1 + phi'phi gives |phi|/m_s < 1; with alpha_0 > 0 and Delta strictly proper and "
+        "analytic right of -delta_0/2, |eta|^2 <= ||Delta||^2_(2 delta_0) n_d gives |eta|/m_s <= ||Delta||/sqrt(alpha_0); "
+        "lemma-1-small lists it along runs",
     ),
     _none(
         "Section III.B, (16)",
@@ -457,15 +500,18 @@ SECTION_III_B = (
         "Lemma 1 (i)",
         "epsilon(t), epsilon(t) m_s(t), theta_hat(t), and theta_hat'(t) in L_infinity",
         "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
-        "along Section V's runs with mu up to 0.1 s none of the four suprema grows by more than a twentieth in the second half of the run",
+        "along Section V's runs with mu up to 0.1 s none of the four suprema grows by more than a twentieth in the second half "
+        "of the run",
         equation=f"(15), (16); {MENDED}",
     ),
     _row(
         "lemma-1-small",
         "Lemma 1 (ii)",
         "epsilon(t), epsilon(t) m_s(t), and theta_hat'(t) in S(eta^2/m_s^2)",
-        "With a modelling error, epsilon, epsilon m_s and theta_hat' are small in the mean square sense, with one constant nu for all signals",
-        "with law (15), one nu is sufficient for any signals of (13), by the paper's definition of S with the largest eta^2/m_s^2 as its mu",
+        "With a modelling error, epsilon, epsilon m_s and theta_hat' are small in the mean square sense, with one constant nu "
+        "for all signals",
+        "with law (15), one nu is sufficient for any signals of (13), by the paper's definition of S with the largest "
+        "eta^2/m_s^2 as its mu",
         equation=f"(13), (15), (16); {MENDED}",
     ),
     _row(
@@ -473,7 +519,8 @@ SECTION_III_B = (
         "Lemma 1 (ii), with eta = 0",
         "epsilon(t), epsilon(t) m_s(t), and theta_hat'(t) in S(eta^2/m_s^2)",
         "Without modelling error V = theta_tilde'P^-1 theta_tilde falls, and epsilon, epsilon m_s and theta_hat' are in L2",
-        "along Section V's run V never rises, the integral of (epsilon m_s)^2 is at most V(0), and the last quarter adds less than a hundredth to any of the three integrals",
+        "along Section V's run V never rises, the integral of (epsilon m_s)^2 is at most V(0), and the last quarter adds less "
+        "than a hundredth to any of the three integrals",
         equation=f"(15); {MENDED}",
     ),
     _row(
@@ -481,7 +528,8 @@ SECTION_III_B = (
         "Theorem 2, (17); Section III.B, after it",
         "in the absence of unmodeled dynamics there is a quantifiable bound ||e(t)||_inf <= tau nu for the tracking error",
         "Without modelling error the largest error of the robust MRAC is at most proportional to tau",
-        "one nu is sufficient for all tau from 0.5 s down to 0.005 s: max |e|/tau never exceeds its value at the smallest tau by more than a twentieth",
+        "one nu is sufficient for all tau from 0.5 s down to 0.005 s: max |e|/tau never exceeds its value at the smallest tau "
+        "by more than a twentieth",
         equation=f"(17); {MENDED}, (15)",
     ),
     _row(
@@ -495,9 +543,11 @@ SECTION_III_B = (
     _row(
         "tau-limit-delay",
         "Section III.B, after Theorem 2",
-        "in the presence of modeling error, the value of tau cannot be made arbitrarily small as reducing tau has adverse effects on robust stability and it has to meet a lower bound",
+        "in the presence of modeling error, the value of tau cannot be made arbitrarily small as reducing tau has adverse "
+        "effects on robust stability and it has to meet a lower bound",
         "With an input delay, tau has a lower limit that grows with the delay",
-        "with (16) and alpha_0 > 0, for each of three delays: the smallest tolerated tau exceeds the smallest tau tried, and it increases from each delay to the next",
+        "with (16) and alpha_0 > 0, for each of three delays: the smallest tolerated tau exceeds the smallest tau tried, and it "
+        "increases from each delay to the next",
         equation=f"(11); {MENDED}, (15), (16)",
     ),
     _row(
@@ -505,7 +555,8 @@ SECTION_III_B = (
         "Theorem 2",
         "for a given size of modeling error, the value of tau cannot be made arbitrarily small",
         "With Delta_m = -mu s, tau has a lower limit that grows with mu",
-        "with (16) and alpha_0 > 0, for each of three values of mu: the smallest tolerated tau exceeds the smallest tau tried, and it increases from each mu to the next",
+        "with (16) and alpha_0 > 0, for each of three values of mu: the smallest tolerated tau exceeds the smallest tau tried, "
+        "and it increases from each mu to the next",
         equation=f"(11); {MENDED}, (15), (16)",
     ),
     _same(
@@ -517,12 +568,14 @@ SECTION_III_B = (
     _none(
         "Theorem 2",
         "guarantees that for any tau in (tau_min, 1/delta_0)",
-        "not testable here: no size of modelling error can refute it, since Delta*(tau_min) is not given; tau-range, a statement of ours, tries one delay",
+        "not testable here: no size of modelling error can refute it, since Delta*(tau_min) is not given; tau-range, a "
+        "statement of ours, tries one delay",
     ),
     _none(
         "Theorem 2",
         "there exists a positive scalar Delta*(tau_min) (a function of tau_min)",
-        "not testable here: the theorem does not give Delta*(tau_min); tau-limit-delay and tau-limit-mu measure which sizes each tau tolerates",
+        "not testable here: the theorem does not give Delta*(tau_min); tau-limit-delay and tau-limit-mu measure which sizes "
+        "each tau tolerates",
     ),
     _same(
         "Theorem 2",
@@ -540,13 +593,15 @@ SECTION_III_B = (
     ),
     _same(
         "Section III.B, after Theorem 2",
-        "in practice due to possible numerical instability we are not allowed to reduce tau arbitrarily to improve the transient performance",
+        "in practice due to possible numerical instability we are not allowed to reduce tau arbitrarily to improve the "
+        "transient performance",
         "small-tau-numerics",
     ),
     _row(
         "small-tau-numerics",
         "Section III.B, after Theorem 2",
-        "A very small tau implies a high gain equal to 1/tau in the control law which may lead to numerical instability even in the absence of any disturbances or modeling errors",
+        "A very small tau implies a high gain equal to 1/tau in the control law which may lead to numerical instability even in "
+        "the absence of any disturbances or modeling errors",
         "A very small tau fails numerically even without modelling error",
         "some tau makes RK4 at h = 1e-4 s diverge within 10 s without modelling error",
         equation=f"{MENDED}, (15)",
@@ -562,7 +617,8 @@ SECTION_III_B = (
         "Section III.B, last paragraph",
         "in the presence of sufficiently rich signals the exponential convergence of theta_hat(t) to theta* is ensured",
         "With sufficiently rich signals the estimates of the robust MRAC converge exponentially",
-        "with the printed law, pure least squares (15), the decay rate over the last interval is at least four fifths of that over the previous one, with intervals that double in length",
+        "with the printed law, pure least squares (15), the decay rate over the last interval is at least four fifths of that "
+        "over the previous one, with intervals that double in length",
         equation=f"(15); {MENDED}",
     ),
     _none(
@@ -571,9 +627,11 @@ SECTION_III_B = (
     _row(
         "gain-reduces-margins",
         "Section III.B, last paragraph",
-        "In such adaptive control schemes, no practical engineer will suggest large adaptive gains or very small tau as such parameters will lead to possible numerical instability and degradation of robustness",
+        "In such adaptive control schemes, no practical engineer will suggest large adaptive gains or very small tau as such "
+        "parameters will lead to possible numerical instability and degradation of robustness",
         "A large adaptive gain of MRAC degrades robustness to the paper's own modelling error (11) and to its example, a delay",
-        "for MRAC, the delay margin and 1/||T||, the tolerated size of Delta_m, are both more than a tenth smaller at Section V's Gamma = 1e4 than at 10, around the crest of its command, r = 50",
+        "for MRAC, the delay margin and 1/||T||, the tolerated size of Delta_m, are both more than a tenth smaller at Section "
+        "V's Gamma = 1e4 than at 10, around the crest of its command, r = 50",
         equation="(3), (4), (11)",
     ),
     _same(
@@ -594,10 +652,13 @@ SECTION_IV = (
     _row(
         "siso-any-relative-degree",
         "Section I, last paragraph; Section IV, first sentence",
-        "applicable to SISO plants with only the output signal available for measurement in the presence of bounded disturbances and unmodeled dynamics",
+        "applicable to SISO plants with only the output signal available for measurement in the presence of bounded "
+        "disturbances and unmodeled dynamics",
         "The robust MRAC extends to SISO plants of any relative degree, even with disturbances and unmodelled dynamics",
-        "with law (15), pure least squares, the largest |y - y_m| falls with tau at every relative degree tried, with a local exponent above 0.5",
-        "with law (15), (16), a disturbance and an unmodelled lag, all signals stay bounded at each of these degrees: the error in the last quarter is at most 1.1 times that in the previous quarter",
+        "with law (15), pure least squares, the largest |y - y_m| falls with tau at every relative degree tried, with a local "
+        "exponent above 0.5",
+        "with law (15), (16), a disturbance and an unmodelled lag, all signals stay bounded at each of these degrees: the error "
+        "in the last quarter is at most 1.1 times that in the previous quarter",
         equation="(15), (16), for output feedback",
     ),
     _none(
@@ -618,7 +679,8 @@ SECTION_IV = (
     _none("Section IV", "It is therefore very confusing to call such schemes adaptive.", JUDGEMENT),
     _same(
         "Section IV",
-        "Adaptive schemes are nonlinear and are designed to handle large parametric uncertainties that non-adaptive schemes cannot handle.",
+        "Adaptive schemes are nonlinear and are designed to handle large parametric uncertainties that non-adaptive schemes "
+        "cannot handle.",
         "non-adaptive-cannot",
     ),
     _none(
@@ -628,17 +690,22 @@ SECTION_IV = (
     ),
     _none(
         "Section IV, after (20)",
-        "This assumption essentially implies that any uncertainty in the plant parameter values is accommodated by using a stabilizing controller C(s)",
-        "proved in three lines: with G = n/d, C = p/q and (19) the denominator of H is n p (s + m) + d (q - p) m, the characteristic polynomial of G with the fixed controller C/((1 - C) G_m); cancellations apart, H is stable for the plants that this one controller stabilises, and for no others",
+        "This assumption essentially implies that any uncertainty in the plant parameter values is accommodated by using a "
+        "stabilizing controller C(s)",
+        "proved in three lines: with G = n/d, C = p/q and (19) the denominator of H is n p (s + m) + d (q - p) m, the "
+        "characteristic polynomial of G with the fixed controller C/((1 - C) G_m); cancellations apart, H is stable for the "
+        "plants that this one controller stabilises, and for no others",
     ),
     _none(
         "Section IV, after (20)",
-        "How to find such a controller for an unknown plant with large parametric uncertainties which is the crucial question in adaptive control is not addressed in general",
+        "How to find such a controller for an unknown plant with large parametric uncertainties which is the crucial question "
+        "in adaptive control is not addressed in general",
         ABROAD + "; c-of-20, a statement of ours, finds such a controller for Section V's set",
     ),
     _same(
         "Section IV, Figure 1",
-        "the nonadaptive controller C(s) is augmented with an integral action that involves an anti-wind up modification in the form of projection",
+        "the nonadaptive controller C(s) is augmented with an integral action that involves an anti-wind up modification in the "
+        "form of projection",
         "l1-output-is-lti",
         part=2,
     ),
@@ -662,7 +729,8 @@ SECTION_IV = (
     ),
     _none(
         "Section IV",
-        "what is absent in the L1-AC papers is a comparison of their (linear) controllers with others based on these robust control methods",
+        "what is absent in the L1-AC papers is a comparison of their (linear) controllers with others based on these robust "
+        "control methods",
         ABROAD + "; our rows adaptive-against-linear and l1-against-pi are such comparisons",
     ),
     _none("Section IV", "Two extensive applications of L1-AC to flight platforms are reported in Ref. 22,23.", ABROAD),
@@ -692,7 +760,9 @@ SECTIONS_V_AND_VI = (
     _none(
         "Section V",
         "c_0 = [1,1]^T, P(0) = 500I, alpha_0 = 0, and tau = 0.5",
-        "a definition; this c_0 gives W_m = (s + 1)/(s^2 + s + 0.3), so that the paper's example Delta_m = -mu s makes Delta = W_m Delta_m proper but not strictly proper, which violates the assumption after (13); alpha_0 = 0 is meant for Delta_m = 0",
+        "a definition; this c_0 gives W_m = (s + 1)/(s^2 + s + 0.3), so that the paper's example Delta_m = -mu s makes Delta = "
+        "W_m Delta_m proper but not strictly proper, which violates the assumption after (13); alpha_0 = 0 is meant for Delta_m "
+        "= 0",
     ),
     _row(
         "kappa-0.05",
@@ -707,34 +777,42 @@ SECTIONS_V_AND_VI = (
     _row(
         "figures-2-5",
         "Figures 2 to 5, captions; Section V",
-        "converges to zero with improved transient performance ... converges to the true value theta* = [4, -3]' ... does not converge to zero ... oscillate between the projection bounds ... will no longer permanently oscillate between the projection bounds ... Non-zero steady state tracking error remains ... permanent high frequency oscillations of the estimated parameters between the projection bounds",
+        "converges to zero with improved transient performance ... converges to the true value theta* = [4, -3]' ... does not "
+        "converge to zero ... oscillate between the projection bounds ... will no longer permanently oscillate between the "
+        "projection bounds ... Non-zero steady state tracking error remains ... permanent high frequency oscillations of the "
+        "estimated parameters between the projection bounds",
         "Figures 2 to 5 look as their captions and the text describe them",
-        "every statement about Figures 2 to 5 in the captions and the text holds at the gains and steps named there; statements that other rows decide are not counted",
+        "every statement about Figures 2 to 5 in the captions and the text holds at the gains and steps named there; statements "
+        "that other rows decide are not counted",
         equation=f"(5) to (8); {MENDED}, (15)",
     ),
     _same(
         "Figure 2, caption",
-        "The tracking error e(t) = [e_1(t), e_2(t)]' for any reference signal converges to zero with improved transient performance",
+        "The tracking error e(t) = [e_1(t), e_2(t)]' for any reference signal converges to zero with improved transient "
+        "performance",
         "any-command",
         "for any command; figures-2-5 checks Section V's command and the improved transient",
         part=1,
     ),
     _same(
         "Figure 3, caption",
-        "for a non-constant reference signal does not converge to zero and its steady-state amplitude is proportional to the value of kappa",
+        "for a non-constant reference signal does not converge to zero and its steady-state amplitude is proportional to the "
+        "value of kappa",
         "bias-kappa",
         "for the amplitude only; figures-2-5 checks that an error remains",
         part=2,
     ),
     _same(
         "Figure 4, caption",
-        "With a smaller sampling period the estimated parameters theta_hat(t) = [theta_hat_1(t), theta_hat_2(t)]' will no longer permanently oscillate between the projection bounds.",
+        "With a smaller sampling period the estimated parameters theta_hat(t) = [theta_hat_1(t), theta_hat_2(t)]' will no "
+        "longer permanently oscillate between the projection bounds.",
         "figures-2-5",
         "one of its statements",
     ),
     _same(
         "Figure 2, caption",
-        "Since the signals are persistently exciting, the estimated parameter theta_hat(t) = [theta_hat_1(t), theta_hat_2(t)]' converges to the true value theta* = [4, -3]'",
+        "Since the signals are persistently exciting, the estimated parameter theta_hat(t) = [theta_hat_1(t), theta_hat_2(t)]' "
+        "converges to the true value theta* = [4, -3]'",
         "figures-2-5",
         "one of its statements",
     ),
@@ -746,14 +824,17 @@ SECTIONS_V_AND_VI = (
     ),
     _same(
         "Figure 5, caption",
-        "Choosing a larger adaptive gain Gamma = 10^6 leads again to numerical instability, loss of learning and permanent high frequency oscillations",
+        "Choosing a larger adaptive gain Gamma = 10^6 leads again to numerical instability, loss of learning and permanent high "
+        "frequency oscillations",
         "figures-2-5",
-        "checks the oscillations between the bounds; numerical-oscillation checks the instability, and loss-of-learning the learning at Figure 3's gain",
+        "checks the oscillations between the bounds; numerical-oscillation checks the instability, and loss-of-learning the "
+        "learning at Figure 3's gain",
     ),
     _row(
         "numerical-oscillation",
         "Section V, discussion of Figures 3 to 5",
-        "It is clearly a numerical instability problem as if we keep all parameters the same and reduce the sampling period to 10^-5 sec, the oscillations go away",
+        "It is clearly a numerical instability problem as if we keep all parameters the same and reduce the sampling period to "
+        "10^-5 sec, the oscillations go away",
         "The oscillations of Figure 3 disappear at a tenth of the step and return at a hundred times the gain",
         "at h = 1e-5 s the variation of both estimates in the tail is less than a thousandth of that at 1e-4 s",
         "at Gamma = 1e6 it is again more than a thousand times as large",
@@ -761,7 +842,8 @@ SECTIONS_V_AND_VI = (
     ),
     _same(
         "Section V",
-        "the parameter estimates oscillate with high frequency oscillations due to the use of a high adaptive gain that turned the adaptive law into a stiff differential equation",
+        "the parameter estimates oscillate with high frequency oscillations due to the use of a high adaptive gain that turned "
+        "the adaptive law into a stiff differential equation",
         "numerical-oscillation",
         "and stiffness",
         part=0,
@@ -787,15 +869,19 @@ SECTIONS_V_AND_VI = (
     _row(
         "stiff-solvers",
         "Section V, discussion of Figures 3 to 5",
-        "Even with a more computationally expensive solver designed for stiff problems, we cannot avoid such phenomena and possible singularity in the solution in general.",
+        "Even with a more computationally expensive solver designed for stiff problems, we cannot avoid such phenomena and "
+        "possible singularity in the solution in general.",
         "No solver for stiff problems avoids the phenomena of Figures 3 and 5 at all gains, nor a possible singularity",
-        "no combination of implicit method and step tried avoids them at every gain from 3e3 to 1e6: at some gain the run without projection is lost, or, with projection, the ringing of the estimates (their drift removed) is at least 1.25 times that of the equations in some second from 0.5 to 6.4 s",
+        "no combination of implicit method and step tried avoids them at every gain from 3e3 to 1e6: at some gain the run "
+        "without projection is lost, or, with projection, the ringing of the estimates (their drift removed) is at least 1.25 "
+        "times that of the equations in some second from 0.5 to 6.4 s",
         "the solution may have a singularity: it may end at a finite time",
         equation="(5) to (8)",
     ),
     _none(
         "Section V",
-        "These results are very consistent with what has been known for decades in robust adaptive control and numerical analysis.",
+        "These results are very consistent with what has been known for decades in robust adaptive control and numerical "
+        "analysis.",
         HISTORY,
     ),
     _none("Section V", "led to wrong conclusions and claims", JUDGEMENT),
@@ -804,17 +890,21 @@ SECTIONS_V_AND_VI = (
         "Section V, discussion of Figures 3 to 5; Abstract",
         "The numerical instability and resulting oscillations cannot be avoided by such an ad hoc filter",
         "The filter does not remove the oscillations of the estimates",
-        "at Figure 3's gain and step both estimates vary by more than 1000 per s with every filter (6) tried, kappa from 0.001 to 0.04 s, and without a filter too",
+        "at Figure 3's gain and step both estimates vary by more than 1000 per s with every filter (6) tried, kappa from 0.001 "
+        "to 0.04 s, and without a filter too",
         equation="(3) to (8)",
     ),
     _same("Section V", "but by reducing the adaptive gain to reasonable values", "smaller-gain", part=0),
     _row(
         "loss-of-learning",
         "Figure 3, caption",
-        "The use of a large adaptive gain Gamma = 10^4 leads to numerical instability and the loss of learning even in the presence of persistently exciting signals",
+        "The use of a large adaptive gain Gamma = 10^4 leads to numerical instability and the loss of learning even in the "
+        "presence of persistently exciting signals",
         "Numerical instability makes L1-AC lose learning although the signals are exciting",
-        "at Figure 3's step the estimates of L1-AC are at times more than 5 away from theta in the last 15 s, whereas those of Figure 2 stay within 0.01",
-        "it is the numerical instability that prevents convergence: at a step that resolves the gain, the estimates come within 0.5 of theta within 60 s",
+        "at Figure 3's step the estimates of L1-AC are at times more than 5 away from theta in the last 15 s, whereas those of "
+        "Figure 2 stay within 0.01",
+        "it is the numerical instability that prevents convergence: at a step that resolves the gain, the estimates come within "
+        "0.5 of theta within 60 s",
         equation=f"(5) to (8); {MENDED}, (15)",
     ),
     _row(
@@ -822,7 +912,8 @@ SECTIONS_V_AND_VI = (
         "Section VI; Figure 4, caption",
         "These oscillations are due to numerical instability as a result of using large adaptive gains",
         "Figure 3's oscillations come from the solver: the equations do not oscillate like that",
-        "with the projection, as in Figure 3, the converged solution rings less than a tenth as much as Figure 3's run in every second from 0.5 to 20 s",
+        "with the projection, as in Figure 3, the converged solution rings less than a tenth as much as Figure 3's run in every "
+        "second from 0.5 to 20 s",
         equation="(5) to (8)",
     ),
     _none(
@@ -844,7 +935,8 @@ SECTIONS_V_AND_VI = (
         "Section VI; Abstract",
         "reduces the robust stability margins no matter what size adaptive gains are used",
         "The filter lowers every robustness margin at every gain",
-        "at every gain, each exact margin of the adapting loop (gain upwards and downwards, phase, delay, 1/||T||) is smaller with a filter of kappa <= 0.1 s than without a filter",
+        "at every gain, each exact margin of the adapting loop (gain upwards and downwards, phase, delay, 1/||T||) is smaller "
+        "with a filter of kappa <= 0.1 s than without a filter",
         equation="(3) to (8), (11)",
     ),
     _row(
@@ -852,7 +944,9 @@ SECTIONS_V_AND_VI = (
         "Section VI",
         "without causing any numerical problems during implementation",
         "The robust MRAC of Section V causes no numerical problem",
-        "at Section V's settings, tau = 0.5 s and RK4 at h = 1e-4 s over 60 s: the run is not lost, its estimates vary in the tail by less than 1 per s, and reducing the step to a tenth changes neither its errors nor its control by more than a thousandth",
+        "at Section V's settings, tau = 0.5 s and RK4 at h = 1e-4 s over 60 s: the run is not lost, its estimates vary in the "
+        "tail by less than 1 per s, and reducing the step to a tenth changes neither its errors nor its control by more than a "
+        "thousandth",
         equation=f"{MENDED}, (15)",
     ),
     _same("Section VI", "without destroying the ideal properties of the adaptive scheme", "any-command", part=1),

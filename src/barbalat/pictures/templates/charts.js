@@ -157,7 +157,7 @@ export class Charts {
     box.className = "panel";
     box.tabIndex = 0;
     box.setAttribute("role", "group");
-    box.setAttribute("aria-label", `${panel.title}; its figures are in the table. Plus and minus zoom, the arrows move, and 0 shows the whole run`);
+    box.setAttribute("aria-label", `${panel.title}; its metrics are in the table. Plus and minus zoom, the arrow keys move, and 0 shows the whole run`);
     gestures(box, this);
     if (panel.note) title.append(Object.assign(document.createElement("small"), { textContent: ` (${panel.note})` }));
     if (panel.whole) figure.className = "whole";

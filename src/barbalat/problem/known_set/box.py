@@ -58,7 +58,7 @@ class ParameterBox(Settings):
             i = int(empty[0])
             raise InputError.of(
                 "uncertainty.lower",
-                f"must not exceed uncertainty.upper, but in component {i + 1} {lower[i]:g} > {upper[i]:g}: the set is empty",
+                f"must not exceed uncertainty.upper, but component {i + 1} has {lower[i]:g} > {upper[i]:g}: the set is empty",
             )
         validate.freeze(self, lower=lower)
         validate.freeze(self, upper=upper)

@@ -28,8 +28,8 @@ STYLES = {"guaranteed": "green", "guaranteed for the design": "yellow", "exact":
 LABEL_COLUMNS = 10
 """Width in columns of the labels of the five lines, which is the length of the longest label."""
 LEGEND = (
-    "condition: what keeps all signals bounded. bound of e: for every component. margin: the added delay that linear loops "
-    "tolerate: at the case's theta; at the worst plant found in the known set or the parameters' ranges, where frozen estimates "
+    "condition: what keeps all signals bounded. bound of e: for every component. margin: the added delay that the linear loops "
+    "tolerate at the case's theta; at the worst plant found in the known set or the parameters' ranges, where frozen estimates "
     "equal that plant's theta; and with the law linearised at the largest command (adapting). "
     "gain, step: estimated limits; the solver tolerates {} the first value even if all signals are at their largest, and "
     "oscillations begin near the second. dt: the case's step."
@@ -51,7 +51,7 @@ def _how_sure(certificates: Mapping[str, Certificate]) -> str:
     found = [counts_on_damping(one, key) for one in certificates.values() for key in ON_DAMPING if key in one.values]
     if all(found):
         return "about" if found else "at least"
-    return "at least (or about, if it relies on the loop's own damping)" if any(found) else "at least"
+    return "at least (or about, if it relies on the damping of the loop)" if any(found) else "at least"
 
 
 def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:

@@ -129,7 +129,7 @@ class Screen:
         if not rows:
             return
         if any(len(row) != len(headings) for row in rows):
-            raise ValueError(f"every row must have {len(headings)} entries, one for each heading")
+            raise ValueError(f"every row must have {len(headings)} entries, one per heading")
         shown = [[self._shown(cell) for cell in row] for row in rows]
         table = _table(headings, shown, leads, left)
         if self._fits(table):

@@ -92,7 +92,7 @@ def _listing(screen: Screen, listing: Listing) -> None:
 
 def names(screen: Screen, papers: Sequence[Paper]) -> None:
     """Print the name of every row, its subject, and the time that its measurement takes."""
-    screen.line("The rows of the ledger. Findings are not stored: barbalat claims NAME measures one.", "bold")
+    screen.line("The claims of the ledger. Findings are not stored: barbalat claims NAME measures one.", "bold")
     for paper in papers:
         if len(papers) > 1:
             screen.title(f"{paper.name}: {paper.title}")

@@ -153,7 +153,7 @@ def _responses(screen: Screen, results: Sequence[Result]) -> None:
     found = [(result, result.verdict.figures) for result in results if result.verdict is not None and result.verdict.figures]
     if not found:
         return
-    screen.title("Integrals of the error, the control's path, and responses to the command's steps")
+    screen.title("Integrals of the error, path of the control, and responses to the steps of the command")
     names, rows = component_names(results[0].problem), []
     for result, figures in found:
         for i, component in enumerate(names):
@@ -169,7 +169,11 @@ def _responses(screen: Screen, results: Sequence[Result]) -> None:
     headings = ["controller", "", "IAE", "ITAE", "int |u'|", "rever-\nsals", "over-\nshoot", "rise", "settling"]
     screen.table(headings if moving else headings[:6], grouped([row if moving else row[:6] for row in rows]), leads=2)
     if moving:
-        screen.line("worst of all steps of the command; settling into the judge's band; -: not before the next step", "dim")
+        screen.line(
+            "worst case over all steps of the command; settling time into the judge's band; -: does not settle before "
+            "the next step",
+            "dim",
+        )
 
 
 def _seconds(value: float | None) -> str:
@@ -208,7 +212,8 @@ def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> Non
     ]
     screen.table(("controller", "smallest", "in the tail", "scaled", "window"), rows)
     screen.line(
-        "the smallest eigenvalue of the regressor's mean square over a window; scaled: 1 if all directions are excited equally",
+        "the smallest eigenvalue of the mean square of the regressor over a window; scaled: 1 if all directions are excited "
+        "equally",
         "dim",
     )
 
@@ -223,7 +228,7 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
             "dim",
         )
     else:
-        screen.line("the error at the recorded instants, as a share of each component's largest magnitude", "dim")
+        screen.line("the error at the recorded instants, as a fraction of the largest magnitude of each component", "dim")
     labels = [screen.name(result.name) for result in results]
     room = min(max(map(len, labels)), LABEL_COLUMNS)
     for label, result in zip(labels, results, strict=True):

@@ -270,7 +270,8 @@ class Motion:
         if slides and self.t - t < LEAST_PROGRESS_AMONG_OTHERS * t_end and not self.over and not self._escapes():
             raise StalledError.of(
                 "simulation.tolerance",
-                f"= {self.tolerance:g} can't be used from t = {self.t:.6g} s on: the motion slides along a jump of its equations"
+                f"= {self.tolerance:g} can't be used from t = {self.t:.6g} s on: the solution slides along a discontinuity of "
+                f"the equations"
                 f", and {attempts - before} attempted steps advanced it by {self.t - t:.2g} s; use a larger one, or give "
                 "simulation.dt",
             )
@@ -279,9 +280,9 @@ class Motion:
             instead = f"use a larger one, such as {larger:g}, or " if self.tolerance < RESOLVED else ""
             raise StalledError.of(
                 "simulation.tolerance",
-                f"= {self.tolerance:g} is finer than 64-bit numbers resolve the motion at t = {min(self.t, t_end):.6g} s: "
-                f"{attempts - before} attempted steps advanced it by {self.t - t:.2g} s, since only rounding decides which side "
-                f"of a jump of its equations it is on; {instead}give simulation.dt",
+                f"= {self.tolerance:g} is finer than 64-bit arithmetic can resolve at t = {min(self.t, t_end):.6g} s: "
+                f"{attempts - before} attempted steps advanced it by {self.t - t:.2g} s, because only rounding decides on which "
+                f"side of a jump of the equations the solution is; {instead}give simulation.dt",
             )
         self.looked = attempts, self.t, self.steps, self.choices
 
@@ -291,8 +292,9 @@ class Motion:
             return
         raise StalledError.of(
             "simulation.tolerance",
-            f"= {self.tolerance:g} leaves no step at t = {self.t:.6g} s"
-            ": the motion slides along a jump of its equations, or exceeds the resolution of numbers; give simulation.dt",
+            f"= {self.tolerance:g} leaves no admissible step at t = {self.t:.6g} s"
+            ": the solution slides along a discontinuity of the equations, or exceeds the resolution of 64-bit numbers; give "
+            "simulation.dt",
         )
 
     def _escapes(self) -> bool:

@@ -70,7 +70,7 @@ def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simula
         return sum((_of_record(loop, points) for loop in some), _made(some) + of_steps(problem, some, simulation.steps))
 
     budget.require(
-        "the case", len(loops), cost, given=f"has {len(loops)} controllers, each with its own kernel: to simulate them",
+        "the case", len(loops), cost, given=f"has {len(loops)} controllers, each with a separate kernel: to simulate them",
         fits=lambda most: f"at most {counted(most, 'controller')}",
     )  # fmt: skip
 

@@ -77,7 +77,7 @@ def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
         raise InputError(
             f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for "
             f"{counted(runs, 'run')}, "
-            f"and {free / 1e9:.3g} GB are free: take a larger simulation.dt, or fewer runs at a time"
+            f"but only {free / 1e9:.3g} GB are free: use a larger simulation.dt, or fewer runs at a time"
         )
 
 

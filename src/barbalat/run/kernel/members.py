@@ -107,8 +107,8 @@ class Members:
                 reader.add(*member)
             except StructureError:
                 raise InputError(
-                    f"all members must have one structure (scheme, sizes, projection, delay), but member {i} differs; "
-                    "whole numbers belong to it: write 2.0 for a number that varies"
+                    f"all members must have one structure (scheme, sizes, projection, delay), but member {i} differs; an "
+                    f"integer is part of the structure: write 2.0 for a number that varies"
                 ) from None
             except InputError as error:
                 raise InputError(f"member {i}: {error}") from error

@@ -52,8 +52,8 @@ class TimeSignals:
             if not (formula is not None or is_straight(signal) or isinstance(signal, FaultSignal)):
                 raise InputError.of(
                     "simulation.tolerance",
-                    f"needs signals that are known at every instant, but {type(signal).__name__} is a Python function of "
-                    f"requested times: give simulation.dt"
+                    f"needs signals that are known at every instant, but {type(signal).__name__} is a Python function that is "
+                    f"evaluated at requested times: give simulation.dt"
                     "",
                 )
         return found

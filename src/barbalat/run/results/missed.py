@@ -37,10 +37,11 @@ class MissedSamples:
         """The finding as a sentence; None if no sample was missed."""
         held = f"{100 * self.commands / self.samples:.2g} % of the"
         if not self.missed:
-            told = f"{held} {counted(self.samples, 'command')} were lost or refused by the shell; the last good one was held"
+            told = f"{held} {counted(self.samples, 'command')} were lost or rejected by the shell; the last good one was held"
             return told if self.commands else None
         share = (
-            f"{100 * self.missed / self.samples:.2g} % of the {counted(self.samples, 'sample')} were lost or refused by the shell"
+            f"{100 * self.missed / self.samples:.2g} % of the {counted(self.samples, 'sample')} were lost or rejected by the "
+            f"shell"
         )
         longest = f"{share}, at most {self.in_a_row} in a row"
         if self.fallback:

@@ -314,8 +314,8 @@ def _control(results: Sequence[Result]) -> Panel:
     of_each = [np.concatenate([s.low, s.high]) if s.low is not None and s.high is not None else s.value for s in series]
     limits = _limits_with_lost_runs([r for r in results for _ in range(len(series) // len(results))], of_each, [])
     drawn, far = reachable(ends, limits or span_of(of_each))
-    note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
-    levels = [Level(value=end, label="limit of the actuator") for end in drawn]
+    note = f"actuator limits: {', '.join(f'{end:g}' for end in ends)}" if far else ""
+    levels = [Level(value=end, label="actuator limit") for end in drawn]
     limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
     unit = as_typed((results[0].problem.labels or UNLABELLED).input_unit)
     return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits, y=f"$u$ {unit}", names=("control",))

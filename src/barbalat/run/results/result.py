@@ -412,12 +412,12 @@ def step_info(result: Result, component: int = 1) -> dict[str, float]:
 
     state = validate.whole("component", component, least=1, most=1 if result.y is not None else result.x.shape[1]) - 1
     if result.diverged_at is not None:
-        raise InputError(f"step_info needs a run to its end, but {result.name} diverged at t = {result.diverged_at:.4g} s")
+        raise InputError(f"step_info needs a complete run, but {result.name} diverged at t = {result.diverged_at:.4g} s")
     start = _last_jump(result)
     first = int(np.searchsorted(result.t, start))
     value = (result.x[:, state] if result.y is None else result.y)[first:]
     if len(value) < 2 or value[-1] == value[0]:
-        raise InputError(f"step_info needs a motion after the command's jump at t = {start:.4g} s, but there is none")
+        raise InputError(f"step_info needs a response to the command's jump at t = {start:.4g} s, but there is none")
     found = control.step_info(value - value[0], T=result.t[first:] - result.t[first], yfinal=value[-1] - value[0])
     levels = ("SettlingMin", "SettlingMax", "SteadyStateValue")
     info = {name: float(number + value[0] if name in levels else number) for name, number in found.items()}

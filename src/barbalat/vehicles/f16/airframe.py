@@ -43,7 +43,7 @@ class FlightCondition:
         if self.altitude > HIGHEST:
             raise InputError(f"altitude must be at most {HIGHEST:g} ft, where the engine's tables end, got {self.altitude:g}")
         if self.mach > FASTEST:
-            raise InputError(f"mach must be at most {FASTEST:g}, which an F-16 flies, got {self.mach:g}")
+            raise InputError(f"mach must be at most {FASTEST:g}, the fastest that an F-16 flies, got {self.mach:g}")
 
     def __str__(self) -> str:
         return f"{self.altitude:g} ft, Mach {self.mach:g}"
@@ -144,7 +144,7 @@ class Airframe:
         """Return a property of JSBSim for repeated reading or setting."""
         node = self.fdm.get_property_manager().get_node(name)
         if node is None:
-            raise InputError(f"JSBSim's F-16 has no property {name}: is another version of JSBSim installed?")
+            raise InputError(f"JSBSim's F-16 has no property {name}: is a different version of JSBSim installed?")
         return node
 
     def blow(self, down: float, east: float = 0.0) -> None:

@@ -58,7 +58,7 @@ def load(step: float) -> FGFDMExec:
         fdm.set_aircraft_path(str(folder))
         if not fdm.load_model(NAME):
             raise InputError(
-                f"JSBSim {jsbsim.__version__} does not load its own F-16: reinstall it, pip install 'barbalat[flight]'"
+                f"JSBSim {jsbsim.__version__} cannot load the F-16 that it contains: reinstall it, pip install 'barbalat[flight]'"
             )
     fdm.set_dt(step)
     fdm["fcs/fbw-override"] = 1.0  # the control system in the file would move the flaperons
@@ -104,7 +104,9 @@ def _make_scalable(aircraft: ET.Element) -> None:
             one.find("product") for one in aerodynamics.iter("function") if one.get("name") == f"aero/coefficient/{coefficient}"
         ]
         if len(products) != 1 or products[0] is None:
-            raise InputError(f"JSBSim's F-16 no longer has one product {coefficient}; install the version in requirements.lock")
+            raise InputError(
+                f"JSBSim's F-16 no longer has exactly one product {coefficient}; install the version in requirements.lock"
+            )
         ET.SubElement(products[0], "property").text = f"scale/{name}"
         declared = ET.Element("property", value="1.0")
         declared.text = f"scale/{name}"

@@ -98,7 +98,7 @@ def _require_flyable(condition: FlightCondition, residual: float, alpha: float, 
     asked = [text for text, holds in ranges.items() if not holds]
     why = f"it would take {asked[0]}" if asked else f"Newton's method ends with {residual:.2g} ft/s^2 or rad/s^2 left"
     if asked or not residual < LARGEST_RESIDUAL:
-        raise InputError(f"the F-16 can't be trimmed in level flight at {condition}: {why}; 10000 ft, Mach 0.5 can")
+        raise InputError(f"the F-16 can't be trimmed in level flight at {condition}: {why}; 10000 ft and Mach 0.5 are possible")
 
 
 def _linearised(airframe: Airframe, motion: Motion, surfaces: Surfaces, throttle: float) -> tuple[Array, Array]:

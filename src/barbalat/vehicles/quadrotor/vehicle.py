@@ -77,7 +77,7 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
     def require(self, condition: object, equipment: object) -> None:
         if condition is not None or equipment is not None:
             raise InputError(
-                "condition and equipment, --altitude and --mach, are the F-16's: the quadrotor hovers near the ground"
+                "condition and equipment, --altitude and --mach, apply only to the F-16: the quadrotor hovers near the ground"
             )
 
     def nominal(self, condition: object = None, equipment: object = None) -> Axes:

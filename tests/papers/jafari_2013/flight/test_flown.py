@@ -176,7 +176,7 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
         f"ahead of `l1-piecewise-flown` on {ahead['count']} draws of {ahead['judged']}",
         f"its median is {hard['MRAC'][1]:.2f} deg/s (`adrc`: {hard['ADRC'][1]:.2f})",
         f"it loses {hard['MRAC'][0]} flights (PI: {hard['LQR with PI'][0]})",
-        f"Of {len(flights.shares)} comparisons that at least one draw decides, {singly} would be significant individually, and "
+        f"At least one draw decides {len(flights.shares)} comparisons; {singly} of these would be significant individually, and "
         f"{together} are significant jointly",
         f"first ended at {flights.document['resumed']} for lack of time",
         f"flew the other {flights.members - flights.document['resumed']}",
@@ -281,7 +281,7 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
         f"than `hinf` on {pull[3][0]} draws; {pull[3][2]}",
         f"medians are {medians[0]} m; those of `hinf` are {medians[1]} m",
         f"{travel[0]:.3g} against {travel[1]:.2g} N/s",
-        f"Of {len(flights.shares)} comparisons that at least one draw decides, {singly} would be significant individually, "
+        f"At least one draw decides {len(flights.shares)} comparisons; {singly} of these would be significant individually, "
         f"and {sum(map(abs, flights.signs.values()))} are significant jointly",
     ):
         assert expected in said

@@ -43,7 +43,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 OWN_QUANTITIES = OF_LINEAR_LOOPS | {
-    "sigma_needed": Quantity("bound of |sigma| while the projection does not act"),
+    "sigma_needed": Quantity("bound on |sigma| while the projection does not act"),
     "linear_equivalent": Quantity(
         "u = feedforward[r] - feedback[y] while sigma is inside its bounds", form=Form.TRANSFER_FUNCTIONS
     ),
@@ -136,7 +136,7 @@ def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> fl
         return slope
     least = steepest_seen(f, 0.0 if slope is None else draft["output_bound"])
     if least > given * OUTWARD_FACTOR:
-        where = "at y = 0" if slope is None else "within the bound of y"
+        where = "at y = 0" if slope is None else "within the bound on y"
         draft.note(f"lipschitz = {given:g} is not a Lipschitz constant of f: the slope reaches {least:.6g} {where}")
         return least
     if slope is None:

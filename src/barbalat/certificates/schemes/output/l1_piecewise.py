@@ -145,8 +145,8 @@ OWN_QUANTITIES = (
     | {
         "linear_equivalent_limit": Quantity("u = feedforward[r] - feedback[y] for T -> 0", form=Form.TRANSFER_FUNCTIONS),
         "delay_margin_limit": Quantity("delay_margin for T -> 0", "s"),
-        "disturbance_left": Quantity("share of a constant sigma's effect on y that sigma_hat does not cover"),
-        "error_bound_held": Quantity("bound of |y - y_m| at all times, with y_m of the model under the sampled command"),
+        "disturbance_left": Quantity("fraction of the effect of a constant sigma on y that sigma_hat does not cover"),
+        "error_bound_held": Quantity("bound on |y - y_m| at all times, where y_m is that of the model under the sampled command"),
     }
 )
 FOR_SMALL_T = "for T -> 0"

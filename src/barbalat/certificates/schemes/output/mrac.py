@@ -160,7 +160,7 @@ def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee
     if not found.bounded:
         return nothing("modelling_error", found.why)
     if controller.lower is None and not found.leaks:
-        return nothing("modelling_error", "needs projection of all estimates or leakage, and the law has neither")
+        return nothing("modelling_error", "needs projection of all estimates or leakage, but the law has neither")
     present = ", ".join(found.broken for found in rests_on(problem, controller) if found.broken)
     ceiling = 1 / controller.normalization.delta_0
     above = controller.tau is not None and controller.tau >= ceiling

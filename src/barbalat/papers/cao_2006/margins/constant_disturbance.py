@@ -30,7 +30,11 @@ GAINS = np.geomspace(1e-2, 1e8, 31)
 KAPPAS = (0.02, 0.1, 1.0)
 """Time constants of the filters [s]. Their bandwidths are fifty times, ten times and once that of the plant."""
 UNCHANGED_SHARE = 0.1
-HOW = f"a loop of our own, because only the abstract was read: the plant x' = -x + u + sigma, from which scaling gives every stable first-order plant; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
+HOW = (
+    f"a loop of our own, because only the abstract was available: the plant x' = -x + u + sigma, which by scaling represents "
+    f"every stable first-order plant; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from "
+    f"{GAINS[0]:g} to {GAINS[-1]:g}"
+)
 
 
 def loop(gamma: float, kappa: float | None) -> TransferFunction:
@@ -64,7 +68,7 @@ def _listing() -> Listing:
             f"{kappa:g} s, phase": over_gains(kappa).phase[told],
             f"{kappa:g} s, delay [s]": over_gains(kappa).delay[told],
         }
-    return table("Exact phase margins [rad] and delay margins over the gain, MRAC and L1-AC by its kappa", columns)
+    return table("Exact phase margins [rad] and delay margins [s] over the gain, for MRAC and for L1-AC with each kappa", columns)
 
 
 def mrac() -> list[Claim]:
@@ -79,22 +83,32 @@ def mrac() -> list[Claim]:
         Claim(
             sentence=phase,
             readings=(
-                phase.reads(bool(effort[1] > (1 + UNCHANGED_SHARE) * effort[0]), f"{effort[0]:.3g} at the lowest gain, {effort[1]:.3g} at the highest"),
-                phase.reads(smaller[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the highest", 1),
+                phase.reads(bool(effort[1] > (1 + UNCHANGED_SHARE) * effort[0]), f"{effort[0]:.3g} at the lowest gain, "
+                f"{effort[1]:.3g} at the highest"),
+                phase.reads(smaller[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the "
+                f"highest", 1),
             ),
-            shows=f"MRAC, lowest to highest gain: the control's peak rises from {effort[0]:.2g} to {effort[1]:.0f} times the disturbance, the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
-            measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to {effort[1]:.4g}; MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over {len(GAINS)} gains",
-            how=HOW, listings=(_listing(),), would_change="a phase margin that is no smaller at the highest gain than at the lowest, or another measure of the control effort; the abstract defines none",
+            shows=f"MRAC, lowest to highest gain: the control's peak rises from {effort[0]:.2g} to {effort[1]:.0f} times the "
+            f"disturbance, the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
+            measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to "
+            f"{effort[1]:.4g}; MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over "
+            f"{len(GAINS)} gains",
+            how=HOW, listings=(_listing(),), would_change="a phase margin that is no smaller at the highest gain than at the "
+            "lowest, or a different measure of the control effort; the abstract does not define one",
         ),
         Claim(
             sentence=delay,
             readings=(
-                delay.reads(bool(damping < 0.01 and frequencies[-1] > frequencies[0]), f"{frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.1g} at the highest gain"),
+                delay.reads(bool(damping < 0.01 and frequencies[-1] > frequencies[0]), f"{frequencies[-1]:.3g} rad/s with a "
+                f"damping ratio of {damping:.1g} at the highest gain"),
                 delay.reads(smaller[1], f"{found.delay[0]:.3g} s at the lowest gain, {found.delay[-1]:.2g} s at the highest", 1),
             ),
-            shows=f"MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to {damping:.0e}.",
-            measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.2g}, and tolerates a delay of {found.delay[-1]:.2g} s",
-            how=HOW, listings=(_listing(),), would_change="a delay margin that is no smaller at the highest gain, or a mode that is well damped there",
+            shows=f"MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to "
+            f"{damping:.0e}.",
+            measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of "
+            f"{damping:.2g}, and tolerates a delay of {found.delay[-1]:.2g} s",
+            how=HOW, listings=(_listing(),), would_change="a delay margin that is no smaller at the highest gain, or a mode "
+            "that is well damped there",
         ),
     ]  # fmt: skip
 
@@ -114,15 +128,20 @@ def _phase() -> Claim:
         readings=(
             sentence.reads(all(same.values()), told),
             Reading(
-                "fast adaptation: above some gain, which depends on the filter, the phase margin is that of 1/(kappa s) to within a tenth",
+                "fast adaptation: above some gain, which depends on the filter, the phase margin is that of 1/(kappa s) to "
+                "within a tenth",
                 all(np.isfinite(list(fast.values()))),
-                "; ".join(f"from Gamma = {gain:.2g} on with kappa = {kappa:g} s" for kappa, gain in fast.items()) + ": a quarter turn, 1.57 rad",
+                "; ".join(f"from Gamma = {gain:.2g} on with kappa = {kappa:g} s" for kappa, gain in fast.items()) + ": a "
+                "quarter turn, 1.57 rad",
                 "beside",
             ),
         ),
-        shows=f"On a first-order loop of ours, kappa = {KAPPAS[0]:g} s: {phases[KAPPAS[0]][0]:.2g} rad down to {phases[KAPPAS[0]].min():.1g}, back to {phases[KAPPAS[0]][-1]:.3g}; within a tenth of that from Gamma = {fast[KAPPAS[0]]:.1e} on.",
+        shows=f"On our first-order loop, kappa = {KAPPAS[0]:g} s: {phases[KAPPAS[0]][0]:.2g} rad down to "
+        f"{phases[KAPPAS[0]].min():.1g}, back to {phases[KAPPAS[0]][-1]:.3g}; within a tenth of that from Gamma = "
+        f"{fast[KAPPAS[0]]:.1e} on.",
         measured=f"the phase margin is {told}",
-        how=HOW, listings=(_listing(),), would_change="another break point of the loop, or the paper's own plant and gains, which are not available",
+        how=HOW, listings=(_listing(),), would_change="a different break point of the loop, or the plant and gains of the "
+        "paper, which are not available",
     )  # fmt: skip
 
 
@@ -147,7 +166,9 @@ def _delay() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(steady, f"over the last decade {told}"),),
-        shows=f"With kappa = {KAPPAS[0]:g} s the delay margin is {delays[KAPPAS[0]][-1]:.3g} s at the highest gain, after a dip to {delays[KAPPAS[0]].min():.2g} s at Gamma = {GAINS[int(delays[KAPPAS[0]].argmin())]:.1e}; that of MRAC is {over_gains(None).delay[-1]:.0e} s.",
+        shows=f"With kappa = {KAPPAS[0]:g} s the delay margin is {delays[KAPPAS[0]][-1]:.3g} s at the highest gain, after a dip "
+        f"to {delays[KAPPAS[0]].min():.2g} s at Gamma = {GAINS[int(delays[KAPPAS[0]].argmin())]:.1e}; that of MRAC is "
+        f"{over_gains(None).delay[-1]:.0e} s.",
         measured=f"over the last decade of gain {told}; the limit of fast adaptation is pi kappa/2",
         how=HOW, listings=(_listing(),), would_change="a delay margin that keeps falling with the gain",
     )  # fmt: skip
@@ -160,7 +181,8 @@ def _inside() -> Claim:
         found, least = over_gains(kappa), int(over_gains(kappa).delay.argmin())
         if found.delay[-1] > found.delay[least] and found.phase[-1] > found.phase[least]:
             rises.append(
-                f"kappa = {kappa:g} s, Gamma from {GAINS[least]:.2g} to {GAINS[-1]:.2g}: delay margin {found.delay[least]:.2g} to {found.delay[-1]:.3g} s, phase margin {found.phase[least]:.2g} to {found.phase[-1]:.3g} rad"
+                f"kappa = {kappa:g} s, Gamma from {GAINS[least]:.2g} to {GAINS[-1]:.2g}: delay margin {found.delay[least]:.2g} "
+                f"to {found.delay[-1]:.3g} s, phase margin {found.phase[least]:.2g} to {found.phase[-1]:.3g} rad"
             )
     return Claim(
         sentence=sentence,
@@ -169,11 +191,13 @@ def _inside() -> Claim:
             Reading(
                 "both margins are larger at the highest gain than with the slowest adaptation tried, with each filter",
                 all(np.all([values[-1] > values[0] for values in (over_gains(kappa).phase, over_gains(kappa).delay)]) for kappa in KAPPAS),
-                "; ".join(f"kappa = {kappa:g} s: delay margin {over_gains(kappa).delay[0]:.3g} s at Gamma = {GAINS[0]:g}, {over_gains(kappa).delay[-1]:.3g} s at {GAINS[-1]:g}" for kappa in KAPPAS),
+                "; ".join(f"kappa = {kappa:g} s: delay margin {over_gains(kappa).delay[0]:.3g} s at Gamma = {GAINS[0]:g}, "
+                f"{over_gains(kappa).delay[-1]:.3g} s at {GAINS[-1]:g}" for kappa in KAPPAS),
                 "beside",
             ),
         ),
-        shows=f"With kappa = {KAPPAS[0]:g} s an increase of the gain first lowers the delay margin from {first.delay[0]:.3g} to {first.delay.min():.2g} s; a further one restores {first.delay[-1]:.3g} s.",
+        shows=f"With kappa = {KAPPAS[0]:g} s, an increase of the gain first lowers the delay margin from {first.delay[0]:.3g} to "
+        f"{first.delay.min():.2g} s; a further increase restores it to {first.delay[-1]:.3g} s.",
         measured="; ".join(rises) or f"no rise with {len(KAPPAS)} filters",
         how=HOW, listings=(_listing(),), would_change="margins that fall with every increase of the gain, with each filter",
     )  # fmt: skip

@@ -46,24 +46,38 @@ def mrac() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool(error.max() > 1 or (np.diff(state) >= 0).any()), f"the largest |e| is at most {error.max():.2f} of it, over {MEMBERS} runs, and falls from {state[0]:.2g} to {state[-1]:.2g}"),
-            sentence.reads(bool(control.max() > 1), f"the largest |u| is at most {control.max():.2f} of it, over {MEMBERS} runs", 1),
+            sentence.reads(bool(error.max() > 1 or (np.diff(state) >= 0).any()), f"the largest |e| is at most {error.max():.2f} "
+            f"of it, over {MEMBERS} runs, and falls from {state[0]:.2g} to {state[-1]:.2g}"),
+            sentence.reads(bool(control.max() > 1), f"the largest |u| is at most {control.max():.2f} of it, over {MEMBERS} "
+            f"runs", 1),
             Reading(
-                "no bound like (9) holds for u - u*, with u* = -theta'x_m + k_0 r the input with known theta: |u - u*| sqrt(Gamma) grows with each decade of the gain from 1e2 to 1e4",
+                "no bound like (9) holds for u - u*, with u* = -theta'x_m + k_0 r the input with known theta: |u - u*| "
+                "sqrt(Gamma) grows with each decade of the gain from 1e2 to 1e4",
                 bool((np.diff(scaled) > 0).all()),
-                f"|u - u*| falls from {away[0]:.3g} to {away[-1]:.3g}, times sqrt(Gamma) it grows from {scaled[0]:.3g} to {scaled[-1]:.3g}; the largest |u*| is {_largest_ideal_control():.3g}",
+                f"|u - u*| falls from {away[0]:.3g} to {away[-1]:.3g}, times sqrt(Gamma) it grows from {scaled[0]:.3g} to "
+                f"{scaled[-1]:.3g}; the largest |u*| is {_largest_ideal_control():.3g}",
                 "beside",
             ),
         ),
-        shows=f"In {MEMBERS} runs |e| stays below {error.max():.2f} of (9), and |u|, with the projection, below {control.max():.2f} of the bound that follows. |u - u*| does not fall as 1/sqrt(Gamma).",
-        measured=f"largest |e| / bound {error.max():.2f}, median {np.median(error):.2f}; largest |u| / bound {control.max():.2f}, median {np.median(control):.2f}; local exponents of |u - u*| over the gain {span(local_exponents(away, gains))}. "
-        "(9) needs e(0) = 0: x_m(0) = x(0), as in (2), which the designer chooses; for any other e(0) V(0) still bounds e, but not by a constant that the gain makes small",
-        how=f"Section V, without modelling error, every step; bounds: theta drawn from the box, Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, rounded outward; over the gain: h = {span(list(l1_reference.STEPS.values()))} s, {l1_reference.T_END:g} s, {l1_reference.COMPARED_INSTANTS} instants",
+        shows=f"In {MEMBERS} runs |e| stays below {error.max():.2f} of (9), and |u|, with the projection, below "
+        f"{control.max():.2f} of the bound that follows. |u - u*| does not fall as 1/sqrt(Gamma).",
+        measured=f"largest |e| / bound {error.max():.2f}, median {np.median(error):.2f}; largest |u| / bound "
+        f"{control.max():.2f}, median {np.median(control):.2f}; local exponents of |u - u*| over the gain "
+        f"{span(local_exponents(away, gains))}. "
+        "(9) needs e(0) = 0: x_m(0) = x(0), as in (2), which the designer chooses; for any other e(0) V(0) still bounds e, but "
+        "not by a constant that the gain makes small",
+        how=f"Section V, without modelling error, every step; bounds: theta drawn from the box, Gamma from 0.1 to 100, RK4, h = "
+        f"1e-4 s, 20 s, rounded outward; over the gain: h = {span(list(l1_reference.STEPS.values()))} s, {l1_reference.T_END:g} "
+        f"s, {l1_reference.COMPARED_INSTANTS} instants",
         listings=(
-            table("Largest values relative to the bounds, over all runs", {"of": ("|e|", "|u|"), "median": (np.median(error), np.median(control)), "largest": (error.max(), control.max())}),
-            table("MRAC over the gain", {"Gamma": gains, "largest |e|": state, "largest |u - u*|": away, "times sqrt(Gamma)": scaled}),
+            table("Largest values relative to the bounds, over all "
+            "runs", {"of": ("|e|", "|u|"), "median": (np.median(error), np.median(control)), "largest": (error.max(), control.max())}),
+            table("MRAC over the gain", {"Gamma": gains, "largest |e|": state, "largest |u - u*|": away, "times "
+            "sqrt(Gamma)": scaled}),
         ),
-        would_change="mixed: a resolved run with e(0) = 0 above one of the two bounds; an MRAC without projection, whose estimates and input have no bound that is known beforehand. If characterising meant a distance from the ideal input that the gain makes small, as L1-AC has from its reference system, the row would be mixed",
+        would_change="mixed: a resolved run with e(0) = 0 above one of the two bounds; an MRAC without projection, for whose "
+        "estimates and input no bound is known beforehand. If characterising meant that the gain makes the distance from the "
+        "ideal input small, as it does for L1-AC and its reference system, the finding would be mixed",
     )  # fmt: skip
 
 
@@ -101,10 +115,14 @@ def l1() -> list[Claim]:
             sentence.reads(falls[0], f"{span(found.state)} over Gamma = {numbers(found.gains)}"),
             sentence.reads(falls[1], f"{span(found.control)}", 1),
         ),
-        shows=f"From Gamma = {found.gains[0]:g} to {found.gains[-1]:g} the largest |x - x_ref| falls from {found.state[0]:.2g} to {found.state[-1]:.2g}, |u - u_ref| from {found.control[0]:.2g} to {found.control[-1]:.2g}.",
-        measured=f"|x - x_ref| {span(found.state)}, |u - u_ref| {span(found.control)}; the reference system itself is up to {found.model:.3g} away from the model x_m, at every gain",
-        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(l1_reference.STEPS.values()))} s, {l1_reference.T_END:g} s",
-        listings=(table("The largest distances from the reference system", {"Gamma": found.gains, "|x - x_ref|": found.state, "|u - u_ref|": found.control}),),
+        shows=f"From Gamma = {found.gains[0]:g} to {found.gains[-1]:g} the largest |x - x_ref| falls from {found.state[0]:.2g} "
+        f"to {found.state[-1]:.2g}, |u - u_ref| from {found.control[0]:.2g} to {found.control[-1]:.2g}.",
+        measured=f"|x - x_ref| {span(found.state)}, |u - u_ref| {span(found.control)}; the reference system itself is up to "
+        f"{found.model:.3g} away from the model x_m, at every gain",
+        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(l1_reference.STEPS.values()))} s, "
+        f"{l1_reference.T_END:g} s",
+        listings=(table("The largest distances from the reference "
+        "system", {"Gamma": found.gains, "|x - x_ref|": found.state, "|u - u_ref|": found.control}),),
         would_change="a gain at which a resolved run is farther from the reference system than at a lower gain",
     )  # fmt: skip
     return [enforced, _asymptotic()]
@@ -120,13 +138,18 @@ def _asymptotic() -> Claim:
     return Claim(
         sentence=sentence,
         readings=tuple(
-            sentence.reads(bool(found[-1] < LATE_SHARE * found[0]), f"{found[0]:.3g} in the first quarter, {found[-1]:.2g} in the last", part)
+            sentence.reads(bool(found[-1] < LATE_SHARE * found[0]), f"{found[0]:.3g} in the first quarter, {found[-1]:.2g} in "
+            f"the last", part)
             for part, found in enumerate(quarters.values())
         ),
-        shows=f"At Gamma = {gamma:g}, from the first quarter of {t_end:g} s to the last: {', '.join(f'{name} {said}' for name, said in told.items())}.",
-        measured=f"the largest of the first and of the last quarter: {'; '.join(f'{name} {said}' for name, said in told.items())}",
-        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {l1_reference.STEPS[gamma]:g} s, {t_end:g} s, {l1_reference.COMPARED_INSTANTS} instants",
-        listings=(table("The largest distances in each quarter of the run", {"quarter": ("first", "second", "third", "last"), **quarters}),),
+        shows=f"At Gamma = {gamma:g}, from the first quarter of {t_end:g} s to the last: "
+        f"{', '.join(f'{name} {said}' for name, said in told.items())}.",
+        measured=f"the largest of the first and of the last quarter: "
+        f"{'; '.join(f'{name} {said}' for name, said in told.items())}",
+        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {l1_reference.STEPS[gamma]:g} s, {t_end:g} s, "
+        f"{l1_reference.COMPARED_INSTANTS} instants",
+        listings=(table("The largest distances in each quarter of the "
+        "run", {"quarter": ("first", "second", "third", "last"), **quarters}),),
         would_change="a distance that does not fall in a longer run",
     )  # fmt: skip
 

@@ -91,7 +91,7 @@ def _figure_4(runs: Runs) -> PaperFigure:
         Check(
             "the high-frequency oscillation of the estimates disappears at the smaller step",
             bool((factor > 1e3).all()),  # from kilohertz sweeps to one slow wave with the command's period
-            f"total variation {numbers(rate)} per s in the tail, {numbers(factor)} times less than at h = 1e-4 s",
+            f"total variation {numbers(rate)} per s in the tail, {numbers(factor)} times smaller than at h = 1e-4 s",
             row="numerical-oscillation",
         ),
     )
@@ -159,9 +159,13 @@ def as_described(runs: Runs) -> Claim:
                 "beside",
             ),
         ),
-        shows=f"{holding} of {len(own)} statements hold for {MENDED}. Figure 2's peak error is {of_run(shown[0].shown[0], 'max_abs_e')[0]:.3g}, as printed {printed[0]:.3g}, without u_a {without[0]:.3g}. No curve is compared.",
-        measured=f"{holding} of {len(own)} statements of the captions and the text hold. Other rows decide the remaining statements about these figures: {', '.join((*elsewhere, 'loss-of-learning, any-command'))}",
-        how=f"each statement is a measured check, and its number is shown beside the figure; {MENDED}, Section V's command. No curve is compared, because no image of the figures is available; the fifth figure of the report is ours",
+        shows=f"{holding} of {len(own)} statements hold for {MENDED}. Figure 2's peak error is "
+        f"{of_run(shown[0].shown[0], 'max_abs_e')[0]:.3g}, as printed {printed[0]:.3g}, without u_a {without[0]:.3g}. No curve "
+        f"is compared.",
+        measured=f"{holding} of {len(own)} statements of the captions and the text hold. Other rows decide the remaining "
+        f"statements about these figures: {', '.join((*elsewhere, 'loss-of-learning, any-command'))}",
+        how=f"each statement is a measured check, and its number is shown beside the figure; {MENDED}, Section V's command. No "
+        f"curve is compared, because no image of the figures is available; the fifth figure of the report is our own",
         listings=(_counted(shown),),
         would_change="a statement about a figure that fails with the solver, gain and step that the paper names",
     )  # fmt: skip
@@ -182,12 +186,15 @@ def without_projection(runs: Runs) -> Claim:
         ),
         shows=f"Without projection L1-AC {latest} at the settings of Figures 3 and 5; at a tenth of the step it "
         f"{'stays bounded' if smooth.diverged_at is None else 'diverges too'}.",
-        measured=        f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays bounded at those of Figure 4, max |e| "
+        measured=        f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays "
+        f"bounded at those of Figure 4, max |e| "
         f"{numbers(of_run(smooth, 'max_abs_e'))}; {_one_step_before(ends[0])}; the robust MRAC of Figure 2 stays bounded too, "
         f"{numbers(of_run(robust, 'max_abs_e'))}",
-        how=f"RK4, 60 s; the robust MRAC has {MENDED}; the same equations are bounded at a tenth of the step (see the numerics below the figures)",
+        how=f"RK4, 60 s; the robust MRAC has {MENDED}; the same equations are bounded at a tenth of the step (see the numerics "
+        f"below the figures)",
         listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
-        would_change="an RK4 run without projection that stays bounded there, or that diverges at Figure 4's gain and step; stiff-solvers treats implicit steps",
+        would_change="an RK4 run without projection that stays bounded there, or that diverges at Figure 4's gain and step; "
+        "stiff-solvers treats implicit steps",
     )  # fmt: skip
 
 
@@ -199,7 +206,10 @@ def _one_step_before(lost: float | None) -> str:
     until = Simulation(t_end=(round(lost / h) - 1) * h, dt=h)
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", gamma, projection=False)], until).values()
     u, theta_hat, x = float(np.abs(run.u[-1]).max()), float(np.abs(run.theta_hat[-1]).max()), np.abs(run.x[-1])
-    return f"one step before Figure 3's run is lost, |u| is {u:.1g}, the larger |theta_hat_i| {theta_hat:.1g} and |x_2| {x[1]:.1g}; x_1, the integral of x_2, is the last to grow, {x[0]:.3g}"
+    return (
+        f"one step before Figure 3's run is lost, |u| is {u:.1g}, the larger |theta_hat_i| {theta_hat:.1g} and |x_2| "
+        f"{x[1]:.1g}; x_1, the integral of x_2, is the last to grow, {x[0]:.3g}"
+    )
 
 
 def erratum_claim(runs: Runs) -> Claim:
@@ -218,7 +228,8 @@ def erratum_claim(runs: Runs) -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(as_printed, f"max |e_i| {numbers(printed)} at tau = {tau:g} s, {numbers(printed_half)} at {half:g} s"),
-            Reading("with the sign of the swapping lemma", halved, f"{numbers(derived)} at tau = {tau:g} s, {numbers(derived_half)} at {half:g} s", "mended"),
+            Reading("with the sign of the swapping lemma", halved, f"{numbers(derived)} at tau = {tau:g} s, "
+            f"{numbers(derived_half)} at {half:g} s", "mended"),
             Reading(
                 "with the printed sign, the auxiliary input reduces the largest error compared with no auxiliary input",
                 bool((np.minimum(printed, printed_half) < without).all()),
@@ -226,7 +237,8 @@ def erratum_claim(runs: Runs) -> Claim:
                 "beside",
             ),
         ),
-        shows=f"Halving tau should halve the error: as printed it goes from {printed[0]:.3g} to {printed_half[0]:.3g}, with the other sign from {derived[0]:.2g} to {derived_half[0]:.2g}.",
+        shows=f"Halving tau should halve the error: as printed it goes from {printed[0]:.3g} to {printed_half[0]:.3g}, with the "
+        f"other sign from {derived[0]:.2g} to {derived_half[0]:.2g}.",
         measured=(
             f"from tau = {tau:g} s to {half:g} s max |e_1| goes from {derived[0]:.3g} to {derived_half[0]:.3g} with the sign of "
             "the swapping "

@@ -36,7 +36,10 @@ TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
 Figure 3's."""
 MODERATE_KAPPA = 0.1
 """The gain margin is claimed to fall with filters up to this kappa [s], twice the largest that Theorem 1's condition admits."""
-METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends only on Gamma r^2"
+METHOD = (
+    "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends only on "
+    "Gamma r^2"
+)
 
 
 class LoopMargins(NamedTuple):
@@ -100,8 +103,10 @@ def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
     return Reading(
         f"the filter lowers the {UPWARDS} of the adapting loop: exact, around constant commands",
         bool(moderate.max() < 1),
-        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; this holds in all {moderate.size} cells with "
-        f"kappa <= {MODERATE_KAPPA:g} s, twice the limit of Theorem 1's condition; there k - 1 falls to {moderate.min():.2g} to {moderate.max():.2g} "
+        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; this holds in all "
+        f"{moderate.size} cells with "
+        f"kappa <= {MODERATE_KAPPA:g} s, twice the limit of Theorem 1's condition; there k - 1 falls to {moderate.min():.2g} to "
+        f"{moderate.max():.2g} "
         f"of its value without the filter. Slower filters: {_slower(ratios)}",
         "beside",
     )
@@ -115,12 +120,16 @@ def _reading(name: str, moderate: Array) -> Reading:
     said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
     if raised.any():
         first, last = GAINS[raised][0], GAINS[raised][-1]
-        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / COMMAND_CREST**2:.2g} to {last / COMMAND_CREST**2:.2g} at r = {COMMAND_CREST:g}"
+        said += (
+            f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / COMMAND_CREST**2:.2g} to "
+            f"{last / COMMAND_CREST**2:.2g} at r = {COMMAND_CREST:g}"
+        )
     at = "; ".join(f"{changed(name, gain)} at Gamma r^2 = {gain:.3g}" for gain in TOLD_GAINS)
     return Reading(
         f"the filter lowers the {name} of the adapting loop: exact, around constant commands",
         bool((moderate < 1).all()),
-        f"kappa = {section_v.KAPPA:g} s: {at}; {said}. It falls in {int((moderate < 1).sum())} of {moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s",
+        f"kappa = {section_v.KAPPA:g} s: {at}; {said}. It falls in {int((moderate < 1).sum())} of {moderate.size} cells with "
+        f"kappa <= {MODERATE_KAPPA:g} s",
         "beside",
     )
 
@@ -144,7 +153,10 @@ def _slower(ratios: Array) -> str:
         text = f"kappa = {kappa:.3g} s falls in {int((row < 1).sum())} of {len(row)} cells"
         if raised.any():
             at = ", ".join(f"{gain:.2g}" for gain in GAINS[raised])
-            text += f", rises in {int(raised.sum())} (Gamma r^2 = {at}, to {row[raised].max():.3g} times its value without the filter)"
+            text += (
+                f", rises in {int(raised.sum())} (Gamma r^2 = {at}, to {row[raised].max():.3g} times its value without the "
+                f"filter)"
+            )
         if lost.any():
             text += f", is unstable with the filter in {int(lost.sum())}"
         said.append(text)
@@ -156,7 +168,10 @@ def _delay_map(ratios: Array, line: Curve) -> Map:
         key="filter-delay-margin",
         title="The filter's effect on the delay margin of the adapting loop",
         caption=(
-            "The delay margin of L1-AC's loop divided by that of MRAC's at the same gain; each loop is linearised around a constant command r, including its law. To the left of the line the filter reduces the margin, to the right it increases it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast adaptation (the step in the colours)."
+            "The ratio of the delay margins of the L1-AC and MRAC loops at the same gain. Each loop, including its adaptive "
+            "law, is linearised around a constant command r. To the left of the line the filter reduces the margin, to the "
+            "right it increases it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast adaptation "
+            "(the step in the colours)."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
@@ -173,7 +188,9 @@ def _gain_map(ratios: Array) -> Map:
         key="filter-gain-margin",
         title="The filter's effect on the gain margin of the adapting loop",
         caption=(
-            "The same for the gain margin k: k - 1 with the filter divided by k - 1 without it. The filter increases the loop's relative degree, and the resonance of the adaptation tolerates less gain, however fast the adaptation is."
+            "As before, but for the gain margin k: k - 1 with the filter divided by k - 1 without it. The filter increases the "
+            "loop's "
+            "relative degree, so the resonance of the adaptation tolerates less gain, however fast the adaptation is."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),

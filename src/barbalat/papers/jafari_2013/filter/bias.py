@@ -62,31 +62,39 @@ def bias_is_proportional() -> Claim:
     doubled, admitted = doubles(tail), theorem_1.kappa_max(theorem_1.derivative_norm(given.known), THETA_MAX)
     ends = _ends(gamma, admitted)
     readings = (
-        sentence.reads(share > STAYING_SHARE, f"max |e_1| in the tail is {size:.3g}, {share:.2g} of the largest, at kappa = {KAPPAS[own]:g} s"),
+        sentence.reads(share > STAYING_SHARE, f"max |e_1| in the tail is {size:.3g}, {share:.2g} of the largest, at kappa = "
+        f"{KAPPAS[own]:g} s"),
         sentence.reads(
             bool(held > LASTING_SHARE * size),
-            f"max |e_1| in the tail of 120 s is {held:.1g} with r = 50; with Section V's sine of the same size it is {size:.3g}, and this error is itself a sine",
+            f"max |e_1| in the tail of 120 s is {held:.1g} with r = 50; with Section V's sine of the same size it is "
+            f"{size:.3g}, and this error is itself a sine",
             1,
         ),
         sentence.reads(
             bool(doubled[own - 1 : own + 1].all()),
-            f"from {KAPPAS[own + 1]:g} to {KAPPAS[own]:g} s the error grows {ratios[own]:.3g} times, from there to {KAPPAS[own - 1]:g} s {ratios[own - 1]:.3g} times",
+            f"from {KAPPAS[own + 1]:g} to {KAPPAS[own]:g} s the error grows {ratios[own]:.3g} times, from there to "
+            f"{KAPPAS[own - 1]:g} s {ratios[own - 1]:.3g} times",
             2,
         ),
         Reading(
             f"proportional at every kappa that part (ii) of Theorem 1 admits, up to kappa_max = {admitted:.4f} s",
             ends >= admitted,
-            f"to within a tenth up to {ends:.4f} s, where the error is {_over_half(gamma, ends):.3g} times that of half the kappa",
+            f"to within a tenth up to {ends:.4f} s, where the error is {_over_half(gamma, ends):.3g} times that of half the "
+            f"kappa",
             "beside",
         ),
-        Reading(f"proportional at every kappa up to {section_v.KAPPA:g} s", bool(doubled[own:].all()), f"doubling kappa multiplies the error by {span(ratios[own:])}", "beside"),
+        Reading(f"proportional at every kappa up to {section_v.KAPPA:g} s", bool(doubled[own:].all()), f"doubling kappa "
+        f"multiplies the error by {span(ratios[own:])}", "beside"),
     )  # fmt: skip
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With a sine, doubling kappa multiplies the error by {ratios[own]:.3g}; to within a tenth it is proportional up to {ends:.4f} s. With a constant command the error is {held:.0e}.",
-        measured=f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {KAPPAS[0]:g} s to {tail[-1]:.3g} at {KAPPAS[-1]:g} s; the local exponent goes "
-        f"from {exponents[0]:.3g} to {exponents[-1]:.3g} and tends to 1 as kappa falls. With a constant command an error of {held:.1g} remains, as the paper's own Theorem 1 (iii) says",
+        shows=f"With a sine, doubling kappa multiplies the error by {ratios[own]:.3g}; to within a tenth it is proportional up "
+        f"to {ends:.4f} s. With a constant command the error is {held:.0e}.",
+        measured=f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {KAPPAS[0]:g} s to {tail[-1]:.3g} at {KAPPAS[-1]:g} "
+        f"s; the local exponent goes "
+        f"from {exponents[0]:.3g} to {exponents[-1]:.3g} and tends to 1 as kappa falls. With a constant command an error of "
+        f"{held:.1g} remains, as Theorem 1 (iii) of the paper says",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; constant command: Gamma = 1, h = 1e-3 s, 120 s",
         listings=(
             table(
@@ -95,7 +103,8 @@ def bias_is_proportional() -> Claim:
             ),
         ),
         would_change=""
-        "holds: an error that remains with a constant command too; fails: an error that goes to zero with a sine, or does not grow with kappa. l1-against-pi treats other filters than (6)",
+        "holds: an error that remains with a constant command too; fails: an error that goes to zero with a sine, or does not "
+        "grow with kappa. l1-against-pi treats other filters than (6)",
     )  # fmt: skip
 
 

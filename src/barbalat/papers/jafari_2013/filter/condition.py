@@ -47,12 +47,14 @@ def condition() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"The condition holds up to kappa = {proved:.4f} s, which the paper rounds up: at {PRINTED_KAPPA:g} s the left side is {value:.4f}, but must be less than 1.",
+        shows=f"The condition holds up to kappa = {proved:.4f} s, which the paper rounds up: at {PRINTED_KAPPA:g} s the left "
+        f"side is {value:.4f}, but must be less than 1.",
         measured=f"holds for every kappa up to {proved:.6f} s" + ("" if largest >= PRINTED_KAPPA else _refuted(known, least)),
-        how="certified enclosures of the norm, the limit to 1e-6; between the points, N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
+        how="certified enclosures of the norm, the limit to 1e-6; between the points, N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - "
+        "k1/k2) N(k2) for "
         "k1 < k2, where N(k) = ||W_b (C - 1)||_1; near zero, N(k) <= k ||s W_b||_1",
         listings=(_over_kappa(known, proved),),
-        would_change="no simulation can change it: the range is proved from both sides",
+        would_change="nothing that a simulation can show: the range is proved from both sides",
     )  # fmt: skip
 
 
@@ -73,7 +75,8 @@ def _refuted(known: Known, least: float) -> str:
     if not math.isfinite(least):
         return f"; at {PRINTED_KAPPA:g} s it is undecided"
     return (
-        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, with {_value(known, PRINTED_KAPPA)[0]:.4f} "
+        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, with "
+        f"{_value(known, PRINTED_KAPPA)[0]:.4f} "
         "on the left at the end: a limit that was rounded to its unsafe side"
     )
 

@@ -104,15 +104,22 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["filter-control-frequency"],
         readings=_readings(shown, numerical, resolved),
-        shows=f"In Figure 3 the filter changes the mean frequency of u from {shown.without.mean:.0f} to {shown.filtered.mean:.0f} rad/s, "
+        shows=f"In Figure 3 the filter changes the mean frequency of u from {shown.without.mean:.0f} to "
+        f"{shown.filtered.mean:.0f} rad/s, "
         f"its strongest frequency from {shown.without.peak:.0f} to {shown.filtered.peak:.0f}.",
-        measured=f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls by more than a "
-        f"tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is {shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
-        how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
+        measured=f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from "
+        f"{shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls "
+        f"by more than a "
+        f"tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is {shown.without.rms:.3g} without "
+        f"the filter and {shown.filtered.rms:.3g} with it",
+        how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, "
+        f"Welch's method; h and Gamma as listed; a "
         f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
-        would_change="another gain or step of the paper; another definition of the frequency of a signal that is not a sine",
-        sharpened=f"also h = 2e-4 and 5e-5 s, and more gains, {sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
+        would_change="a different gain or step of the paper; a different definition of the frequency of a signal that is not a "
+        "sine",
+        sharpened=f"also h = 2e-4 and 5e-5 s, and more gains, "
+        f"{sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
     )  # fmt: skip
 
 
@@ -125,20 +132,24 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
     mean_falls = shown.frequency < 1 - EQUAL_FREQUENCY_SHARE
     mean = f"mean from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor {shown.frequency:.2f}"
     return (
-        SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; strongest times {peak:.2f}"),
+        SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; strongest times "
+        f"{peak:.2f}"),
         Reading("the frequency is the mean weighted by power, at Figure 3's gain and step", mean_falls, mean),
-        Reading("the frequency is that of the strongest component, at Figure 3's gain and step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"times {peak:.2f}"),
+        Reading("the frequency is that of the strongest component, at Figure 3's gain and "
+        "step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"times {peak:.2f}"),
         Reading(
-            "the mean frequency falls at every gain with oscillations",
+            "the mean frequency falls at every gain at which u oscillates",
             all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical),
-            f"by the factors {span([pair.frequency for pair in numerical])}, strongest {span(peaks)}, in {len(numerical)} settings; without the filter the strongest is "
+            f"by the factors {span([pair.frequency for pair in numerical])}, strongest {span(peaks)}, in {len(numerical)} "
+            f"settings; without the filter the strongest is "
             f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
             "beside",
         ),
         Reading(
             "the ringing of the equations, resolved by the step, becomes slower",
             all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing),
-            f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: the ringing has the frequency sqrt(Gamma b'P b) |x|, which C does not influence",
+            f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: the ringing has the frequency sqrt(Gamma b'P b) "
+            f"|x|, which does not depend on C",
             "beside",
         ),
         Reading(
@@ -150,7 +161,8 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "the ringing of the equations shrinks in the same way",
             all(size < 0.1 for size in ringing_size),
-            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself damps the ringing",
+            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself "
+            f"damps the ringing",
             "beside",
         ),
     )  # fmt: skip

@@ -79,7 +79,8 @@ def claim(*, full: bool = False) -> Claim:
     readings = (
         SENTENCES["filter-reduces-margins"].reads(
             len(effect.fall_at_every_gain) == len(MARGINS),
-            f"{counter}; only this falls at every gain tried: {always}; at the highest gain these rise: {', '.join(effect.rise_at_high_gain) or 'none'}",
+            f"{counter}; only this falls at every gain tried: {always}; at the highest gain these rise: "
+            f"{', '.join(effect.rise_at_high_gain) or 'none'}",
         ),
         *effect.readings,
         _at_rest(slow),
@@ -89,7 +90,8 @@ def claim(*, full: bool = False) -> Claim:
             "onset",
         ),
         _reading(
-            "the filter lowers the simulated margins (the tolerated delays and actuators) up to the loss of the motion, with or without oscillations",
+            "the filter lowers the simulated margins (the tolerated delays and actuators) up to the loss of the motion, with or "
+            "without oscillations",
             found,
             "loss",
         ),
@@ -99,23 +101,33 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["filter-reduces-margins"],
         readings=readings,
-        shows=f"At every gain the filter lowers only this: {always} ({effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} in Figure 3). "
+        shows=f"At every gain the filter lowers only this: {always} ({effect.gain_margins[0]:.4g} to "
+        f"{effect.gain_margins[1]:.4g} in Figure 3). "
         f"At Gamma r^2 = {between:g} it makes the delay margin {_times(between):.2g} times as large.",
-        measured=f"exact: the filter changes the delay margin from {_change(slow)} with the estimates fixed at theta, from {_change(adapting)} "
-        f"with the law active at Gamma = 100 around r = 1; as Gamma tends to infinity it is {fast:.3g} s with the filter, while without it the margin "
-        f"falls as 1/Gamma. Its gain margin falls from {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} readings. "
-        f"Up to the beginning of an oscillation: {_counted(found, 'onset')}. Up to the loss of the motion, with or without oscillations: {_counted(found, 'loss')}",
-        how=f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. Simulated: Section V, RK4, h = 2e-4 s, 40 s: "
-        "the largest exact delay [s] that the loop tolerates, by scan and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
-        "the judge calls the run lost or a limit cycle, or its oscillation grows without bound. Loss: lost, or the error in the tail grew by the "
+        measured=f"exact: the filter changes the delay margin from {_change(slow)} with the estimates fixed at theta, from "
+        f"{_change(adapting)} "
+        f"with the law active at Gamma = 100 around r = 1; as Gamma tends to infinity it is {fast:.3g} s with the filter, while "
+        f"without it the margin "
+        f"falls as 1/Gamma. Its gain margin falls from {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure "
+        f"3's gain. Simulated in {len(found)} readings. "
+        f"Up to the beginning of an oscillation: {_counted(found, 'onset')}. Up to the loss of the motion, with or without "
+        f"oscillations: {_counted(found, 'loss')}",
+        how=f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. "
+        f"Simulated: Section V, RK4, h = 2e-4 s, 40 s: "
+        "the largest exact delay [s] that the loop tolerates, by scan and bisection, and the smallest natural frequency [rad/s] "
+        "of a second-order actuator with damping 0.7, as its inverse [s]. Onset: the judge finds the run lost or in a limit "
+        "cycle, or its oscillation grows without bound. Loss: lost, or the error in the tail grew by the "
         "largest |x_m|. "
-        "Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: MRAC's Gamma gives the RMS error that L1-AC has at 100, "
-        f"with (6) or with (2 kappa s + 1)/(kappa s + 1)^2 and kappa = {section_v.two_slopes_kappa():.3g} s, which has the same delay margin in the limit. "
+        "Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: MRAC's Gamma gives the RMS error that L1-AC has "
+        "at 100, "
+        f"with (6) or with (2 kappa s + 1)/(kappa s + 1)^2 and kappa = {section_v.two_slopes_kappa():.3g} s, which has the same "
+        f"delay margin in the limit. "
         f"{equal_error.RULE}; {count} tunings of each side, h = {SIDES_SIMULATION.dt:g} s",
         maps=effect.maps,
         listings=(_listing(found), equal_error.listing(sides)),
         sharpened=f"{equal_error.MORE} tunings of each side at equal error instead of {equal_error.BUDGET}",
-        would_change="holds: a filter that reduces the phase, delay and small-gain margins at high gain too, and the downward gain margin at every gain",
+        would_change="holds: a filter that reduces the phase, delay and small-gain margins even at high gain, and the downward "
+        "gain margin at every gain",
     )  # fmt: skip
 
 
@@ -136,7 +148,8 @@ def _at_large_commands(found: Sequence[Simulated]) -> Reading:
     raised = [one for one in some if change(one.onset) == "up"]
     told = "; ".join(f"{one.command}, {one.what.split(',')[0]}: {one.onset[0]:.3g} to {one.onset[1]:.3g} s" for one in some)
     return Reading(
-        f"with a filter of {TWO_SLOPES} in place of (6), at equal error and under commands of size 50, the loop begins to oscillate earlier",
+        f"with a filter of {TWO_SLOPES} in place of (6), at equal error and under commands of size 50, the loop begins to "
+        f"oscillate earlier",
         all(change(one.onset) == "down" for one in some),
         f"oscillations begin later in {len(raised)} of {len(some)} readings: {told}",
         "beside",
@@ -182,7 +195,8 @@ def _counted(readings: Sequence[Simulated], criterion: str) -> str:
 
 def _listing(readings: Sequence[Simulated]) -> Listing:
     return Listing(
-        "Tolerated delay [s] or actuator (the inverse of the smallest natural frequency [s]) without and with the filter, up to the beginning of an oscillation (onset) and up to the loss of the motion (loss); 0: less than the smallest value tried",
+        "Tolerated delay [s] or actuator (the inverse of the smallest natural frequency [s]) without and with the filter, up to "
+        "the beginning of an oscillation (onset) and up to the loss of the motion (loss); 0: less than the smallest value tried",
         ("command", "reading", "onset: without", "with filter", "", "loss: without", "with filter", ""),
         tuple((r.command, r.what, *_shown(r.onset), *_shown(r.loss)) for r in readings),
     )

@@ -43,7 +43,9 @@ def gain_reduces_margins() -> Claim:
         key="delay-margin-gain",
         title="The delay margin of the adapting loop, against the gain",
         caption=(
-            "Exact margins of the loops linearised around a constant command r, including the law, with Section V's plant; they depend only on Γr². With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1; once it no longer does, the margin returns to the limit of fast adaptation, near 1.6 κ here."
+            "Exact margins of the loops linearised around a constant command r, including the law, with Section V's plant; they "
+            "depend only on Γr². With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1; "
+            "once it no longer does, the margin returns to the limit of fast adaptation, near 1.6 κ here."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         quantity="delay margin [s]",
@@ -56,7 +58,8 @@ def gain_reduces_margins() -> Claim:
     literal = sentence.reads(all(_smaller(values) for values in of_mrac.values()), _from_to(of_mrac))
     beside = (
         Reading(
-            f"L1-AC with Section V's filter: both are more than a tenth smaller at Section V's gain than at {section_v.MODERATE_GAIN:g}",
+            f"L1-AC with Section V's filter: both are more than a tenth smaller at Section V's gain than at "
+            f"{section_v.MODERATE_GAIN:g}",
             all(_smaller(values) for values in of_l1.values()),
             _from_to(of_l1),
             "beside",
@@ -69,13 +72,20 @@ def gain_reduces_margins() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(literal, *beside),
-        shows=f"From Gamma = {section_v.MODERATE_GAIN:g} to {HIGH_GAIN:g} MRAC's delay margin goes from {of_plain[0]:.2g} to {of_plain[1]:.2g} s; L1-AC's is {'unchanged' if _unchanged(of_filtered) else 'changed'}, {of_filtered[0]:.4g} to {of_filtered[1]:.4g} s, and {filtered[0]:.2g} s with slow adaptation.",
-        measured=f"these fall with every increase of the gain: of MRAC's margins the {_listed(falls_of_mrac)}; of L1-AC's the {_listed(falls_of_l1)}. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} MRAC's delay margin goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, in the end as "
-        f"Gamma^{slope:.2f}. L1-AC's (kappa = {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to {filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
+        shows=f"From Gamma = {section_v.MODERATE_GAIN:g} to {HIGH_GAIN:g} MRAC's delay margin goes from {of_plain[0]:.2g} to "
+        f"{of_plain[1]:.2g} s; L1-AC's is {'unchanged' if _unchanged(of_filtered) else 'changed'}, {of_filtered[0]:.4g} to "
+        f"{of_filtered[1]:.4g} s, and {filtered[0]:.2g} s with slow adaptation.",
+        measured=f"these fall with every increase of the gain: of MRAC's margins the {_listed(falls_of_mrac)}; of L1-AC's the "
+        f"{_listed(falls_of_l1)}. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} MRAC's delay margin "
+        f"goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, in the end as "
+        f"Gamma^{slope:.2f}. L1-AC's (kappa = {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to "
+        f"{filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
         f"is at least {filtered[back:].min():.3g} s from {GAINS[back]:.2g} on, and tends to {limit:.3g} s",
-        how=f"{METHOD}; literal readings: Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, around r = {COMMAND_CREST:g}, the crest of Section V's command; a margin that changes by less than a tenth counts as unchanged",
+        how=f"{METHOD}; literal readings: Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, around r "
+        f"= {COMMAND_CREST:g}, the crest of Section V's command; a margin that changes by less than a tenth counts as unchanged",
         maps=(chart,),
-        would_change="an MRAC with one of the two margins not smaller at a high gain. L1-AC's are smaller too if the lowest gain of the sweep is the moderate one",
+        would_change="an MRAC with one of the two margins not smaller at a high gain. L1-AC's are smaller too if the lowest "
+        "gain of the sweep is the moderate one",
     )  # fmt: skip
 
 
@@ -109,7 +119,8 @@ def _from_to(margins_of: Mapping[str, Array]) -> str:
 def _ends(who: str, margins_of: Mapping[str, Array]) -> Reading:
     """Return a supplementary reading that compares the highest gain of the sweep with the lowest."""
     return Reading(
-        f"{who}: both margins are smaller at the highest gain of the sweep, Gamma r^2 = {GAINS[-1]:g}, than at the lowest, {GAINS[0]:g}",
+        f"{who}: both margins are smaller at the highest gain of the sweep, Gamma r^2 = {GAINS[-1]:g}, than at the lowest, "
+        f"{GAINS[0]:g}",
         all(_smaller(values) for values in margins_of.values()),
         _from_to(margins_of),
         "beside",
@@ -131,7 +142,8 @@ def l1_margins() -> Claim:
     readings = (
         sentence.reads(bool(phase.max() < phase.min() * 1.1), _told({"phase margin": phase})),
         sentence.reads(
-            bool(decade.min() > 0 and decade.max() < decade.min() * 1.1), f"{span(decade)} s over the last decade, {limit:.4g} s in the limit of fast adaptation", 1
+            bool(decade.min() > 0 and decade.max() < decade.min() * 1.1), f"{span(decade)} s over the last decade, {limit:.4g} "
+            f"s in the limit of fast adaptation", 1
         ),
         Reading("MRAC's delay margin goes to zero", _falls(plain), f"{plain[0]:.3g} s to {plain[-1]:.2g} s", "beside"),
     )  # fmt: skip
@@ -139,18 +151,22 @@ def l1_margins() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"L1-AC's delay margin goes from {delay[0]:.2g} s down to {delay.min():.3g} s and back up to {delay[-1]:.4f} s (MRAC: {plain[-1]:.0e} s), its phase margin "
+        shows=f"L1-AC's delay margin goes from {delay[0]:.2g} s down to {delay.min():.3g} s and back up to {delay[-1]:.4f} s "
+        f"(MRAC: {plain[-1]:.0e} s), its phase margin "
         f"from {' to '.join(f'{phase[i]:.2g}' for i in at)} rad.",
-        measured=f"over Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} L1-AC's delay margin is {span(delay)} s, from {GAINS[int(delay.argmin())]:.2g} (the smallest) on it rises again to "
-        f"{delay[-1]:.4g} s; its phase margin is {phase[at[0]]:.3g} rad at the lowest gain, {phase[at[1]]:.3g} rad at {GAINS[at[1]]:.2g}, {phase[-1]:.3g} rad at the highest",
-        how=f"{METHOD}; kappa = {section_v.KAPPA:g} s. L1's authors treat a linear plant under a constant disturbance, which reproduce cao_2006 measures",
+        measured=f"over Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} L1-AC's delay margin is {span(delay)} s, from "
+        f"{GAINS[int(delay.argmin())]:.2g} (the smallest) on it rises again to "
+        f"{delay[-1]:.4g} s; its phase margin is {phase[at[0]]:.3g} rad at the lowest gain, {phase[at[1]]:.3g} rad at "
+        f"{GAINS[at[1]]:.2g}, {phase[-1]:.3g} rad at the highest",
+        how=f"{METHOD}; kappa = {section_v.KAPPA:g} s. L1's authors treat a linear plant under a constant disturbance, which "
+        f"reproduce cao_2006 measures",
         listings=(
             table(
                 "L1-AC's exact phase and delay margins over the gain, and MRAC's delay margin",
                 {"Gamma r^2": GAINS[::3], "phase [rad]": phase[::3], "delay [s]": delay[::3], "MRAC, delay [s]": plain[::3]},
             ),
         ),
-        would_change="another plant or filter; another break point of the loop than the plant's input",
+        would_change="a different plant or filter; a break point of the loop other than the plant input",
     )  # fmt: skip
 
 

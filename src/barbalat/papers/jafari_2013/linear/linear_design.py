@@ -91,18 +91,23 @@ def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
     following = [f"{name} {100 * share:.2g} %" for name, share in linear.items() if share < UNFOLLOWED_SHARE]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(not following, f"the largest tail error over the set, as a share of the model's amplitude: {', '.join(following) or 'none below a fifth'}"),),
-        shows=f"Over the set the tail error is at most {100 * linear[best]:.2g} % of the model's amplitude with {best}; with L1-AC at Section V's kappa it is {100 * worst[L1_NAME]:.2g} %.",
-        measured=f"over {len(THETAS)} values of theta in the known set the largest tail error, with the model's amplitude {amplitude():.0f}: "
+        readings=(sentence.reads(not following, f"the largest tail error over the set, as a fraction of the model's amplitude: "
+        f"{', '.join(following) or 'none below a fifth'}"),),
+        shows=f"Over the set the tail error is at most {100 * linear[best]:.2g} % of the model's amplitude with {best}; with "
+        f"L1-AC at Section V's kappa it is {100 * worst[L1_NAME]:.2g} %.",
+        measured=f"over {len(THETAS)} values of theta in the known set the largest tail error, with the model's amplitude "
+        f"{amplitude():.0f}: "
         + "; ".join(f"{name} {100 * share:.2g} %" for name, share in worst.items()) + missing,
-        how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error; robust MRAC with {MENDED}; the designs as in adaptive-against-linear, fixed over the set",
+        how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error; robust MRAC with {MENDED}; the "
+        f"designs as in adaptive-against-linear, fixed over the set",
         listings=(
             table(
                 "The largest error in the tail, per cent of the model's amplitude",
                 {"theta": [f"[{a:g}, {b:g}]" for a, b in THETAS]} | {name: 100 * found for name, found in shares.items()},
             ),
         ),
-        would_change="an uncertainty with which no fixed design follows the model; adaptive-against-linear states how large an uncertainty each design tolerates",
+        would_change="an uncertainty for which no fixed design tracks the model; adaptive-against-linear states how large an "
+        "uncertainty each design tolerates",
     )  # fmt: skip
 
 
@@ -151,7 +156,8 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
         sentence.reads(any(one.holds for one in found), _ahead(found), part) for part, found in enumerate(beside.values())
     )
     sentences = [
-        f"{c.name} {measured[c.name].at_paper:.2g}, {at_one(measured[c.name].plain):.2g} and {at_one(measured[c.name].delayed):.2g}"
+        f"{c.name} {measured[c.name].at_paper:.2g}, {at_one(measured[c.name].plain):.2g} and "
+        f"{at_one(measured[c.name].delayed):.2g}"
         for c in contestants
     ]
     least, best = {}, {}
@@ -162,15 +168,20 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
     return Claim(
         sentence=sentence,
         readings=(*literal, *beside["plain"], *beside["delayed"]),
-        shows=f"Settings chosen, not tuned. Smallest tail error at size 1: adaptive {least['plain']:.2g}, linear {best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
+        shows=f"Settings chosen, not tuned. Smallest tail error at size 1: adaptive {least['plain']:.2g}, linear "
+        f"{best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
         measured=        f"Tail error at the paper's theta, at the set's corner (5, 5), and there with an input delay of "
         f"{1e3 * DELAY:g} ms: {'; '.join(sentences)}. The model's amplitude is {amplitude():.0f}{missing}",
-        how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; halving the step changes the errors by "
-        f"{_step_effect(contestants, measured):.1g} of themselves (size 1, with the delay). PI and H∞ are designed to L1-AC's delay margin, H∞ for 10 ms to that delay. The adaptive schemes' settings are chosen, not tuned by a rule, and the robust MRAC has {MENDED}: "
+        how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; "
+        f"halving the step changes the errors by "
+        f"{_step_effect(contestants, measured):.1g} of themselves (size 1, with the delay). PI and H∞ are designed to L1-AC's "
+        f"delay margin, H∞ for 10 ms to that delay. The adaptive schemes' settings are chosen, not tuned by a rule, and the "
+        f"robust MRAC has {MENDED}: "
         "kappa and tau = 0.5 s are the paper's, tau = 0.02 s equals kappa, and the step resolves the gains",
         maps=(_chart("linear-design", contestants, measured, "plain"), _chart("linear-design-delay", contestants, measured, "delayed")),
         listings=(_table(contestants, measured),),
-        would_change="a linear design with more knowledge of the family, settings tuned to each size, another command or delay: all settings are fixed here",
+        would_change="a linear design with more knowledge of the family, settings tuned to each size, a different command or "
+        "delay; here all settings are fixed",
     )  # fmt: skip
 
 
@@ -212,7 +223,9 @@ def _chart(key: str, contestants: list[ComparedController], measured: dict[str, 
         key=key,
         title="Section V's family as its parameters grow" + (f", with an input delay of {1e3 * DELAY:g} ms" if delayed else ""),
         caption="Set and true parameters scaled together, the parameters in the set's corner (5, 5)"
-        ", the direction in which mu finds the linear loops weakest; all controllers have fixed settings. " + ("An exact delay at the input, unknown to all controllers" if delayed else "Without modelling errors"),
+        ", the direction in which, by mu, the linear loops are weakest; all controllers have fixed settings. " + ("An exact "
+        "delay "
+        "at the input, unknown to all controllers" if delayed else "Without modelling errors"),
         x=ChartAxis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
         lost=f"last size with |e| below {UNSTABLE_ERROR_FACTOR:g} amplitudes",
@@ -239,7 +252,11 @@ def _table(contestants: list[ComparedController], measured: dict[str, TailErrors
             short(1e3 * m.largest_delay), f"{m.at_paper:.2g}", _lost_from(m.plain), _lost_from(m.delayed),
         ))  # fmt: skip
     return Listing(
-        f"Margins and peaks: exact, for the linear loop that the scheme is or tends to (MRAC and robust MRAC: estimates fixed at theta; L1-AC: limit of fast adaptation). mu: exact at the frequencies tried. Bound: guaranteed, over the set. The last four columns are simulated; a controller follows while its tail error stays below {UNFOLLOWED_SHARE:g} of the model's amplitude",
+        f"Margins and peaks: exact, for the linear loop that the scheme is or tends to (MRAC and robust MRAC: estimates fixed "
+        f"at theta; L1-AC: limit of fast adaptation). mu: exact at the frequencies tried. Bound: guaranteed, over the set. The "
+        f"last four columns are simulated; a controller counts as tracking while its tail error stays below "
+        f"{UNFOLLOWED_SHARE:g} of the "
+        f"model's amplitude",
         (
             "controller", "delay margin [ms]", "Ms", "Mt", "set may grow by 1/mu", "bound of |e|", "delay tolerated [ms]",
             "tail error", "follows below size", f"with {1e3 * DELAY:g} ms",
@@ -305,12 +322,16 @@ def claim(l1: Array, pi: Array) -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is {at_one(l1 / pi):.2g} times the PI's with (6), {at_one(second / pi):.2g} times with two slopes.",
-        measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast adaptation L1-AC is a linear loop with "
-        f"S = 1 - C: one slope of rejection with (6), and two, as many as the PI, with C'(0) = 0; for this filter the left side of Theorem 1's condition is {condition:.2f}",
-        how=f"as in adaptive-against-linear, without a delay; all have a delay margin of {1e3 * margin:.0f} ms at Section V's theta",
+        shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is "
+        f"{at_one(l1 / pi):.2g} times the PI's with (6), {at_one(second / pi):.2g} times with two slopes.",
+        measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast "
+        "adaptation L1-AC is a linear loop with "
+        f"S = 1 - C: one slope of rejection with (6), and two, as many as the PI, with C'(0) = 0; for this filter the left side "
+        f"of Theorem 1's condition is {condition:.2f}",
+        how=f"as in adaptive-against-linear, without a delay; all have a delay margin of {1e3 * margin:.0f} ms at Section V's "
+        f"theta",
         listings=(_over_sizes(l1, second, pi),),
-        would_change="another C, as the readings show; another design of the PI, another delay margin or command",
+        would_change="a different C, as the readings show; a different design of the PI, a different delay margin or command",
     )  # fmt: skip
 
 
@@ -333,7 +354,8 @@ def _compared(l1: Array, pi: Array) -> tuple[bool, str]:
     ratio = l1[both] / pi[both]
     return (
         bool((ratio < 1).all()),
-        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both tolerate, {at_one(l1 / pi):.2g} times at size 1",
+        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both tolerate, "
+        f"{at_one(l1 / pi):.2g} times at size 1",
     )
 
 

@@ -114,19 +114,25 @@ def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
         sentence=sentence,
         readings=(
             *(
-                sentence.reads(max(kind.values()) <= TOLERATED, f"the largest factor is {_worst(kind)}; beyond {TOLERATED:g}: {_beyond(kind)}", part)
+                sentence.reads(max(kind.values()) <= TOLERATED, f"the largest factor is {_worst(kind)}; beyond {TOLERATED:g}: "
+                f"{_beyond(kind)}", part)
                 for part, kind in enumerate(factors)
             ),
             _in_the_tail(tail),
             _no_merit(whole),
         ),
-        shows=f"Losing a tenth one by one makes |e| up to {short(max(factors[0].values()))} times as large, in bursts {short(max(factors[1].values()))} times; {said}, in {draws} draws.",
-        measured=f"the largest |e| over that without losses: one by one at most {one_by_one}, in bursts of {BURST_SAMPLES} samples at most "
+        shows=f"Losing a tenth one by one makes |e| up to {short(max(factors[0].values()))} times as large, in bursts "
+        f"{short(max(factors[1].values()))} times; {said}, in {draws} draws.",
+        measured=f"the largest |e| over that without losses: one by one at most {one_by_one}, in bursts of {BURST_SAMPLES} "
+        f"samples at most "
         f"{in_bursts}; {said}. Each factor is relative to the same scheme's error without losses",
-        how=f"Section V, T = {SAMPLE_TIME:g} s, no shell, {T_END:g} s, RK4, one step a sample; {draws} draws of each kind, common to all schemes; MRAC Gamma = 1, "
-        f"L1-AC Gamma = 1e4, robust MRAC as in Figure 2, {MENDED}, kappa = {section_v.KAPPA:g} s, ADRC 1/kappa, PI as in l1-against-pi",
+        how=f"Section V, T = {SAMPLE_TIME:g} s, no shell, {T_END:g} s, RK4, one step per sample; {draws} draws of each kind, "
+        f"common to all schemes; MRAC Gamma = 1, "
+        f"L1-AC Gamma = 1e4, robust MRAC as in Figure 2, {MENDED}, kappa = {section_v.KAPPA:g} s, ADRC 1/kappa, PI as in "
+        f"l1-against-pi",
         listings=(_listing(whole, tail),),
-        would_change="fails: an error that more than doubles when samples are lost one by one; holds: no error that more than doubles with bursts",
+        would_change="fails: an error that more than doubles when samples are lost one by one; holds: no error that more than "
+        "doubles with bursts",
         sharpened=f"{MORE_DRAWS} draws of each kind instead of {DRAWS}, in which bursts also more than double the PI's error",
     )  # fmt: skip
 
@@ -156,9 +162,10 @@ def _no_merit(whole: Mapping[str, Losses]) -> Reading:
     least = min(whole, key=lambda one: max(whole[one].factors))
     smaller = [name for name, one in whole.items() if one.largest < whole[least].largest]
     return Reading(
-        "the scheme with the smallest factor also has the smallest error with losses",
+        "the scheme with the smallest factor also has the smallest error when samples are lost",
         not smaller,
-        f"{least}: |e| up to {short(whole[least].largest)} with losses; {len(smaller)} of the {len(whole) - 1} others have a smaller one",
+        f"{least}: |e| up to {short(whole[least].largest)} with losses; {len(smaller)} of the {len(whole) - 1} others have a "
+        f"smaller one",
         "beside",
     )
 

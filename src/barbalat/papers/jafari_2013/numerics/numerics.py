@@ -33,8 +33,10 @@ def come_and_go(runs: Runs) -> Claim:
             sentence.reads(gone, f"{numbers(rates[0])} per s at Figure 3's step, {numbers(rates[1])} at Figure 4's"),
             sentence.reads(back, f"{numbers(rates[2])} per s at Figure 5's gain", 1),
         ),
-        shows=f"The estimates vary by {rates[0][0]:.3g} per s in Figure 3, by {rates[1][0]:.2g} at a tenth of the step, by {rates[2][0]:.3g} in Figure 5.",
-        measured=        f"variation of the estimates in the tail: {span(rates[0])} per s at Figure 3's gain and step, {span(rates[1])} at Figure "
+        shows=f"The estimates vary by {rates[0][0]:.3g} per s in Figure 3, by {rates[1][0]:.2g} at a tenth of the step, by "
+        f"{rates[2][0]:.3g} in Figure 5.",
+        measured=        f"variation of the estimates in the tail: {span(rates[0])} per s at Figure 3's gain and step, "
+        f"{span(rates[1])} at Figure "
         f"4's step, {span(rates[2])} at Figure 5's gain",
         how="Figures 3, 4, 5, every step",
         listings=(
@@ -49,7 +51,8 @@ def come_and_go(runs: Runs) -> Claim:
                 },
             ),
         ),
-        would_change="an oscillation that remains as the step falls; own-oscillation measures the ringing of the equations themselves",
+        would_change="an oscillation that remains as the step is reduced; own-oscillation measures the ringing of the equations "
+        "themselves",
     )  # fmt: skip
 
 
@@ -67,8 +70,10 @@ def without_filter() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(least > 1e3, f"{span(filtered)} per s with the filters, {numbers(rate)} without one"),),
-        shows=f"With every filter (6) tried, kappa = {span(FILTERS_TRIED)} s, the estimates vary by at least {short(filtered.min())} per s; without a filter by {short(rate.min())}.",
-        measured=f"variation of the estimates per s: {numbers(rate)} without a filter, {span(filtered)} with {len(FILTERS_TRIED)} filters, {span(filtered / rate)} times as much",
+        shows=f"With every filter (6) tried, kappa = {span(FILTERS_TRIED)} s, the estimates vary by at least "
+        f"{short(filtered.min())} per s; without a filter by {short(rate.min())}.",
+        measured=f"variation of the estimates per s: {numbers(rate)} without a filter, {span(filtered)} with "
+        f"{len(FILTERS_TRIED)} filters, {span(filtered / rate)} times as much",
         how="Section V, Gamma = 1e4, h = 1e-4 s, RK4, 60 s",
         listings=(
             table(
@@ -101,27 +106,36 @@ def smaller_gain() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(smooth, f"{numbers(mrac.theta_hat_variation_rate[0])} per s"),
-            sentence.reads(better, f"largest |e| {numbers(mrac.max_abs_e[0])} against {numbers(l1.max_abs_e[0])}, in the tail {numbers(mrac.tail_max_abs_e[0])} against {numbers(l1.tail_max_abs_e[0])}", 1),
+            sentence.reads(better, f"largest |e| {numbers(mrac.max_abs_e[0])} against {numbers(l1.max_abs_e[0])}, in the tail "
+            f"{numbers(mrac.tail_max_abs_e[0])} against {numbers(l1.tail_max_abs_e[0])}", 1),
             Reading(
-                f"its errors are also smaller than those of L1-AC at h = {RESOLVING_STEP:g} s, which resolves its gain",
+                f"its errors are also smaller than those of L1-AC at h = {RESOLVING_STEP:g} s, which is small enough for its "
+                f"gain",
                 bool((mrac.max_abs_e < resolved.max_abs_e).all() and (mrac.tail_max_abs_e < resolved.tail_max_abs_e).all()),
                 f"largest |e| {numbers(resolved.max_abs_e[0])}, in the tail {numbers(resolved.tail_max_abs_e[0])}",
                 "beside",
             ),
         ),
-        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC {l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 is {tolerated:.1e} s.",
-        measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most {mrac.tail_max_abs_e.max():.3g} and "
+        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC "
+        f"{l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 "
+        f"is {tolerated:.1e} s.",
+        measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most "
+        f"{mrac.tail_max_abs_e.max():.3g} and "
         "estimates that vary by at most "
         f"{mrac.theta_hat_variation_rate.max():.3g} per s, L1-AC with Gamma = 1e4 a tail error of at most "
-        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC loop has an exact delay margin of {tolerated:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both schemes",
-        how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin by exact linearisation, with the law, around a constant command",
+        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC loop has an exact delay "
+        f"margin of {tolerated:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both "
+        f"schemes",
+        how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin by exact linearisation, with the law, "
+        "around a constant command",
         listings=(
             by_component(
                 f"Tail error and variation of the estimates at h = {section_v.COARSE_STEP:g} s",
                 {f"MRAC, Gamma = {section_v.MODERATE_GAIN:g}": mrac, "L1-AC, Gamma = 10000": l1},
             ),
         ),
-        would_change="an L1-AC loop that tracks as well at a gain and step without oscillation; filter-reduces-margins treats delays",
+        would_change="an L1-AC loop that tracks as well at a gain and step without oscillation; filter-reduces-margins treats "
+        "delays",
     )  # fmt: skip
 
 
@@ -138,7 +152,8 @@ def small_tau() -> list[Claim]:
         sentence=sentence,
         readings=(
             sentence.reads(bool(diverged.any()), f"diverges up to tau = {observed:.3g} s"),
-            Reading("the limit is the solver's: h/tau on the real axis, to within a quarter", 0.8 < observed / predicted < 1.25, f"predicted {predicted:.3g} s", "beside"),
+            Reading("the limit is the solver's: h/tau on the real axis, to within a "
+            "quarter", 0.8 < observed / predicted < 1.25, f"predicted {predicted:.3g} s", "beside"),
         ),
         shows=f"At h = 1e-4 s RK4 diverges for tau up to {observed:.3g} s; its stability limit predicts {predicted:.3g} s.",
         measured=        f"diverges up to tau = {observed:.3g} s; predicted from h/tau = {RK4.real_limit:.3f}: {predicted:.3g} s",
@@ -181,14 +196,23 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
         readings=(
             sentence.reads(
                 not lost and rate < 1 and changed < UNCHANGED_SHARE,
-                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s; reducing the step to a tenth changes errors and control by at most {changed:.0e} of themselves",
+                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s; reducing the step to a tenth "
+                f"changes errors and control by at most {changed:.0e} of themselves",
             ),
-            Reading("sampled at 10 kHz by explicit Euler's steps, the control held between them, its errors change by less than a hundredth", _changed(euler, fine) < 0.01, f"by at most {_changed(euler, fine):.1g} of themselves", "beside"),
-            Reading("at any tau, without modelling error, RK4 at that step does not diverge within 10 s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; above that {above.sum()} of {len(above)} are tolerated", "beside"),
+            Reading("when it is sampled at 10 kHz with explicit Euler steps and the control is held between samples, its errors "
+            "change by less than a hundredth", _changed(euler, fine) < 0.01, f"by at most {_changed(euler, fine):.1g} of "
+            f"themselves", "beside"),
+            Reading("at any tau, without modelling error, RK4 at that step does not diverge within 10 "
+            "s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; above "
+            f"that {above.sum()} of {len(above)} are tolerated", "beside"),
         ),
-        shows=f"At Section V's tau = {section_v.TAU:g} s reducing the step to a tenth changes no result by more than {changed:.0e} of itself; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
-        measured=f"at Section V's settings the estimates vary by {rate:.1g} per s in the tail, and a tenth of the step changes the largest errors and the largest control by {changed:.1g} of themselves; {diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s, see small-tau-numerics",
-        how=f"Section V, robust MRAC, {MENDED}, RK4, h = {section_v.COARSE_STEP:g} and {section_v.FINE_STEP:g} s, {section_v.T_END:g} s, every step; small tau: {SMALL_TAUS}",
+        shows=f"At Section V's tau = {section_v.TAU:g} s reducing the step to a tenth changes no result by more than "
+        f"{changed:.0e} of itself; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
+        measured=f"at Section V's settings the estimates vary by {rate:.1g} per s in the tail, and a tenth of the step changes "
+        f"the largest errors and the largest control by {changed:.1g} of themselves; {diverged.sum()} of {len(taus)} values of "
+        f"tau diverge, up to {observed:.3g} s, see small-tau-numerics",
+        how=f"Section V, robust MRAC, {MENDED}, RK4, h = {section_v.COARSE_STEP:g} and {section_v.FINE_STEP:g} s, "
+        f"{section_v.T_END:g} s, every step; small tau: {SMALL_TAUS}",
         listings=(
             table(
                 "The robust MRAC of Section V at the paper's step, at a tenth of it, and sampled",
@@ -200,7 +224,8 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
                 },
             ),
         ),
-        would_change="fails: a run at Section V's tau that is lost, rings or depends on the step. The sentence does not mention other values of tau",
+        would_change="fails: a run at Section V's tau that is lost, oscillates or depends on the step. The sentence does not "
+        "mention other values of tau",
     )  # fmt: skip
 
 

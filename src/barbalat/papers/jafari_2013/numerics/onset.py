@@ -43,10 +43,13 @@ def boundary(runs: Runs) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(as_predicted, f"L1-AC {span(ratios[0])}, MRAC {span(ratios[1])} times; as h^{exponent:.2f}"),),
-        shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, at {len(steps)} steps of RK4, with and without the filter.",
+        shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, at {len(steps)} "
+        f"steps of RK4, with and without the filter.",
         measured=        f"observed gain / predicted: L1-AC {span(ratios[0])}, MRAC {span(ratios[1])}, at {len(steps)} steps; "
-        f"the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
-        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary by more than "
+        f"the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as predicted. The prediction is "
+        f"a little early: at the crest of |x| the loop has some damping",
+        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary "
+        f"by more than "
         f"{SWEEP_RATE:g} per s, one sweep of the box there and back",
         maps=(shown,),
         listings=(
@@ -101,7 +104,9 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
         title="L1-AC in Section V: oscillation of the estimates",
         caption=(
             "Each cell is a run of L1-AC over 30 s with RK4 and kappa = 0.02 s. "
-            "The estimates' variation jumps by decades across the boundary. The line follows from the solver's limit and the largest |x|, without any simulation of these cells. In a cell darker than its neighbours, a short burst of oscillation has thrown the estimates close to theta, and they vary less there."
+            "The estimates' variation jumps by decades across the boundary. The line follows from the solver's limit and the "
+            "largest |x|, without any simulation of these cells. In a cell that is darker than its neighbours, a short burst of "
+            "oscillation has moved the estimates close to theta, where they vary less."
         ),
         x=ChartAxis("adaptive gain Γ", MAP_GAINS, logarithmic=True),
         y=ChartAxis("step h [s]", MAP_STEPS, logarithmic=True),

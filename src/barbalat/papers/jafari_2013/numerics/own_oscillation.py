@@ -32,23 +32,34 @@ def own_oscillation() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} of it, most from {seconds[int(shares.argmax())][0]:g} s on, where the equations ring with an amplitude of up to {own[shares.argmax()].max():.2g}"),
+            sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} of it, most from "
+            f"{seconds[int(shares.argmax())][0]:g} s on, where the equations ring with an amplitude of up to "
+            f"{own[shares.argmax()].max():.2g}"),
             Reading(
                 f"the first {NUMERICAL_FROM:g} s are left out, in which Figure 3's run still follows the equations",
                 bool((shares[after] < OWN_SHARE).all()),
-                f"at most {shares[after].max():.2g} of it: up to {own[after].max():.2g} against {drawn[after].max():.2g}; in the last quarter {own[-5:].max():.0e}",
+                f"at most {shares[after].max():.2g} of it: up to {own[after].max():.2g} against {drawn[after].max():.2g}; in "
+                f"the last quarter {own[-5:].max():.0e}",
             ),
             Reading(
-                "without the projection the equations do not ring either: the ringing at a converged step does not exceed that at h = 1e-5 s in the last quarter",
+                "without the projection the equations do not ring either: the ringing at a converged step does not exceed that "
+                "at h = 1e-5 s in the last quarter",
                 not (agree and bool((free[2] > 3 * free[0]).all())),
-                f"at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, where RK4's damping hides it, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} s",
+                f"at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, where RK4's damping hides it, "
+                f"{free[2].max():.2g} at {CONVERGED_STEPS[1]:g} s",
                 "beside",
             ),
         ),
-        shows=f"After {NUMERICAL_FROM:g} s Figure 3 rings with an amplitude of {drawn.max():.2g}, from bound to bound, but the equations with at most {own[after].max():.2g}. Before, both ring alike, up to {own[~after].max():.2g}.",
-        measured=f"with the projection the equations ring with an amplitude of up to {own.max():.2g}, until an estimate meets its bound at {RINGING_END:g} s, and by at most {own[-5:].max():.1g} in the last quarter; Figure 3's run by up to {drawn.max():.2g}. "
-        f"Without projection the equations ring with an amplitude of {numbers(free[2])} in the last quarter, and at h = 1e-5 s RK4's own damping hides it: {free[0].max():.2g} is left",
-        how=f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; equations: h = {CONVERGED_STEPS[0]:g} s, within a tenth of {CONVERGED_STEPS[1]:g} s; Figure 3: {section_v.COARSE_STEP:g} s; ringing: half the largest swing within {RINGING_WINDOW:g} s, the drift of its middle removed",
+        shows=f"After {NUMERICAL_FROM:g} s Figure 3 rings with an amplitude of {drawn.max():.2g}, from bound to bound, but the "
+        f"equations with at most {own[after].max():.2g}. Before, both ring alike, up to {own[~after].max():.2g}.",
+        measured=f"with the projection the equations ring with an amplitude of up to {own.max():.2g}, until an estimate meets "
+        f"its bound at {RINGING_END:g} s, and by at most {own[-5:].max():.1g} in the last quarter; Figure 3's run by up to "
+        f"{drawn.max():.2g}. "
+        f"Without projection the equations ring with an amplitude of {numbers(free[2])} in the last quarter, and at h = 1e-5 s "
+        f"the numerical damping of RK4 hides it: {free[0].max():.2g} is left",
+        how=f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; equations: h = {CONVERGED_STEPS[0]:g} s, within a tenth of "
+        f"{CONVERGED_STEPS[1]:g} s; Figure 3: {section_v.COARSE_STEP:g} s; ringing: half the largest swing within "
+        f"{RINGING_WINDOW:g} s, the drift of its middle removed",
         listings=(
             table(
                 "The ringing of the two estimates with projection, in each second: the equations', and that of Figure 3's run",
@@ -67,7 +78,8 @@ def own_oscillation() -> Claim:
                 },
             ),
         ),
-        would_change="holds: a converged solution that rings less than a tenth of Figure 3's run from the start; fails: one that rings as Figure 3's run does when it goes from bound to bound",
+        would_change="holds: a converged solution that rings less than a tenth of Figure 3's run from the start; fails: one "
+        "that rings as Figure 3's run does when it goes from bound to bound",
     )  # fmt: skip
 
 

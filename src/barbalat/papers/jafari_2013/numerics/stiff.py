@@ -64,20 +64,31 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
     return Claim(
         sentence=SENTENCES["stiff-solvers"],
         readings=(*_literal(tried), *_automatic(tried), *_supplementary(tried), _giving_up(tried), *more),
-        shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the equations, up to Gamma = {GAINS[-1].gamma:g} (RK4 in Figure 3 up to {rk4:.2g} times); no singularity.",
-        measured="ringing of the estimates over that of the converged solution, smallest and largest in any second, without / with projection: "
-        + "; ".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / {cell(row, 1, right)}" for row in (*tried.explicit, *at_paper))
+        shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the "
+        f"equations, up to Gamma = {GAINS[-1].gamma:g} (RK4 in Figure 3 up to {rk4:.2g} times); no singularity.",
+        measured="ringing of the estimates over that of the converged solution, smallest and largest in any second, without / "
+        "with projection: "
+        + "; "
+        "".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / "
+        f"{cell(row, 1, right)}" for row in (*tried.explicit, *at_paper))
         + ". Automatic steps: "
         + "; ".join(
-            f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}, {row.free.evaluations} evaluations, {row.free.seconds:.1f} s"
+            f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}, {row.free.evaluations} evaluations, "
+            f"{row.free.seconds:.1f} s"
             for row in (*tried.tight, *tried.loose)
         )
         + f". {NO_SINGULARITY}",
-        how=f"ringing: half the largest swing within {RINGING_WINDOW:g} s, the drift of its middle removed, in each second from {RINGING_START:g} to {RINGING_END:g} s; right: within a factor {AGREEMENT_FACTOR:g} in each of that of RK4 at "
-        f"h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to {numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, the estimate limited at the step's "
-        f"end. Automatic steps: with projection, exact Jacobian. In that time no converged estimate is beyond {_highest(RINGING_END):.2g}, and the projection is at rest; RK4 at the paper's step leaves the solution at {tried.explicit[0].free.reached:.1f} s",
+        how=f"ringing: half the largest swing within {RINGING_WINDOW:g} s, the drift of its middle removed, in each second from "
+        f"{RINGING_START:g} to {RINGING_END:g} s; right: within a factor {AGREEMENT_FACTOR:g} in each of that of RK4 at "
+        f"h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to "
+        f"{numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
+        f"the estimate limited at the step's "
+        f"end. Automatic steps: with projection, exact Jacobian. In that time no converged estimate is beyond "
+        f"{_highest(RINGING_END):.2g}, and the projection is at rest; RK4 at the paper's step leaves the solution at "
+        f"{tried.explicit[0].free.reached:.1f} s",
         listings=(listing([*tried.explicit, *at_paper, *tried.tight, *tried.loose], right, PAPER_SETTING.gamma), *tables, *listings),
-        would_change="holds: implicit steps that ring beyond the equations at some gain, with either method and at either step",
+        would_change="holds: implicit steps that ring more than the equations at some gain, with either method and at either "
+        "step",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
 
@@ -96,7 +107,8 @@ def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
     ends = min(path.reached for path in PAPER_SETTING.right)
     return (
         sentence.reads(
-            not avoiding, f"{len(avoiding)} of {len(tried.fixed[0])} avoid them at {len(tried.fixed)} gains: {'; '.join(avoiding) or 'none'}"
+            not avoiding, f"{len(avoiding)} of {len(tried.fixed[0])} avoid them at {len(tried.fixed)} gains: "
+            f"{'; '.join(avoiding) or 'none'}"
         ),
         sentence.reads(
             any(path.lost for path in PAPER_SETTING.right),
@@ -114,7 +126,8 @@ def _avoiding(tried: StiffRuns) -> list[str]:
         if not any(_shows_them(row, gain) for row, gain in zip(rows, GAINS, strict=True)):
             each = [ratios(row.boxed, gain.right[1], row.span) for row, gain in zip(rows, GAINS, strict=True)]
             found.append(
-                f"{rows[0].name}, {rows[0].setting}, {min(least for least, _ in each):.2g} to {max(most for _, most in each):.3g} times the equations'"
+                f"{rows[0].name}, {rows[0].setting}, {min(least for least, _ in each):.2g} to "
+                f"{max(most for _, most in each):.3g} times the equations'"
             )
     return found  # fmt: skip
 
@@ -131,20 +144,25 @@ def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
     right, failing = PAPER_SETTING.right, _failing(tried)
     return (
         Reading(
-            f"the solver chooses its steps at a tight tolerance, {TOLERANCE:g} or {LOOSE_TOLERANCES[1]:g}: each rings beyond the equations, or gives up",
+            f"with automatic steps at a tight tolerance, {TOLERANCE:g} or {LOOSE_TOLERANCES[1]:g}, each solver rings more than "
+            f"the equations or gives up",
             all(_shows_them(row, PAPER_SETTING) for row in tried.tight),
             "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in tried.tight),
         ),
         Reading(
-            f"the solver chooses its steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g}: each rings beyond the equations, or gives up",
+            f"with automatic steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g}, each solver rings more than the equations or "
+            f"gives up",
             len(failing) == len(tried.loose),
             "; ".join(f"{row.name} to {row.span[1]:g} s {cell(row, 1, right)}{_amplitude(row)}" for row in tried.loose)
-            + f"; the converged solution rings with an amplitude of {right[1].ringing(*PAPER_SETTING.span).max():.2g}. The bounds are 5 and -5",
+            + f"; the converged solution rings with an amplitude of {right[1].ringing(*PAPER_SETTING.span).max():.2g}. The "
+            f"bounds are 5 and -5",
         ),
         Reading(
-            "some solver for stiff problems shows them: a milder meaning of \"in general\", which the rules on quantifiers do not adopt",
+            "some solver for stiff problems shows them: a milder meaning of \"in general\", which the rules on quantifiers do "
+            "not adopt",
             bool(failing),
-            "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in failing) or f"0 of {len(tried.loose)} runs",
+            "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in failing) or f"0 of "
+            f"{len(tried.loose)} runs",
             "beside",
         ),
     )  # fmt: skip
@@ -163,8 +181,9 @@ def _supplementary(tried: StiffRuns) -> tuple[Reading, ...]:
         for first in (0, 2)
     )
     return (
-        _followed("at the paper's step of 1e-4 s no implicit step follows the equations at every gain: those that do not ring too much are too damped", coarse),
-        _followed("at a tenth of that step, too, no implicit step follows the equations at every gain", fine),
+        _followed("at the paper's step of 1e-4 s no implicit method agrees with the equations at every gain: those that do not "
+        "ring too much are too damped", coarse),
+        _followed("at a tenth of that step, no implicit method agrees with the equations at every gain either", fine),
         Reading(
             "without projection, signals go unbounded at some gain",
             any(row.free.lost for row, _ in (*coarse, *fine)),
@@ -187,7 +206,8 @@ def _amplitude(row: StiffRow) -> str:
 
 
 NO_SINGULARITY = (
-    "The solution of (1)-(8) without modelling error has no singularity at any Gamma: V of Theorem 1 does not grow for any u, so theta_hat is bounded; x, x_hat "
+    "The solution of (1)-(8) without modelling error has no singularity at any Gamma: V of Theorem 1 does not grow for any u, "
+    "so theta_hat is bounded; x, x_hat "
     "and the filter then obey linear equations with bounded coefficients and stay finite at all times"
 )
 
@@ -263,9 +283,12 @@ GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))
 """The settings of ``reproduce --full``. The last run is as long as its converged step allows within a quarter of a minute."""
 FULL_COMMAND = (
-    f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
-    f"the largest); SciPy's LSODA, BDF and Radau as well as CVODES, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
-    f"{LOOSE_TOLERANCES[1]:g}, all four to {LONG_AUTOMATIC_END:g} s at {LOOSE_TOLERANCES[0]:g}; CVODES and LSODA to {LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
+    f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s "
+    f"({FURTHER_GAINS[-1].t_end:g} s at "
+    f"the largest); SciPy's LSODA, BDF and Radau as well as CVODES, to {AUTOMATIC_END:g} s at tolerances of "
+    f"{LOOSE_TOLERANCES[0]:g} and "
+    f"{LOOSE_TOLERANCES[1]:g}, all four to {LONG_AUTOMATIC_END:g} s at {LOOSE_TOLERANCES[0]:g}; CVODES and LSODA to "
+    f"{LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
 )
 
 

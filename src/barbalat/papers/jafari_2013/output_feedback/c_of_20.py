@@ -81,25 +81,36 @@ def claim() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool(satisfied), told or f"none of {len(FORMS) * len(BANDWIDTHS)} does for all {len(family)} plants"),
+            sentence.reads(bool(satisfied), told or f"none of {len(FORMS) * len(BANDWIDTHS)} does so for all {len(family)} "
+            f"plants"),
             Reading(
-                "a C of first order, as (6), is sufficient",
+                "a first-order C, such as (6), is sufficient",
                 FIRST in satisfied,
-                f"H is stable for at most {most[FIRST]} of {len(family)} plants: its denominator is m s d(s) + w (s + m), and where d(s) = s^2 + a_1 s + a_0 has a_1 < 0 the coefficient m a_1 is negative, whatever w and m are",
+                f"H is stable for at most {most[FIRST]} of {len(family)} plants: its denominator is m s d(s) + w (s + m), and "
+                f"where d(s) = s^2 + a_1 s + a_0 has a_1 < 0 the coefficient m a_1 is negative, whatever w and m are",
                 "beside",
             ),
             Reading(
                 "some C also stabilises H for plants with either sign of the gain",
                 bool(of_both),
-                f"{of_both} of {len(FORMS) * len(BANDWIDTHS)} do. None can: with C(0) = 1 the denominator of H begins with m d(s) (q - p), C = p/q, and ends with n(0) p(0) m, whose sign is that of the gain. An MRAC has to know that sign too",
+                f"{of_both} of {len(FORMS) * len(BANDWIDTHS)} do. None can: with C(0) = 1 the denominator of H begins with m "
+                f"d(s) (q - p), C = p/q, and ends with n(0) p(0) m, whose sign is that of the gain. An MRAC has to know that "
+                f"sign too",
                 "beside",
             ),
         ),
-        shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; one of first order stabilises at most {most[FIRST]} of them.",
-        measured=f"number of the {len(family)} plants for which H is stable, at the best bandwidth: {', '.join(f'{name} {count}' for name, count in most.items())}; (20) is satisfied for all: {told or 'by none'}. Ref. 15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
-        how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = {M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of H, certified L1 norms; a grid says nothing about the plants between its points",
-        listings=(table("For how many plants H of (20) is stable, by the bandwidth of C", {"w [rad/s]": BANDWIDTHS} | {name: [str(count) for count in values] for name, values in counts.items()}),),
-        would_change="fails: a set for which no C of these forms is found. The lead was found because every plant of the set behaves as 1/s^2 at high frequency; other relative degrees or zeros need another search",
+        shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; one of first "
+        f"order stabilises at most {most[FIRST]} of them.",
+        measured=f"number of the {len(family)} plants for which H is stable, at the best bandwidth: "
+        f"{', '.join(f'{name} {count}' for name, count in most.items())}; (20) is satisfied for all: {told or 'by none'}. Ref. "
+        f"15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
+        how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = "
+        f"{M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of "
+        f"H, certified L1 norms; a grid says nothing about the plants between its points",
+        listings=(table("For how many plants H of (20) is stable, by the bandwidth of "
+        "C", {"w [rad/s]": BANDWIDTHS} | {name: [str(count) for count in values] for name, values in counts.items()}),),
+        would_change="fails: a set for which no C of these forms is found. The lead was found because every plant of the set "
+        "behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
     )  # fmt: skip
 
 

@@ -82,13 +82,17 @@ def claim(*, full: bool = False) -> Claim:
             sentence.reads(_bounded(disturbed), stays, 1),
             *others,
         ),
-        shows=f"For relative degrees 1 to {max(degrees)} with law (15), the error falls at least as fast as tau^{least:.2f}; with disturbance and lag it is at most {largest:.2g} in the last quarter.",
+        shows=f"For relative degrees 1 to {max(degrees)} with law (15), the error falls at least as fast as tau^{least:.2f}; "
+        f"with disturbance and lag it is at most {largest:.2g} in the last quarter.",
         measured=f"{shrinks}; with disturbance and lag {stays}",
-        how=f"one plant for each relative degree, r = sin 1.3t, law (15) with P(0) = 5, RK4, h = 1e-3 s, tau = {span(taus)} s, 20 s"
-        f"; with disturbance and lag: 0.2 sin 2t, lag {DISTURBANCE_AND_LAG[1]:g} s, (16) with alpha_0 = 0.1, delta_0 = 0.5, tau = 0.1 s, h = 2e-3 s, 240 s",
+        how=f"one plant for each relative degree, r = sin 1.3t, law (15) with P(0) = 5, RK4, h = 1e-3 s, tau = {span(taus)} s, "
+        f"20 s"
+        f"; with disturbance and lag: 0.2 sin 2t, lag {DISTURBANCE_AND_LAG[1]:g} s, (16) with alpha_0 = 0.1, delta_0 = 0.5, tau "
+        f"= 0.1 s, h = 2e-3 s, 240 s",
         listings=(table("The largest |y - y_m| against tau, by relative degree n* and law", {"tau [s]": taus, **errors}),),
         would_change=""
-        "a relative degree at which the transient error does not shrink with tau, or at which the error grows with the disturbance and the lag; a run shows only its own degree, and the paper gives no proof",
+        "a relative degree at which the transient error does not shrink with tau, or at which the error grows with the "
+        "disturbance and the lag; a run shows only one relative degree, and the paper gives no proof",
         sharpened=f"relative degree {max(DEGREES)}, and the gradient law as well as pure least squares",
     )  # fmt: skip
 

@@ -118,12 +118,16 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["delta-2-term"],
         readings=readings,
-        shows=f"One nu = {nu.max():.3g} is sufficient for every tau and size tried; the smallest nu falls to {nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
-        measured=        f"the remaining |e| at fixed tau varies as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} is sufficient for every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
-        f"With Section V's own command, one sine, {_one_frequency()}",
-        how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, {MENDED}, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        shows=f"One nu = {nu.max():.3g} is sufficient for every tau and size tried; the smallest nu falls to "
+        f"{nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
+        measured=        f"the remaining |e| at fixed tau varies as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one "
+        f"nu = {nu.max():.3g} is sufficient for every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
+        f"With the command of Section V, a single sine, {_one_frequency()}",
+        how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, {MENDED}, RK4, h = {STEP:g} s, {t_end:g} s, tau = "
+        f"{span(TAUS)} s, mu = "
         f"{span(SIZES)} s, as Delta_m = -mu s and as "
-        f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter",
+        f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: "
+        f"the last quarter",
         listings=_listings(found, nu),
         would_change="fails: a nu that grows as tau falls, or an unbounded run",
         sharpened=f"runs of {LONGER_T_END:g} s, in which learning has further reduced the remaining error",
@@ -159,7 +163,10 @@ def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
 def _one_frequency() -> str:
     """Return a text on a command of one frequency, at which two estimates fit a delayed plant."""
     tails = [_one_sine(t_end) for t_end in (T_END, LONGER_T_END)]
-    return f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and {tails[1]:.3g} after {LONGER_T_END:g} s"
+    return (
+        f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and "
+        f"{tails[1]:.3g} after {LONGER_T_END:g} s"
+    )
 
 
 def _one_sine(t_end: float) -> float:
@@ -196,7 +203,8 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     ]
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
-        "The smallest nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s], the largest over the modelling errors",
+        "The smallest nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s], the largest over the "
+        "modelling errors",
         {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau

@@ -57,15 +57,18 @@ def bounded(runs: dict[float, Along]) -> Claim:
     sentence = SENTENCES["lemma-1-bounded"]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(bounded, f"in the second half of a run the suprema are at most {grown:.3g} times those of the first"),),
-        shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.2f} times those of the first.",
+        readings=(sentence.reads(bounded, f"in the second half of a run the suprema are at most {grown:.3g} times those of the "
+        f"first"),),
+        shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.2f} times those of "
+        f"the first.",
         measured=        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
         f"{halves['error'].max():.3g}, "
         f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
         "the suprema are at most "
         f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
         "(the others) times those of the first",
-        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
+        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second "
+        "half"),
         listings=(_suprema(tuple(runs), halves),),
         would_change="a supremum that keeps growing along a run, which is all that a finite run can show",
     )  # fmt: skip
@@ -80,19 +83,23 @@ def without_error(run: Along) -> Claim:
     sentence = SENTENCES["lemma-1-no-error"]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(falls, f"V from {V[0]:.3g} to {V[-1]:.2g}; the integral of (epsilon m_s)^2 is {spent[-1]:.4g}; the last quarter adds at most {max(late.values()):.0e} of each integral"),),
-        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V within {gap:.0e}.",
-        measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
-        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}"
+        readings=(sentence.reads(falls, f"V from {V[0]:.3g} to {V[-1]:.2g}; the integral of (epsilon m_s)^2 is {spent[-1]:.4g}; "
+        f"the last quarter adds at most {max(late.values()):.0e} of each integral"),),
+        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V within "
+        f"{gap:.0e}.",
+        measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) "
+        f"within {gap:.0e} of it; the integrals "
+        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, "
+        f"{run.integrals['rate'][-1]:.3g}"
         f", and the last quarter adds at most {max(late.values()):.0e} of each",
         how=METHOD.format("Delta_m = 0", "the integrals are computed with the loop; V at 3000 instants"),
         listings=(
             table(
-                "Integrals over the run, and the share that its last quarter adds",
+                "Integrals over the run, and the fraction that its last quarter contributes",
                 {
                     "of": ("epsilon^2", "(epsilon m_s)^2", "|theta_hat'|^2"),
                     "at the end": [run.integrals[name][-1] for name in ("epsilon", "error", "rate")],
-                    "share of the last quarter": [late[name] for name in ("epsilon", "error", "rate")],
+                    "fraction from the last quarter": [late[name] for name in ("epsilon", "error", "rate")],
                 },
             ),
         ),
@@ -112,16 +119,18 @@ def with_error(runs: dict[float, Along]) -> Claim:
     taught, left = scalar_lemma.readings()
     readings = (
         taught,
-        _along_runs("along Section V's runs with these sizes of mu, each with a nu of its own", by_definition),
+        _along_runs("along Section V's runs with these sizes of mu, with a separate nu for each", by_definition),
         _along_runs("along these runs, with the integral of eta^2/m_s^2 over the same interval", constants),
         left,
     )
     return Claim(
         sentence=SENTENCES["lemma-1-small"],
         readings=readings,
-        shows=f"The smallest nu for epsilon m_s is {by_definition['error'].max():.2g} along the runs; for any signals it reaches {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15) and "
+        shows=f"The smallest nu for epsilon m_s is {by_definition['error'].max():.2g} along the runs; for any signals it "
+        f"reaches {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15) and "
         f"{scalar_lemma.constants(scalar_lemma.ScalarGradient()).max():.2g} with the gradient law.",
-        measured=        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
+        measured=        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition "
+        f"{_at_most(by_definition)}; with the integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
         f"of V(0), so V may rise, by up to {risen.max():.3g} V(0). For any signals: see the readings",
@@ -139,7 +148,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
             ),
             *scalar_lemma.listings(),
         ),
-        would_change="a law whose gain is kept away from zero: with the gradient law both readings hold for any signals",
+        would_change="a law whose gain is kept away from zero, such as the gradient law, with which both readings hold for any "
+        "signals",
     )  # fmt: skip
 
 

@@ -122,7 +122,8 @@ class TauTradeOff:
         doubled = (along[1] / along[0])[np.isfinite(along[:2]).all(axis=0)]
         literal, said = self.literal
         beside = Reading(
-            f"with Section V's alpha_0 = 0, over {len(sizes)} sizes: it rises with every size, and by more than a factor of two in all",
+            f"with Section V's alpha_0 = 0, over {len(sizes)} sizes: it rises with every size, and by more than a factor of two "
+            f"in all",
             bool((np.diff(taus) > 0).all()) and bool(taus[-1] > 2 * taus[0]),
             f"{taus[0]:.3g} to {taus[-1]:.3g} s",
             "beside",
@@ -131,16 +132,23 @@ class TauTradeOff:
             sentence=SENTENCES[f"tau-limit-{self.key}"],
             readings=(literal, beside),
             shows=f"Smallest tau tolerated: {said} of {self.word}.",
-            measured=            f"smallest tau tolerated: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
+            measured=            f"smallest tau tolerated: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s "
+            f"for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
             f"{(taus / sizes).max():.2f} times the {self.word}; no tau tolerates {self._nothing_tolerated()}. "
-            f"At these values of tau the linear loop with the estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
-            f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
-            f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
-            how=f"Section V, robust MRAC, {MENDED}, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
+            f"At these values of tau the linear loop with the estimates frozen at theta loses stability at {linear.min():.3f} "
+            f"to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
+            f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error "
+            f"grows along the "
+            f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is "
+            f"{doubled.min():.2f} to {doubled.max():.2f} times that",
+            how=f"Section V, robust MRAC, {MENDED}, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x "
+            f"{len(TAUS)} values of tau, then bisection "
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. "
-            "The frozen loop follows from the scheme's equations by exact Jacobians; it does not guarantee anything for the adapting loop",
+            "The frozen loop follows from the scheme's equations by exact Jacobians; it does not guarantee anything for the "
+            "adapting loop",
             maps=(self._map(), self._chart()),
-            would_change="a tau that tolerates every size, or a boundary that does not rise with the size; the theorem's own Delta* is not computed",
+            would_change="a tau that tolerates every size, or a boundary that does not rise with the size; the Delta* of the "
+            "theorem is not computed",
         )  # fmt: skip
 
     def _nothing_tolerated(self) -> str:
@@ -154,9 +162,15 @@ class TauTradeOff:
         return Map(
             key=f"tau-{self.key}",
             title=f"Theorem 2's trade-off: τ against {self.title}",
-            caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {STEP * 1e3:g} ms. {LOSS_CRITERION}. "
+            caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = "
+            f"{STEP * 1e3:g} ms. {LOSS_CRITERION}. "
             f"Marks: the smallest τ tolerated over {BOUNDARY_RUN_FACTOR * T_END:g} "
-            "s, bisected to 1 %; these longer runs show growth that is too slow for the cells' shorter runs. Cells at large τ and large modelling errors are lost because a transient of the learning outlasts the first quarter. The lines refer to the linear loop with frozen estimates: its exact stability limit with θ̂ = θ, and the limit up to which the small-gain theorem shows it stable, with θ̂ = θ and with the worst θ̂ found in the known set (an estimate; above the end of this line the frozen loop is unstable with some θ̂ even without modelling error). None of them is a guarantee for the adapting loop, whose estimates move.",
+            "s, bisected to 1 %; these longer runs show growth that is too slow for the cells' shorter runs. Cells at large τ "
+            "and large modelling errors are lost because a transient of the learning outlasts the first quarter. The lines "
+            "refer to the linear loop with frozen estimates: its exact stability limit with θ̂ = θ, and the limit up to which "
+            "the small-gain theorem shows it stable, with θ̂ = θ and with the worst θ̂ found in the known set (an estimate; "
+            "above the end of this line the frozen loop is unstable with some θ̂ even without modelling error). None of them is "
+            "a guarantee for the adapting loop, whose estimates move.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),
             y=ChartAxis("τ [s]", TAUS, logarithmic=True),
             values=self.limits.tail.T,
@@ -180,8 +194,9 @@ class TauTradeOff:
         return Chart(
             key=f"tau-error-{self.key}",
             title=f"The error along the boundary: {self.title}",
-            caption=f"The cost of the smallest τ: the largest |e| in the last quarter of runs over {BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ of "
-            "the observed boundary, below which runs are lost. Away from the largest sizes the error is proportional to τ.",
+            caption=f"The cost of the smallest τ: the largest |e| in the last quarter of runs over "
+            f"{BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ at the observed boundary; below this boundary runs are "
+            f"lost. Away from the largest sizes the error is proportional to τ.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),
             quantity="max |e| in the last quarter",
             curves=tuple(curves),
@@ -198,14 +213,19 @@ def _range_of_tau(delay: TauTradeOff) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(bool(inside.all()), f"{inside.sum()} of {len(inside)} values of tau from {RANGE_TAUS[0]:g} to {RANGE_TAUS[admitted][-1]:.3g} s tolerate {RANGE_DELAY:g} s"),
-            Reading("the upper limit is needed: no tau above 1/delta_0 tolerates it", not beyond.any(), f"{beyond.sum()} of {len(beyond)} values from {RANGE_TAUS[~admitted][0]:g} to {RANGE_TAUS[-1]:g} s tolerate it", "beside"),
+            sentence.reads(bool(inside.all()), f"{inside.sum()} of {len(inside)} values of tau from {RANGE_TAUS[0]:g} to "
+            f"{RANGE_TAUS[admitted][-1]:.3g} s tolerate {RANGE_DELAY:g} s"),
+            Reading("the upper limit is needed: no tau above 1/delta_0 tolerates it", not beyond.any(), f"{beyond.sum()} of "
+            f"{len(beyond)} values from {RANGE_TAUS[~admitted][0]:g} to {RANGE_TAUS[-1]:g} s tolerate it", "beside"),
         ),
-        shows=f"A delay of {RANGE_DELAY:g} s is tolerated at {inside.sum()} of {len(inside)} values of tau below 1/delta_0 = {1 / DELTA_0:g} s, and at {beyond.sum()} of {len(beyond)} above it.",
+        shows=f"A delay of {RANGE_DELAY:g} s is tolerated at {inside.sum()} of {len(inside)} values of tau below 1/delta_0 = "
+        f"{1 / DELTA_0:g} s, and at {beyond.sum()} of {len(beyond)} above it.",
         measured=f"the tail's largest |e| is {span(tails[admitted])} below 1/delta_0 and {span(tails[~admitted])} above it",
-        how=f"Section V, robust MRAC, {MENDED}, with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}, exact delay of {RANGE_DELAY:g} s, RK4, h = {STEP:g} s, {t_end:g} s. {LOSS_CRITERION}",
+        how=f"Section V, robust MRAC, {MENDED}, with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}, exact delay of "
+        f"{RANGE_DELAY:g} s, RK4, h = {STEP:g} s, {t_end:g} s. {LOSS_CRITERION}",
         listings=(table(f"The robust MRAC with a delay of {RANGE_DELAY:g} s", {"tau [s]": RANGE_TAUS, "max |e|, tail": tails}),),
-        would_change="a longer delay, with which the run is lost below some tau (tau-limit-delay). Theorem 2 itself has no row, since it does not give Delta*",
+        would_change="a longer delay, with which the run is lost below some tau (tau-limit-delay). Theorem 2 itself has no row, "
+        "since it does not give Delta*",
     )  # fmt: skip
 
 
@@ -224,16 +244,21 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
             Reading(
                 "the same holds for the robust MRAC's loops with frozen estimates, for every tau",
                 bool((np.abs(ratios - 1) < PROPORTIONAL_SHARE).all()),
-                f"{span(ratios)} times the delay, for delays of {span(limits[0])} s: if |L| = 1 at a high frequency, mu times that frequency is not small",
+                f"{span(ratios)} times the delay, for delays of {span(limits[0])} s: if |L| = 1 at a high frequency, mu times "
+                f"that frequency is not small",
                 "beside",
             ),
         ),
-        shows=f"With theta known the loop tolerates {tolerated_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs tolerate {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
-        measured=f"the loop with theta known tolerates mu = {tolerated_mu:.4g} s, {ratio:.3f} times its delay margin; of {len(FROZEN_TAUS)} values of tau the frozen loop of the robust MRAC tolerates delays of "
+        shows=f"With theta known the loop tolerates {tolerated_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs "
+        f"tolerate {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
+        measured=f"the loop with theta known tolerates mu = {tolerated_mu:.4g} s, {ratio:.3f} times its delay margin; over "
+        f"{len(FROZEN_TAUS)} values of tau, the frozen loop of the robust MRAC tolerates delays of "
         f"{span(limits[0])} s, and mu of {span(limits[1])} s",
-        how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops of the robust MRAC, {MENDED}: -mu s realised as -mu s/({DERIVATIVE_POLE} s + 1)",
-        listings=(table("Tolerated by the frozen loop", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu [s]": limits[1], "mu/delay": ratios}),),
-        would_change="a loop with theta known that crosses |L| = 1 at a frequency at which the delay margin is not a small phase",
+        how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops of the robust MRAC, {MENDED}: -mu s "
+        f"realised as -mu s/({DERIVATIVE_POLE} s + 1)",
+        listings=(table("Tolerated by the frozen loop", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu "
+        "[s]": limits[1], "mu/delay": ratios}),),
+        would_change="a loop with theta known whose delay margin is a large phase at the frequency at which |L| = 1",
     )  # fmt: skip
 
 
@@ -266,7 +291,8 @@ def _agree(linear: Array, sizes: Array) -> str:
 
 
 LOSS_CRITERION = (
-    f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best earlier quarter, or "
+    f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best earlier "
+    f"quarter, or "
     "|e| exceeds the largest |x_m| after the first quarter"
 )
 

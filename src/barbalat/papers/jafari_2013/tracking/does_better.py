@@ -162,12 +162,16 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(beats == count, f"none beats more than {beats} of {count}: {robust.tunings[best]}: {_told_of(robust.reached[best])}"),
-            Reading("no disturbance acts", beats_undisturbed == count, f"none beats more than {beats_undisturbed} of {count} in the three remaining objectives"),
+            sentence.reads(beats == count, f"none beats more than {beats} of {count}: {robust.tunings[best]}: "
+            f"{_told_of(robust.reached[best])}"),
+            Reading("no disturbance acts", beats_undisturbed == count, f"none beats more than {beats_undisturbed} of {count} in "
+            f"the three remaining objectives"),
             Reading("L1-AC has the paper's filter (6)", beats_with_6 == half, f"none beats more than {beats_with_6} of {half}"),
-            Reading("no disturbance acts, and L1-AC has the paper's filter (6)", beats_both == half, f"one beats {beats_both} of {half}; these are two conditions, and a weaker reading may have only one", "beside"),
+            Reading("no disturbance acts, and L1-AC has the paper's filter (6)", beats_both == half, f"one beats {beats_both} "
+            f"of {half}; these are two conditions, and a weaker reading may have only one", "beside"),
             Reading(
-                "some tuning of the robust MRAC is better than L1-AC of Section V, which is not tuned, in each of the five objectives, by more than a tenth",
+                "some tuning of the robust MRAC is better than L1-AC of Section V, which is not tuned, in each of the five "
+                "objectives, by more than a tenth",
                 bool(least > BETTER_FACTOR),
                 f"{int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} are; {told}",
                 "beside",
@@ -175,26 +179,38 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
             Reading(
                 "no tuning of L1-AC is better than L1-AC of Section V in this way",
                 not better_too.any(),
-                f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6); the largest smallest factor is {least_of_l1:.2f}, with (6) {least_with_6:.2f}, that of the robust MRAC {least:.2f}",
+                f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6); the largest "
+                f"smallest factor is {least_of_l1:.2f}, with (6) {least_with_6:.2f}, that of the robust MRAC {least:.2f}",
                 "beside",
             ),
         ),
-        shows=f"No robust MRAC beats more than {beats} of {count} tuned L1-ACs. Another beats Section V's at least {least:.2f}-fold in all; {int(better_too.sum())} tuned L1-ACs do too (best {least_of_l1:.2f}), {int(better_too[:half].sum()) or 'none'} with (6).",
-        measured=f"{', '.join(OBJECTIVES)}: {told}. {int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} robust MRACs and {int(better_too.sum())} of {count} L1-ACs are better than it in all five: the comparison with an untuned scheme also measures the tuning. One L1-AC beats at most {_beats_most(l1, robust)[1]} of {count} robust MRACs. Smallest value of each objective over all tunings, L1-AC and robust MRAC: {_least(l1, robust)}",
-        how=f"Section V, {MENDED}, RK4, h = {STEP['L1-AC']:g} s and {STEP['robust MRAC']:g} s, {T_END:g} s, every step; L1-AC of Section V: Gamma = {section_v.FIGURE_4_GAIN:g}, h = {OWN_STEP:g} s. {count} points of Sobol's sequence for each side over its own parameters, spaced in their logarithms: "
-        f"{ranges(L1_KNOBS)}, filter (6) or (2 kappa s + 1)/(kappa s + 1)^2; {ranges(ROBUST_KNOBS)}. Delays: {len(DELAYS)} from {DELAYS[0]:g} to {DELAYS[-1]:g} s, then bisected {HALVINGS} times, over {DELAYED_T_END:g} s; the model counts as followed if the tail's error is below "
+        shows=f"No robust MRAC beats more than {beats} of {count} tuned L1-ACs. Another beats Section V's at least "
+        f"{least:.2f}-fold in all; {int(better_too.sum())} tuned L1-ACs do too (best {least_of_l1:.2f}), "
+        f"{int(better_too[:half].sum()) or 'none'} with (6).",
+        measured=f"{', '.join(OBJECTIVES)}: {told}. {int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} robust MRACs "
+        f"and {int(better_too.sum())} of {count} L1-ACs are better than it in all five: the comparison with an untuned scheme "
+        f"also measures the tuning. One L1-AC beats at most {_beats_most(l1, robust)[1]} of {count} robust MRACs. Smallest "
+        f"value of each objective over all tunings, L1-AC and robust MRAC: {_least(l1, robust)}",
+        how=f"Section V, {MENDED}, RK4, h = {STEP['L1-AC']:g} s and {STEP['robust MRAC']:g} s, {T_END:g} s, every step; L1-AC "
+        f"of Section V: Gamma = {section_v.FIGURE_4_GAIN:g}, h = {OWN_STEP:g} s. {count} points of Sobol's sequence for each "
+        f"side over its parameters, on logarithmic scales: "
+        f"{ranges(L1_KNOBS)}, filter (6) or (2 kappa s + 1)/(kappa s + 1)^2; {ranges(ROBUST_KNOBS)}. Delays: {len(DELAYS)} from "
+        f"{DELAYS[0]:g} to {DELAYS[-1]:g} s, then bisected {HALVINGS} times, over {DELAYED_T_END:g} s; a run counts as tracking "
+        f"the model if its error in the tail is below "
         f"{UNFOLLOWED_SHARE:g} of the largest |x_m|",
         maps=(_chart(l1, robust),),
         listings=(
             Listing(
                 "L1-AC of Section V, the robust MRAC that is farthest ahead of it, and the one that beats most tunings of L1-AC",
                 ("scheme", *OBJECTIVES),
-                tuple((name, *(short(abs(value)) for value in reached)) for name, reached in (("L1-AC of Section V", own), *((f"robust MRAC, {robust.tunings[i]}", robust.reached[i]) for i in (ahead, best)))),
+                tuple((name, *(short(abs(value)) for value in reached)) for name, reached in (("L1-AC of Section "
+                "V", own), *((f"robust MRAC, {robust.tunings[i]}", robust.reached[i]) for i in (ahead, best)))),
             ),
             _listing(l1, left),
             _listing(robust, ours),
         ),
-        would_change="holds: one tuning of the robust MRAC that beats every tuning of L1-AC. Whether each is beaten by some tuning is the question of no-advantage",
+        would_change="holds: one tuning of the robust MRAC that beats every tuning of L1-AC. Whether each is beaten by some "
+        "tuning is the question of no-advantage",
         sharpened=f"{MORE} tunings of each side instead of {BUDGET}",
     )  # fmt: skip
 
@@ -225,15 +241,22 @@ def no_advantage(l1: Side, robust: Side) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(not len(left), f"{len(left)} of {count} tunings of L1-AC are not beaten by any tuning of the robust MRAC"),
+            sentence.reads(not len(left), f"{len(left)} of {count} tunings of L1-AC are not beaten by any tuning of the robust "
+            f"MRAC"),
             Reading("no disturbance acts", not len(undisturbed), f"{len(undisturbed)} of {count} are not beaten"),
-            Reading("L1-AC has the paper's filter (6)", not len(with_6), f"{len(with_6)} of {half} are not beaten by as many tunings of the robust MRAC, {int((left < half).sum())} not by all {count}"),
-            Reading("in no single objective is the best tuning of L1-AC ahead of the best of the robust MRAC", not ahead, _told(ahead, l1, robust), "beside"),
-            Reading("the same with the paper's filter (6)", not ahead_with_6, _told(ahead_with_6, l1.first(half), robust.first(half)), "beside"),
+            Reading("L1-AC has the paper's filter (6)", not len(with_6), f"{len(with_6)} of {half} are not beaten by as many "
+            f"tunings of the robust MRAC, {int((left < half).sum())} not by all {count}"),
+            Reading("in no single objective is the best tuning of L1-AC ahead of the best of the robust "
+            "MRAC", not ahead, _told(ahead, l1, robust), "beside"),
+            Reading("the same with the paper's filter "
+            "(6)", not ahead_with_6, _told(ahead_with_6, l1.first(half), robust.first(half)), "beside"),
         ),
-        shows=f"{len(left)} of {count} tuned L1-ACs are unbeaten, {int((left < half).sum())} of them with (6). Best {OBJECTIVES[shown]}: L1-AC and robust MRAC {_of_each(shown, l1, robust)}; delay {_of_each(-1, l1, robust)} s.",
+        shows=f"{len(left)} of {count} tuned L1-ACs are unbeaten, {int((left < half).sum())} of them with (6). Best "
+        f"{OBJECTIVES[shown]}: L1-AC and robust MRAC {_of_each(shown, l1, robust)}; delay {_of_each(-1, l1, robust)} s.",
         measured=f"smallest value of each objective, L1-AC and robust MRAC (for the delay the largest): {_least(l1, robust)}",
-        how=f"the runs of robust-mrac-better, {MENDED}: {count} tunings of each side. That row looks for one robust MRAC that beats every L1-AC, this one for an L1-AC that none beats. The effect of a filter on an MRAC with the same gain is another sentence: filter-reduces-margins",
+        how=f"the runs of robust-mrac-better, {MENDED}: {count} tunings of each side. That row looks for one robust MRAC that "
+        f"beats every L1-AC, this one for an L1-AC that none beats. The effect of a filter on an MRAC with the same gain is the "
+        f"subject of a different sentence: filter-reduces-margins",
         listings=(
             Listing(
                 "The best of each objective over all tunings",
@@ -241,7 +264,8 @@ def no_advantage(l1: Side, robust: Side) -> Claim:
                 tuple((name, *(short(abs(side.reached[:, i].min())) for side in (l1, l1.first(half), robust))) for i, name in enumerate(OBJECTIVES)),
             ),
         ),
-        would_change="holds: tunings of the robust MRAC that beat the remaining ones of L1-AC; other ranges of the parameters, or other objectives",
+        would_change="holds: tunings of the robust MRAC that beat the remaining ones of L1-AC; other ranges of the parameters, "
+        "or other objectives",
         sharpened=f"{MORE} tunings of each side instead of {BUDGET}",
     )  # fmt: skip
 
@@ -287,7 +311,9 @@ def _chart(*sides: Side) -> Chart:
         key="robust-mrac-l1-fronts",
         title="Results of each side's tunings: error against the tolerated delay",
         caption=""
-        "The Pareto front of all tunings of a side: the smallest value of max |e| among the tunings that tolerate at least this input delay, without a disturbance and with the worse of d = 20 and d = 20 sin 2t. Both sides have the same number of tunings, drawn evenly over their own parameters; none is selected by hand.",
+        "The Pareto front of all tunings of a side: the smallest value of max |e| among the tunings that tolerate at least this "
+        "input delay, without a disturbance and with the worse of d = 20 and d = 20 sin 2t. Both sides have the same number of "
+        "tunings, drawn evenly over their own parameters; none is selected by hand.",
         x=ChartAxis("tolerated input delay [s]", DELAYS, logarithmic=True),
         quantity="smallest max |e|",
         curves=tuple(curves),

@@ -116,13 +116,16 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["l1-reference-system"],
         readings=readings,
-        shows=f"|x - x_ref| is at most {share.max():.2g} of gamma_1/sqrt(Gamma); the reference system itself is up to {found.model:.3g} away from the model.",
-        measured=        f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
+        shows=f"|x - x_ref| is at most {share.max():.2g} of gamma_1/sqrt(Gamma); the reference system itself is up to "
+        f"{found.model:.3g} away from the model.",
+        measured=        f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} "
+        f"for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
         f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = "
         f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
         f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). "
         f"The reference system itself is up to {found.model:.3g} away from the model x_m, at every Gamma",
-        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {COMPARED_INSTANTS} instants; "
+        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, "
+        f"{COMPARED_INSTANTS} instants; "
         "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance",
         listings=_listings(found, bound, steps),
@@ -140,17 +143,21 @@ def _readings(found: Distances, bound: ReferenceBounds) -> tuple[Reading, ...]:
     return (
         sentence.reads(
             bound.condition.holds and bool((found.state * root <= bound.case).all()),
-            f"at most {float((found.state * root / bound.case).max()):.2g} of the bound, {float((found.state * root / bound.exact).max()):.2g} of the sharper one for the case's theta",
+            f"at most {float((found.state * root / bound.case).max()):.2g} of the bound, "
+            f"{float((found.state * root / bound.exact).max()):.2g} of the sharper one for the case's theta",
         ),
         sentence.reads(
             bool((found.control * root <= bound.control).all()),
-            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - u_ref| {span(of_u)}",
+            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - "
+            f"u_ref| {span(of_u)}",
             1,
         ),
         Reading(
             "the bound also holds for the state in Figure 3's simulation at h = 1e-4 s, which does not resolve the ringing",
             numerical <= bound.case / 100,
-            f"|x - x_ref| reaches {numerical:.3g} in that simulation, and the bound is {bound.case / 100:.3g}; with a resolving step it is {float(found.state[found.gains == 1e4][0]):.2g}",
+            f"|x - x_ref| reaches {numerical:.3g} in that simulation, while the bound is {bound.case / 100:.3g}; with a "
+            f"resolving "
+            f"step it is {float(found.state[found.gains == 1e4][0]):.2g}",
             "beside",
         ),
     )  # fmt: skip
@@ -178,7 +185,7 @@ ROWS = (
     Measurement(
         claim,
         1.5,
-        {"l1-reference-system": "L1-AC's own objective: to follow its reference system"},
+        {"l1-reference-system": "the objective of L1-AC: to track its reference system"},
         place=340,
         sharper=partial(claim, full=True),
         sharper_seconds=4.0,

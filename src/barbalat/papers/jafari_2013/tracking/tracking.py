@@ -47,7 +47,8 @@ def bound_9(size: int = MEMBERS) -> Claim:
         readings=(sentence.reads(bool((ratio < 1).all()), f"largest |e| / bound {ratio.max():.2f} over {size} runs"),),
         shows=f"The largest |e| of {size} random runs is {ratio.max():.2f} of the bound.",
         measured=        f"largest |e| / bound {ratio.max():.2f}, median {np.median(ratio):.2f}, over {size} runs",
-        how="Section V, theta drawn from the box, Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, every step; bound rounded outward",
+        how="Section V, theta drawn from the box, Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, every step; bound rounded "
+        "outward",
         listings=(table("Largest |e| over the bound, by Gamma", _by_decade([c.gamma for _, c in members], ratio)),),
         would_change="one run with e(0) = 0, without modelling error and numerically stable, whose |e| exceeds the bound",
         sharpened=FULL_COMMAND,
@@ -91,7 +92,8 @@ def bound_10(size: int = MEMBERS) -> Claim:
         readings=(sentence.reads(bool((ratio < 1).all()), f"largest |e| / bound {ratio.max():.3f} over {size} runs"),),
         shows=f"The largest |e| of {size} random runs is {ratio.max():.3f} of the bound.",
         measured=        f"largest |e| / bound {ratio.max():.3f}, median {np.median(ratio):.3f}, over {size} runs",
-        how=f"as for (9), kappa from 0.001 to 0.95 kappa_max = {0.95 * largest:.4f} s; certified norms and model bounds; nu_1, of which the paper gives no formula, by a construction of ours",
+        how=f"as for (9), kappa from 0.001 to 0.95 kappa_max = {0.95 * largest:.4f} s; certified norms and model bounds; nu_1, "
+        f"for which the paper gives no formula, by our own construction",
         listings=(
             table(
                 "Largest |e| over the bound, by kappa",
@@ -143,8 +145,10 @@ def best_at_zero() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"The bound is {short(bounds[1])} with Section V's filter and {short(bounds[-1])} without; the largest error {errors[1]:.3g} and {errors[-1]:.1g}.",
-        measured=        f"from kappa = {kappas[0]:g} s to none the bound goes from {short(bounds[0])} to {short(bounds[-1])}, the largest error "
+        shows=f"The bound is {short(bounds[1])} with Section V's filter and {short(bounds[-1])} without; the largest error "
+        f"{errors[1]:.3g} and {errors[-1]:.1g}.",
+        measured=        f"from kappa = {kappas[0]:g} s to none the bound goes from {short(bounds[0])} to {short(bounds[-1])}, "
+        f"the largest error "
         f"from {errors[0]:.3g} to {errors[-1]:.3g}",
         how="Section V, Gamma = 100; certified bounds, and RK4 runs of 60 s at h = 1e-4 s without modelling error",
         listings=(
@@ -154,7 +158,8 @@ def best_at_zero() -> Claim:
                 {"kappa [s]": (*kappas, 0.0), "bound of |e|": bounds, "largest |e|": errors},
             ),
         ),
-        would_change="a filter with a smaller bound or error than without a filter, without modelling error; filter-reduces-margins treats modelling errors",
+        would_change="a filter with a smaller bound or error than without a filter, without modelling error; "
+        "filter-reduces-margins treats modelling errors",
     )  # fmt: skip
 
 
@@ -172,14 +177,19 @@ def part_iii() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(ANY_COMMAND in SENTENCES["any-command"].quote, f'part (i) is printed "{ANY_COMMAND}", which includes r = 50: one step'),
+            sentence.reads(ANY_COMMAND in SENTENCES["any-command"].quote, f'part (i) is printed "{ANY_COMMAND}", which includes '
+            f'r = 50: one step'),
             sentence.reads(bound == 0, f"(10) allows an error of {bound:.3g} for r = 50, however high the gain", 1),
         ),
-        shows=f"MRAC: yes, part (i) covers every r. L1-AC: for r = 50 and any gain, (10) still allows {short(bound)}; the run's error is {left:.0e}, by Barbalat's lemma and C(0) = 1.",
-        measured=f"for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. The missing steps: the integral of |x_tilde|^2 is at most V(0), so x_tilde -> 0 "
+        shows=f"MRAC: yes, part (i) covers every r. L1-AC: for r = 50 and any gain, (10) still allows {short(bound)}; the run's "
+        f"error is {left:.0e}, by Barbalat's lemma and C(0) = 1.",
+        measured=f"for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to "
+        f"infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. The missing steps: the integral of |x_tilde|^2 is "
+        f"at most V(0), so x_tilde -> 0 "
         "(Barbalat); x_hat - x_m is then driven through W_b (1 - C) by a signal that tends to a constant, and (1 - C)(0) = 0",
         how=f"certified norm and model bounds, kappa = {section_v.KAPPA:g} s; run: Gamma = 1, RK4, h = 1e-3 s, 120 s",
-        listings=(table("For r = 50: the error that part (ii) allows, and the error of a run", {"": ("bound (10), Gamma -> infinity", "|e|, tail of a run"), "|e|": (bound, left)}),),
+        listings=(table("For r = 50: the error that part (ii) allows, and the error of a run", {"": ("bound (10), Gamma -> "
+        "infinity", "|e|, tail of a run"), "|e|": (bound, left)}),),
         would_change="holds: a bound in part (ii) that goes to zero with time. constant-command tests whether part (iii) is true",
     )  # fmt: skip
 
@@ -207,24 +217,33 @@ def same_lyapunov() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(rises[0] < V_TOLERANCE, f"the largest rise is {rises[0]:.1g} of V(0)"),
-            sentence.reads(found.holds and errors[0] < bound, f"||W_b (1 - C)||_1 theta_max is {found.value_upper:.3g}, and |e| at most {errors[0]:.3g}, {errors[0] / bound:.2g} of the bound", 1),
+            sentence.reads(found.holds and errors[0] < bound, f"||W_b (1 - C)||_1 theta_max is {found.value_upper:.3g}, and |e| "
+            f"at most {errors[0]:.3g}, {errors[0] / bound:.2g} of the bound", 1),
             Reading(
-                f"V alone bounds the state, as it does with MRAC, even with kappa = {UNSTABLE_KAPPA:g} s, beyond the condition",
+                f"V alone bounds the state, as it does for MRAC, even with kappa = {UNSTABLE_KAPPA:g} s, beyond the condition",
                 rises[1] >= V_TOLERANCE or reached[1] < 10 * reached[0],
-                f"the largest rise is {rises[1]:.1g} of V(0), and |x| reaches {reached[1]:.2g} in {V_T_END:g} s: V bounds x_tilde, and the small-gain theorem bounds x",
+                f"the largest rise is {rises[1]:.1g} of V(0), and |x| reaches {reached[1]:.2g} in {V_T_END:g} s: V bounds "
+                f"x_tilde, and the small-gain theorem bounds x",
                 "beside",
             ),
         ),
-        shows=f"{f'V rises by {rises[0]:.0e} of V(0)' if rises[0] > 0 else 'V never rises'}, but x is bounded by the small-gain theorem: beyond its condition |x| reaches {reached[1]:.0e} although V falls too.",
-        measured=f"with Section V's kappa V rises by at most {rises[0]:.1g} of V(0) and |x| reaches {reached[0]:.3g}; with {UNSTABLE_KAPPA:g} s these are {rises[1]:.1g} and {reached[1]:.2g}. The proof of part (ii) names the small-gain theorem as well as V",
-        how=f"Section V, Gamma = {FILTERS[section_v.KAPPA][0]:g}, RK4, h = {FILTERS[section_v.KAPPA][1]:g} s; kappa = {UNSTABLE_KAPPA:g} s: Gamma = {UNSTABLE_GAIN:g}, h = {FILTERS[UNSTABLE_KAPPA][1]:g} s; {V_T_END:g} s, V at 10000 instants; (10) by certified norms",
+        shows=f"{f'V rises by {rises[0]:.0e} of V(0)' if rises[0] > 0 else 'V never rises'}, but x is bounded by the small-gain "
+        f"theorem: beyond its condition |x| reaches {reached[1]:.0e} although V falls too.",
+        measured=f"with Section V's kappa V rises by at most {rises[0]:.1g} of V(0) and |x| reaches {reached[0]:.3g}; with "
+        f"{UNSTABLE_KAPPA:g} s these are {rises[1]:.1g} and {reached[1]:.2g}. The proof of part (ii) names the small-gain "
+        f"theorem as well as V",
+        how=f"Section V, Gamma = {FILTERS[section_v.KAPPA][0]:g}, RK4, h = {FILTERS[section_v.KAPPA][1]:g} s; kappa = "
+        f"{UNSTABLE_KAPPA:g} s: Gamma = {UNSTABLE_GAIN:g}, h = {FILTERS[UNSTABLE_KAPPA][1]:g} s; {V_T_END:g} s, V at 10000 "
+        f"instants; (10) by certified norms",
         listings=(
             table(
                 "V along L1-AC, and where the state goes",
-                {"kappa [s]": list(FILTERS), "Gamma": [gamma for gamma, _ in FILTERS.values()], "largest rise of V, of V(0)": rises, "max |x|": reached},
+                {"kappa [s]": list(FILTERS), "Gamma": [gamma for gamma, _ in FILTERS.values()], "largest rise of V, of "
+                "V(0)": rises, "max |x|": reached},
             ),
         ),
-        would_change="mixed: a V that rises along a resolved run, or an |e| above (10). Without the small-gain theorem the sentence would be false",
+        would_change="mixed: a V that rises along a resolved run, or an |e| above (10). Without the small-gain theorem the "
+        "sentence would be false",
     )  # fmt: skip
 
 
@@ -249,10 +268,13 @@ def constant_command() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(max(tails[:2]) < 1e-4, f"MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g}"),
-            Reading("the condition on the DC gain is needed", max(tails[2:]) >= 1e-4, f"with a DC gain of 13.3 MRAC {tails[2]:.1g}, L1-AC {tails[3]:.1g}", "beside"),
+            Reading("the condition on the DC gain is needed", max(tails[2:]) >= 1e-4, f"with a DC gain of 13.3 MRAC "
+            f"{tails[2]:.1g}, L1-AC {tails[3]:.1g}", "beside"),
         ),
-        shows=f"max |e| in the tail is {tails[0]:.0e} with MRAC and {tails[1]:.0e} with L1-AC; it is also small with a DC gain of 13.3, at most {max(tails[2:]):.0e}.",
-        measured=        f"max |e| in the tail: MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g} with DC gain 1; {tails[2]:.1g} and {tails[3]:.1g} with DC gain "
+        shows=f"max |e| in the tail is {tails[0]:.0e} with MRAC and {tails[1]:.0e} with L1-AC; it is also small with a DC gain "
+        f"of 13.3, at most {max(tails[2:]):.0e}.",
+        measured=        f"max |e| in the tail: MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g} with DC gain 1; {tails[2]:.1g} and "
+        f"{tails[3]:.1g} with DC gain "
         "13.3: the condition is not needed, C(0) = 1 is sufficient",
         how="Section V with r = 50, k_0 = 0.3 and 4, Gamma = 1, RK4, h = 1e-4 s, 120 s",
         listings=(
@@ -287,7 +309,8 @@ def is_mrac() -> Claim:
         Reading(
             "MRAC has the predictor (8) in place of the model (2), to which it is equal without a filter",
             difference < 1e-9,
-            f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) differ by {difference:.1g} of themselves; with C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any MRAC",
+            f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) differ by {difference:.1g} of themselves; "
+            f"with C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any MRAC",
             "beside",
         ),
         *(
@@ -298,10 +321,14 @@ def is_mrac() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With the filter, (3)-(4) as printed, driven by e, have tail errors of only {shares[own][0]:.2g} and {shares[own][1]:.2g} times those of (5)-(8).",
-        measured=f"a filter of kappa = {section_v.KAPPA:g} s before the error-driven MRAC is another scheme: {literal}. The difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and the "
+        shows=f"With the filter, (3)-(4) as printed, driven by e, have tail errors of only {shares[own][0]:.2g} and "
+        f"{shares[own][1]:.2g} times those of (5)-(8).",
+        measured=f"a filter of kappa = {section_v.KAPPA:g} s before the error-driven MRAC gives a different scheme: {literal}. "
+        f"The "
+        f"difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and the "
         f"errors are those of MRAC within {difference:.1g} of themselves",
-        how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; weaker readings: Gamma = {numbers(FILTERED_GAINS)}, h down to {min(FILTERED_KAPPAS.values()):g} s; a test confirms the step-by-step agreement with C = 1 to rounding",
+        how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; weaker readings: Gamma = {numbers(FILTERED_GAINS)}, h down "
+        f"to {min(FILTERED_KAPPAS.values()):g} s; a test confirms the step-by-step agreement with C = 1 to rounding",
         listings=(
             by_component(
                 f"Tail error and variation of the estimates with the same filter, kappa = {section_v.KAPPA:g} s, before either "
@@ -314,7 +341,8 @@ def is_mrac() -> Claim:
                 | {f"|e_{i + 1}|": [share[i] for share in shares.values()] for i in range(2)},
             ),
         ),
-        would_change="holds: a filtered, error-driven MRAC that behaves as (5)-(8) do; holds if: such an MRAC with a faster filter. The supplementary reading is for readers who count the predictor (8) as part of MRAC",
+        would_change="holds: a filtered, error-driven MRAC that behaves as (5)-(8) do; holds if: such an MRAC with a faster "
+        "filter. The supplementary reading is for readers who count the predictor (8) as part of MRAC",
     )  # fmt: skip
 
 
