@@ -97,7 +97,7 @@ def _in_both(path: FieldPath, states: Any, labels: Sequence[str] | None) -> Inpu
     rows = [_row_of(i, states, labels) for i in index[:of_states]]
     known = (i for i in rows if i is not None)
     there = f"truth.{key}" if None in rows else str(FieldPath(("truth", key, *known, *index[of_states:])))
-    design = ", or give --redesign to vary the design" if key in OF_THE_PLANT else ""
+    design = ", or vary the design with --redesign" if key in OF_THE_PLANT else ""
     return InputError(f"{path} is not simulated, because [truth] gives {key}; vary {there}{design}")
 
 
