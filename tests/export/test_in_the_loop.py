@@ -123,6 +123,6 @@ def test_a_controller_that_cannot_be_compared_is_a_failure(tmp_path, capsys) -> 
     )
     assert main(["run", str(case), "--sil", "--no-plots", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)["software_in_the_loop"].values()
-    assert found["equal"] is None and "shell.range.x_1 refuses the case's own run" in found["difference"]
+    assert found["equal"] is None and "shell.range.x_1 rejects the case's fault-free run" in found["difference"]
     show_exported({"MRAC": found})
     assert "MRAC: not compared: shell.range.x_1" in " ".join(capsys.readouterr().out.split())
