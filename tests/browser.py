@@ -32,7 +32,7 @@ from turns import drawn
 WIDTHS = {"desk": 1280, "phone": 390}
 """The widths and heights of the windows in CSS pixels."""
 LARGEST_PAGE, LARGEST_EXPLORER = 500_000, 1_000_000
-"""Largest number of bytes of a page, and of a page that simulates."""
+"""Largest size in bytes of a page, and of a page that simulates."""
 COMMANDS = {
     "reproduce": ["reproduce", "--quick"],
     "run": ["run", "first-order"],
@@ -99,7 +99,8 @@ def _made_in(folder: Path) -> list[Path]:
 
 
 def _of_site(opened: Tabs, folder: Path, one_in: int) -> Iterator[str]:
-    """The faults of one in so many of a site's pages, except those of ``barbalat reproduce``, which are stored there unchanged.
+    """The faults of every n-th page of a site. The pages of ``barbalat reproduce`` are left out, because they are stored there
+    unchanged.
 
     The pages share a style, so checking half of them at each width finds its faults in half the time.
     """

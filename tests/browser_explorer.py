@@ -1,5 +1,5 @@
-"""Explorers in a real browser: every slider is moved, and every metric must equal that of a run of the copied case file bit for
-bit.
+"""Explorers in a real browser: every slider is moved, and every metric must be identical to the metric from a run of the copied
+case file.
 
     python tests/browser_explorer.py [CASE ...] [--one-in N]
 
@@ -46,8 +46,8 @@ ROWS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
 NUMERICS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
     .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.numerics)]))"""
 EIGENVALUES_WITHIN = 1e-6
-"""Relative tolerance of h|lambda|. The page and the run evaluate the same states with different routines. A double eigenvalue has
-only half of the digits, about 1e-8."""
+"""Relative tolerance of h|lambda|. The page and the run evaluate the same states with different routines. A double eigenvalue is
+accurate to only half of the digits, about 1e-8."""
 READY = "() => document.body.dataset.state === 'ready' && document.querySelector('#figures tr')"
 
 

@@ -30,8 +30,8 @@ MRAC = 2
 MOVES, RUNS, PARTS = 21, 500, 5
 """Moves of a slider for a median, and for the memory, which is measured PARTS times."""
 MOST_GROWTH = 400_000
-"""Largest growth of the heap in bytes over RUNS runs, after garbage collection. One run records more, so that no run can be
-kept."""
+"""Largest growth of the heap in bytes over RUNS runs, after garbage collection. A single run records more than this, so this
+limit shows that no run is kept."""
 MOVE = """([id, by]) => {
     const slider = document.getElementById(id);
     slider.value = Number(slider.value) + by;

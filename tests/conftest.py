@@ -47,8 +47,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _cases_drawn(items: list[pytest.Item], one_in: int) -> list[pytest.Item]:
-    """Every test, with one in so many of its cases and at least one, or with all if it is cheap. Each test has its own draw, and
-    the dear ones of all files have one together."""
+    """Every test with a draw from its cases, at least one, or with all cases if the test is cheap. Each test has a separate draw,
+    and the expensive tests of all files share one draw."""
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
         if item.get_closest_marker("dear"):

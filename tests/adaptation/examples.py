@@ -14,7 +14,7 @@ from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import Gain
 
 BOUND = 40.0
-"""Bound of the covariance, in the Frobenius norm."""
+"""Bound on the covariance, in the Frobenius norm."""
 RHO_0, RHO_1 = 20.0, 0.5
 """The eigenvalues of the covariance with resets are between these."""
 M_0 = 6.0
@@ -34,7 +34,8 @@ class Modification:
     settings: dict[str, object]
     """The law's keywords."""
     leaks: Callable[[float], float] | None = None
-    """Its leakage w as a function of epsilon m_s, if w theta_tilde'theta_hat < 0 is possible even for theta within M_0."""
+    """The leakage w of the modification as a function of epsilon m_s, given only if w theta_tilde'theta_hat < 0 is possible even
+    for theta within M_0."""
     dead_zone: bool = False
     """Whether V does not grow with a modelling error of G_0."""
     implicit: bool = True
@@ -83,7 +84,7 @@ def any_covariance(random: np.random.Generator, law, theta) -> least_squares.Mem
 
 
 def covariance_within_its_bound(random: np.random.Generator, law, theta) -> least_squares.Memory:
-    """A covariance P that is at its bound half of the time."""
+    """A covariance P that is at its bound in half of the cases."""
     P = random_gain(random, len(theta))
     if random.uniform() < 0.5:
         P = P * (BOUND / np.linalg.norm(P))
@@ -107,9 +108,9 @@ class Example:
     """
 
     numbers: dict[str, float]
-    """Its settings, each one number. The registry's test also reads them in a case file."""
+    """The settings of the law, each a single number. The registry's test also reads them in a case file."""
     fastest_rate: float | None
-    """Its fastest rate with these settings [1/s]; None if nothing bounds it."""
+    """The fastest rate of the law with these settings [1/s]; None if the rate has no bound."""
     strong: dict[str, float]
     """The settings that are larger if the law is to learn within a minute."""
     memory: Callable[..., tuple]
@@ -124,9 +125,9 @@ class Example:
     shapes: tuple[str, ...] = ("number",)
     """The shapes of the gain in the tests."""
     takes: tuple[str, ...] = tuple(MODIFICATIONS)
-    """The modifications that it accepts, by the table in docs/laws.md."""
+    """The modifications that the law accepts according to the table in docs/laws.md."""
     unexcited: bool = True
-    """Whether its estimates stay bounded without excitation, a known set and modifications."""
+    """Whether the estimates stay bounded without excitation, a known set and modifications."""
 
     def gain_of_V(self, law, memory, n: int) -> np.ndarray:
         """The matrix Gamma (n, n) of V = theta_tilde'Gamma^-1 theta_tilde."""

@@ -138,7 +138,7 @@ def test_many_short_steps_tend_to_the_continuous_law():
     """Over one second with constant data, compared with 4000 explicit steps, 400 implicit steps at least halve the distance of
     100 steps.
 
-    The tolerance is 1 % of the path of the estimate, due to the error of the explicit steps and the instant of a reset.
+    The tolerance is 1 % of the path of the estimate, which covers the error of the explicit steps and the instant of a reset.
     """
     random = np.random.default_rng(9)
     for modified in laws(2):
@@ -189,8 +189,8 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
 
 
 def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme():
-    """The same as above with a matrix K for the inputs. If no guess of the active faces is right, the result is the step without
-    a set."""
+    """The comparison of the previous test, with a matrix K for the inputs. If no guess of the active faces is right, the result
+    is the step without a set."""
     random, solved = np.random.default_rng(17), 0
     for _ in range(100):
         n, m = int(random.integers(2, 5)), int(random.integers(2, 4))

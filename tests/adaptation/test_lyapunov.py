@@ -85,8 +85,8 @@ def written_out(problem, gamma, sigma, g_0, gamma_c, tau_f):
 
 @pytest.mark.parametrize("case", ["sigma", "dead zone", "learning"])
 def test_against_the_equations_written_out(problems, case):
-    """The reference is an eighth-order method with error control on a second copy of the equations, with a matrix gain and
-    without projection."""
+    """The reference is a run of an eighth-order method with error control on a second copy of the equations, with a matrix gain
+    and without projection."""
     problem = problems[2]
     sigma, g_0, gamma_c = {"sigma": (0.1, 0.0, 0.0), "dead zone": (0.0, 0.05, 0.0), "learning": (0.0, 0.0, 2.0)}[case]
     derivative, y0 = written_out(problem, MATRIX, sigma, g_0, gamma_c, 0.2)

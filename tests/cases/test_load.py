@@ -320,7 +320,7 @@ def test_fuzz_values(line, value):
 @settings(max_examples=200)
 @given(start=st.integers(0, len(PAPER)), length=st.integers(0, 40), insert=st.text(max_size=8))
 def test_fuzz_text(start, length, insert):
-    """The same for damaged text."""
+    """Fuzzes the readers with damaged text."""
     try:
         parse_case(PAPER[:start] + insert + PAPER[start + length :])
     except InputError as error:

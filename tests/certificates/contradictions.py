@@ -114,7 +114,8 @@ def estimates_grow(run: Result, text: str) -> bool:
 
 
 def gains_grow(run: Result) -> bool:
-    """The same for both gains: the sum of k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r of each input, times its omega."""
+    """Whether V grows for a scheme that estimates both gains: V contains the sum of k_x_tilde'Gamma^-1 k_x_tilde +
+    k_r_tilde^2/gamma_r of each input, times its omega."""
     plant, scheme = run.problem.plant, run.controller
     omega, k_0 = np.array([path.gain for path in plant.paths]), np.array(run.problem.reference_model.k_0, dtype=float).reshape(-1)
     if run.true_values is None:

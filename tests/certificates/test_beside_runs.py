@@ -1,4 +1,4 @@
-"""For every scheme: if a run violates its certificate because of its step, the guarantee has a caveat."""
+"""For every scheme, the guarantee has a caveat if a run violates its certificate because of the step."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,8 @@ def test_a_run_that_leaves_what_is_guaranteed_has_the_caveat(name):
 
 
 def test_norms_alone_need_no_caveat():
-    """A linear controller without a bound of e guarantees norms, which no run contradicts. Its step nevertheless has a limit."""
+    """A linear controller without a bound on e guarantees norms, which no run contradicts. The step of its run nevertheless has a
+    limit."""
     controller = LinearFeedback(TransferFunction([50.0], [1.0, 500.0]), output=[1.0, 1.0])
     entries, cells, notes = guaranteed_and_notes(problem(), controller, COARSE)
     assert "norms" in entries and not cells and not notes

@@ -57,7 +57,7 @@ def test_json_of_the_paper_case(capsys):
 
 
 def test_gain_and_step_limits_agree():
-    """At gamma_max the limit of the step is the step itself. Both follow from h omega_a = 2.83."""
+    """At gamma_max the limit on the step is the step of the run. Both follow from h omega_a = 2.83."""
     case = load_case("paper")
     first = certify(case.problem, (Mrac(gamma=1.0),), case.simulation)["MRAC"].values
     again = certify(case.problem, (Mrac(gamma=first["gamma_max"]),), case.simulation)["MRAC"].values
@@ -92,7 +92,7 @@ def test_unmodelled_dynamics_take_the_guarantee_away():
 
 
 def test_the_adapting_loop_gets_the_input_dynamics_once():
-    """Its margin with an actuator is that of the plain loop in series with the actuator."""
+    """The margin of the loop with an actuator is the margin of the plain loop in series with the actuator."""
     actuator = TransferFunction([2500.0], [1.0, 100.0, 2500.0])
     given = variant(input=PlantInput(actuator=actuator), reference=Constant(0.02))
     found = certify(given, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["delay_margin_adapting"]
@@ -177,8 +177,8 @@ def test_the_bounds_follow_from_what_is_shown(capsys):
 
 
 def test_the_bound_of_the_model_holds_along_a_run():
-    """The bound holds for the simulated x_m under the paper's command. It covers every command below 50, so that it may be much
-    larger."""
+    """The bound holds for the simulated x_m under the paper's command. It covers every command below 50, so it may be much larger
+    than x_m."""
     case = load_case("paper")
     (result,) = simulate(case.problem, [Mrac(gamma=1.0)], Simulation(t_end=60.0, dt=1e-3)).values()
     bound = certify(case.problem, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["bounds"]["x_m"]

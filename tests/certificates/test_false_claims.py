@@ -82,7 +82,7 @@ def test_what_runs_away_is_not_called_bounded(name):
 
 
 def test_the_worst_of_a_set_says_nothing_of_a_theta_outside_it():
-    """Without projection (9) holds for any theta of the case, so that a run may exceed the largest bound over the set."""
+    """Without projection (9) holds for any theta of the case, so a run may exceed the largest bound over the set."""
     problem = replace(UNSTABLE, uncertainty=ParameterBox(lower=[-0.1], upper=[0.1]))
     controller = Mrac(gamma=0.5, projection=False)
     certificate, column = judged(problem, controller)

@@ -1,4 +1,4 @@
-"""Each controller of each bundled case has a bound of e, or a sentence on the page names the missing theorem."""
+"""Each controller of each bundled case has a bound on e, or a sentence on the page names the missing theorem."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""If only some keys of a certificate are requested, they equal those of the full certificate, and the expensive parts are left
+"""If only some keys of a certificate are requested, they equal the keys of the full certificate, and the expensive parts are left
 out."""
 
 from __future__ import annotations

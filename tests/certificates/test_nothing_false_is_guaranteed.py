@@ -115,8 +115,8 @@ PROMISES = re.compile("proven|proof|guaranteed", re.IGNORECASE)
 
 @pytest.mark.dear
 def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
-    """The rows of stability, tracking and transient and the bounds of e contain no promise in the terminal, on the page and in
-    the JSON."""
+    """The rows of stability, tracking and transient and the bounds on e contain no promise, neither in the terminal nor on the
+    page nor in the JSON."""
     case = tmp_path / "delayed.toml"
     case.write_text(DELAYED)
     assert main(["certify", str(case)]) == 0
@@ -131,7 +131,7 @@ def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
     assert table.count("does not apply") == 6 and table.count("delay 0.02 s") + table.count("0.02 s") >= 6
     assert not PROMISES.search(table) and not CLAIMS.search(table)
     shown = [row for row in rows if re.search("Signals bounded|Tracking error|Transient|error_bound", row)]
-    assert len(shown) == 3 + 6 + 1  # both have three bounds of e, and L has one of the distance to its reference system
+    assert len(shown) == 3 + 6 + 1  # both have three bounds on e, and L has one on the distance to its reference system
     for row in shown:
         assert "does not apply" in row and "delay 0.02 s" in row and not PROMISES.search(row) and not CLAIMS.search(row)
     written = json.loads((tmp_path / "out" / "run.json").read_text())

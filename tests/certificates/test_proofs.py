@@ -93,7 +93,8 @@ def test_the_guaranteed_numbers_of_random_cases_are_accepted(tmp_path, sample):
 
 
 def without_cells(document, true):
-    """The document without the unchanged bounds over cells, which take seconds. A line on which another one depends is kept."""
+    """The document without the unchanged bounds over cells, which take seconds. A line on which a different line depends is
+    kept."""
     found = {}
     for name, one in document["controllers"].items():
         follows = any("follows_from" in line.get("witness", {}) for line in one["lines"])
@@ -295,7 +296,7 @@ def test_a_norm_that_is_known_in_closed_form():
 
 @pytest.mark.dear
 def test_from_the_command_line_to_the_verdict(tmp_path, capsys):
-    """A separate program in its own process: exit code 0, or 1 with the first line that fails, or 2 without a file."""
+    """The checker runs in a separate process. Its exit code is 0, or 1 with the first line that fails, or 2 without a file."""
     file = tmp_path / "made" / "paper.json"
     assert main(["certify", "paper", "--proof", str(file)]) == 0
     assert f"barbalat-check {file}" in " ".join(capsys.readouterr().out.split())

@@ -1,4 +1,4 @@
-"""Table 1: its constants are those of the certificate, and it claims a proof only while the assumptions hold."""
+"""Table 1: its constants come from the certificate, and it claims a proof only if the assumptions hold."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The certificate of a case with faults has the numbers of the loop without them. Nothing is guaranteed for the loop with
+"""The certificate of a case with faults has the numbers of the loop without faults. Nothing is guaranteed for the loop with
 faults."""
 
 from dataclasses import replace

@@ -272,7 +272,7 @@ def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
         assert (tmp_path / f"figure-{key}.svg").read_text().rstrip().endswith("</svg>")
     page = (tmp_path / "report.html").read_text()
     assert page.count('<img src="figure-') == 5
-    assert "4 of its 4 figures" in page and "no curve is compared" in page  # the fifth is ours
+    assert "4 of its 4 figures" in page and "no curve is compared" in page  # the fifth one is added by this package
 
 
 def test_quick_and_full_exclude_each_other(capsys):
@@ -289,7 +289,7 @@ def test_python_dash_m_is_the_command():
 
 @pytest.mark.full
 def test_certify_with_simulated_margins(case_file, capsys):
-    """Both definitions of loss. With a smaller allowed increase of the error, loss is at a shorter delay."""
+    """Both definitions of loss are tested. With a smaller allowed increase of the error, the loop is lost at a shorter delay."""
     found = []
     for options in ([], ["--share", "0.3"]):
         assert main(["certify", str(case_file), "--simulate", "--json", *options]) == 0

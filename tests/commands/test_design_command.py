@@ -174,7 +174,7 @@ def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_
 
 @pytest.mark.full
 def test_what_the_baseline_alone_misses_is_said_beside_the_schemes_asked_for(tmp_path, capsys):
-    """The limit of the noise's share is below the fraction of the baseline alone."""
+    """The limit on the fraction of noise is below the fraction that the baseline alone has."""
     (tmp_path / "case.toml").write_text(AROUND_A_BASELINE.replace("noise = 0.05", "noise = 1e-5"))
     assert main(["design", "case.toml", "--schemes", "mrac", "--plants", "2", "--members", "8", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -248,8 +248,8 @@ def test_what_validation_plants_do_not_meet_is_missed_and_named():
 
 
 def test_plants_join_the_tuning_where_a_better_tuned_controller_fails():
-    """A controller that follows better but fails on two plants is tuned again, although another one meets all requirements. A
-    controller that follows worse is not."""
+    """A controller that tracks better but fails on two plants is tuned again, although a different one meets all requirements. A
+    controller that tracks worse is not tuned again."""
     better, meeting, worse = (
         SimpleNamespace(tuned=SimpleNamespace(error=error), meets=meets)
         for error, meets in ((0.1, False), (0.2, True), (0.3, False))

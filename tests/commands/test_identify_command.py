@@ -128,7 +128,7 @@ filter = { kappa = 0.05 }
 
 @pytest.fixture
 def replayed(rig, tmp_path):
-    """The rig's recording with a command of its model, and a case whose plant has a = -1 instead of -2."""
+    """The rig's recording with a command for its model, and a case whose plant has a = -1 instead of -2."""
     lines = (tmp_path / "rig.csv").read_text().splitlines()
     (tmp_path / "rig.csv").write_text("\n".join([f"{lines[0]},r", *(f"{line},1.0" for line in lines[1:])]))
     (tmp_path / "rig.toml").write_text(FLOWN)

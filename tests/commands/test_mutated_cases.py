@@ -28,7 +28,7 @@ EARLY = {"t_end": 0.1, "dt": 0.001}
 everything else."""
 MOST_STEPS = 1000
 EARLY_OUTPUT = {"t_end": 0.01, "dt": 0.0001}
-"""The same for output feedback, where the plants are fast."""
+"""The corresponding value for output feedback, where the plants are fast."""
 
 
 def places(table, path=()):
@@ -90,7 +90,7 @@ class TooSlowError(BaseException):
 
 @contextmanager
 def time_limit(seconds):
-    """Make an endless loop a failure. On systems without an alarm only the time limit of the whole test run ends it."""
+    """Make the test fail on an endless loop. On systems without an alarm only the time limit of the whole test run ends it."""
     if sys.platform == "win32":
         yield
         return

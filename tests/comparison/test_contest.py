@@ -285,7 +285,7 @@ def test_a_contest_of_many_short_runs_is_announced_with_its_time():
     [({"faults": (Dropout(share=0.1),)}, "[[faults]]"), ({"sensor": Sensor(quantization=0.1)}, "sensor.quantization")],
 )
 def test_what_only_samples_meet_asks_for_a_sample_time(more, what) -> None:
-    """A contest once blamed a controller of its own for being continuous."""
+    """A contest once blamed one of its controllers for being continuous."""
     case = Case(replace(DRIVE, **more), (Sampled(Mrac(gamma=1.0), 0.01),), Simulation(4.0, 1e-3))
     said = f"the controllers that are compared are continuous, but {what} needs sampled controllers: "
     assert refusal(lambda: contest(case)) == f"{said}give sample_time (--sample-time S)"

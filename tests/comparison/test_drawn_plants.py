@@ -1,4 +1,4 @@
-"""Plants drawn from the ranges of physical parameters, with a truth that has its own formulas."""
+"""Plants drawn from the ranges of physical parameters, with a truth that has different formulas."""
 
 from __future__ import annotations
 

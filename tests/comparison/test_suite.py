@@ -117,7 +117,7 @@ def test_a_part_of_the_table_is_rebuilt():
 
 @pytest.mark.full
 def test_a_part_of_the_table_is_that_of_another_process():
-    """One entry of the quick case equals that of another process bit for bit."""
+    """One entry of the quick case is identical to the entry from a different process."""
     command = [sys.executable, "-m", "barbalat", "contest", "--suite", "--quick", "--schemes", "adrc", "--json"]
     by_command = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     assert by_command["rows"] == json.loads(as_json(standings(schemes=["adrc"], quick=True).as_json()))["rows"]

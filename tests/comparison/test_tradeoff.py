@@ -113,7 +113,7 @@ def test_every_bundled_case_with_measured_state(name):
 
 
 def test_largest_gain_along_a_run_against_the_bound_of_certify(section_v):
-    """|x| along the run is below the bound that certify uses. The gain is therefore larger, by a factor explained by the bound of
+    """|x| along the run is below the bound that certify uses. The gain is therefore larger, by a factor explained by the bound on
     a sine."""
     simulation = Simulation(t_end=60.0, dt=1e-3)
     bound = certify(section_v, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
@@ -294,7 +294,7 @@ def test_the_sentence_on_the_ranking(section_v):
 
 
 def test_the_worst_of_several_plants_is_shown_before_the_case_s_own(section_v):
-    """One scheme is best on its own plant and does not follow on any other."""
+    """One scheme is best on the case's plant and does not follow the model on any other plant."""
     own = _found(section_v, (0.5, 0.3), (0.5, 0.3))
     elsewhere = ([[0.005, 0.5]], [[0.005, 0.005]])
     clouds = [

@@ -198,7 +198,7 @@ law = { kind = "least-squares", covariance0 = 500.0 }
 
 
 def _with_the_cases_filter(knobs):
-    """L1's tuned settings with exactly (6) and the highest gain. tune varies the numbers of a case's filter but not its
+    """L1's tuned settings with exactly (6) and the highest gain. ``tune`` varies the parameters of a case's filter but not its
     structure.
 
     At gains near MRAC's, 384 trials may miss a minimum that is 3 % lower and as wide as a hundredth of the gain's range.

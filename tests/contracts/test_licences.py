@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PAGE = (ROOT / "docs" / "licences.md").read_text()
 SHOWN = {"control": "python-control", "numpy": "NumPy"}
-"""Names on the page that differ from those of the packages."""
+"""Names on the page that differ from the names of the packages."""
 
 
 def required(requirement, found):

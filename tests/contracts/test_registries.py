@@ -157,8 +157,8 @@ ROOMS = {
     "solvers": lambda value: isinstance(value, Tableau),
 }
 NO_CHOICE_OF_A_CASE = (Sampled, Clock, Linear, AUTO)
-"""Classes without a kind of their own: sampling is two keys of every controller, t is needed by a plant's formula, phi(x) = x is
-used without a key, and auto is the solver that a tolerance selects."""
+"""Classes that a case file does not select by a kind: sampling is two keys of every controller, t is needed by a plant's formula,
+phi(x) = x is used without a key, and auto is the solver that a tolerance selects."""
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -252,8 +252,8 @@ def test_before_is_the_limit_from_the_left(name, folder):
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_signal_says_where_it_jumps_or_bends(name, folder):
-    """Jumps and bends are where second differences exceed 1e-6, which is ten times those of the fastest smooth example over 1e-4
-    s."""
+    """Jumps and bends are where second differences exceed 1e-6, which is ten times the second differences of the fastest smooth
+    example over 1e-4 s."""
     signal, h = of_case_file("signal", name, folder), 1e-4
     t = h * np.arange(-10, 200_000)
     broken = t[1:-1][np.abs(np.diff(signal(t), 2)) > 1e-6]

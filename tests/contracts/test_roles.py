@@ -41,7 +41,7 @@ def linear(problems):
 
 @pytest.fixture
 def told(tmp_path, monkeypatch, capsys):
-    """The output of a command for a case with the three laws or with those of a different file."""
+    """The output of a command for a case with the three laws or with the laws of a different file."""
     (tmp_path / "case.toml").write_text(OWN)
     monkeypatch.chdir(tmp_path)
 
@@ -54,7 +54,7 @@ def told(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("laws", [CONTROLLERS, SAMPLED], ids=["continuous", "sampled"])
 def test_results_follow_the_roles(linear, laws):
-    """The first layer is theta_hat, and a second one has its own columns. True values are those declared by a role."""
+    """The first layer is theta_hat, and a second layer has separate columns. True values are the ones declared by a role."""
     sixteen, layers, none = (simulate(linear, laws, SIMULATION)[name] for name in NAMES)
     theta = linear.plant.theta.tolist()
     assert [sixteen.theta_hat.shape[1], layers.theta_hat.shape[1], none.theta_hat.shape[1]] == [16, 2, 0]
@@ -154,7 +154,7 @@ def test_roles_that_do_not_fit_are_refused(linear, roles, words):
 
 
 def test_a_role_is_taken_by_its_kind():
-    """The same for a declaration by equations or by a law with its own memory."""
+    """A role is also taken in a declaration by equations, and in one by a law with its own memory."""
     kinds = {"theta_hat": "estimates", "memory": "memory", "z": "predictor", "f": "filter", "g": "other"}
     roles = {path: getattr(Role, kind)() for path, kind in kinds.items()}
     by_name, by_role = (SimpleNamespace(roles=found) for found in (kinds, roles))

@@ -116,8 +116,8 @@ def test_a_limit_that_the_observer_knows_does_not_wind_it_up(problems):
 
 
 def test_sampled_it_tends_to_the_continuous_one(problems):
-    """At 40 ms and 20 ms under a constant command, the error of the trapezoidal rule is of second order after the start, that of
-    ZOH of first order."""
+    """At 40 ms and 20 ms under a constant command, the error of the trapezoidal rule is of second order after the start, and the
+    error of ZOH is of first order."""
     problem = replace(problems[2], reference=Constant(1.0))
     simulation = Simulation(t_end=2.0, dt=2e-3)
     for adrc in (Adrc(bandwidth=5.0), Adrc(bandwidth=5.0, output=[1.0, 0.0])):

@@ -198,8 +198,8 @@ def test_symbols_are_numbers(kind):
 
 
 def test_l1_filters_what_adapts_and_not_the_baseline():
-    """With a filter that passes almost nothing, the loop is that of the baseline. If the baseline were filtered too, L1-AC would
-    not stabilise this plant."""
+    """With a filter that passes almost nothing, the loop is the loop of the baseline alone. If the baseline were filtered too,
+    L1-AC would not stabilise this plant."""
     problem = off_nominal("lqi")
     runs = simulate(problem, [L1Adaptive(gamma=20.0, filter=input_filter(1e6)), BaselineAlone()], SIMULATION)
     np.testing.assert_allclose(runs["L1"].x, runs["Baseline"].x, atol=1e-5)

@@ -19,7 +19,8 @@ HALF_PERIOD = 10.0  # s, of the case's square wave
 
 
 def textbook(gamma, until):
-    """(y, y_m, theta_1, theta_2) after ``until`` s in Example 5.2, in its own symbols and with a_m/(p + a_m) before u_c and y."""
+    """(y, y_m, theta_1, theta_2) after ``until`` s in Example 5.2, in the book's symbols and with a_m/(p + a_m) before u_c and
+    y."""
     state = np.zeros(6)
     for k in range(round(until / HALF_PERIOD)):
         u_c = 1.0 if k % 2 == 0 else -1.0
@@ -62,7 +63,7 @@ def test_it_goes_down_the_gradient_of_the_squared_error(problems):
 
 
 def feedforward_textbook(gamma, until, *, amplitude=1.0, k=1.0, k_0=2.0):
-    """Example 5.1 in its own symbols with y' = -y + k u, y_m' = -y_m + k_0 u_c, u = theta u_c, theta' = -gamma e y_m."""
+    """Example 5.1 in the book's symbols with y' = -y + k u, y_m' = -y_m + k_0 u_c, u = theta u_c, theta' = -gamma e y_m."""
 
     def rates(t, state):
         y, y_m, theta = state
@@ -95,8 +96,8 @@ def test_a_small_command_makes_it_slow_and_a_large_one_bursts():
 
 @pytest.mark.parametrize("amplitude", [0.5, 2.0])
 def test_its_speed_goes_with_the_squared_command(amplitude):
-    """With gamma a^2 = 1 and a small gamma, theta after 20 s is exactly that of gamma = 1 and a = 1, as e y_m is proportional to
-    a^2."""
+    """With gamma a^2 = 1 and a small gamma, theta after 20 s is exactly the value for gamma = 1 and a = 1, as e y_m is
+    proportional to a^2."""
     assert feedforward_textbook(1 / amplitude**2, 20.0, amplitude=amplitude)[2] == pytest.approx(
         feedforward_textbook(1.0, 20.0)[2], abs=1e-9
     )

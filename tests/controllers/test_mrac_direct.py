@@ -17,7 +17,7 @@ HALF_PERIOD = 10.0  # s, of the case's square wave
 
 
 def textbook(gamma, until):
-    """(y, y_m, theta_1, theta_2) after ``until`` s by the equations of Example 5.7 in its own symbols, with error-controlled
+    """(y, y_m, theta_1, theta_2) after ``until`` s by the equations of Example 5.7 in the book's symbols, with error-controlled
     steps."""
     state = np.zeros(4)
     for k in range(round(until / HALF_PERIOD)):

@@ -467,7 +467,7 @@ def test_a_baseline_takes_the_estimate_too():
 
 
 def with_pi(kind, **more):
-    """The first cart's measured position is held by a PI controller; the plant is damped, so that it can be."""
+    """The first cart's measured position is held by a PI controller; the plant is damped, which makes this possible."""
     damped = A + np.outer(B, [-1.0, -0.5, -2.0, 0.5])
     plant = Plant(A=damped, b=B, x0=X0, baseline=PiBaseline(k_p=0.8, k_i=0.3, output=C[0]), input=more.pop("input", None))
     return Problem(plant=plant, reference=COMMAND, observer=OBSERVERS[kind], truth=Truth(A=TRUE_A - A + damped), **more)
@@ -651,7 +651,7 @@ def test_the_keys_of_another_kind_are_told_in_one_line():
 
 
 def test_a_sampled_dynamic_baseline_has_its_margins_over_the_known_set():
-    """The loop at a different theta is that of the plant with that theta. The baseline's own state does not change."""
+    """The loop at a different theta is the loop of the plant with that theta. The state of the baseline does not change."""
     plant = Plant(A=A, b=B, x0=X0, baseline=LqiBaseline(Q=[1.0, 1.0, 0.1, 0.1, 4.0], R=1.0, output=C[0]))
     change = np.array([0.1, -0.2, 0.05, 0.1, 0.0])
     known = ParameterBox(lower=plant.theta - 2 * abs(change), upper=plant.theta + 2 * abs(change))

@@ -138,8 +138,9 @@ def test_no_gain_makes_the_estimates_chatter(section_v):
 @pytest.mark.parametrize("gamma", [1.0, 1e6])
 @pytest.mark.full
 def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_v, gamma):
-    """Section V with T = 1e-3 and delays of one to fifty samples. The error is within a tenth of that of the Euler form and, if a
-    fine step resolves it, of that of the continuous MRAC with half a sample more, which is the average delay due to holding u.
+    """Section V with T = 1e-3 and delays of one to fifty samples. The error is within a tenth of the error of the Euler form and,
+    if a fine step resolves it, of the error of the continuous MRAC with half a sample more, which is the average delay due to
+    holding u.
 
     Up to one sample the midpoint form does not even chatter, as docs/sampled.md shows. The predictor stays close to the model.
     """
@@ -238,8 +239,8 @@ VARIED = {
 @pytest.mark.parametrize("name", VARIED)
 @pytest.mark.short(kept=lambda name, discretization: discretization or name == "memory")
 def test_settings_vary_over_an_ensemble(section_v, name, discretization):
-    """There the settings are symbols. Each member agrees with its own run. The tolerance is 1e-12 because constants are folded
-    differently."""
+    """In an ensemble the settings are symbols. Each member agrees with its single run. The tolerance is 1e-12 because constants
+    are folded differently."""
     controllers = [VARIED[name](v) for v in (1.0, 1.5)]
     if discretization is not None:
         controllers = [Sampled(controller=c, sample_time=2e-3, discretization=discretization) for c in controllers]
@@ -342,7 +343,7 @@ def test_the_normalising_signal_of_a_sampled_controller(problems):
 
 
 def test_the_own_reference_model_varies_over_an_ensemble(section_v):
-    """k_0 and A_m of the members differ, and therefore Phi and Gamma of their models. Each member agrees with its own run."""
+    """k_0 and A_m of the members differ, and therefore Phi and Gamma of their models. Each member agrees with its single run."""
     controller = Sampled(controller=Mrac(gamma=2.0, name="c"), sample_time=2e-3, discretization="euler")
     problems = [
         replace(section_v, reference_model=replace(section_v.reference_model, k_0=k_0), plant=replace(section_v.plant, A_m=A_m))

@@ -212,7 +212,7 @@ def test_a_pi_with_anti_windup_is_back_calculation_with_its_own_time_constant():
 
 
 def test_anti_windup_makes_any_linear_controller_forget_at_a_limit():
-    """The same for an order above one, with an integrator and without feedthrough: A - L C is stable."""
+    """For an order above one, with an integrator and without feedthrough, A - L C is stable."""
     A = np.array([[0.0, 1.0, 0.0], [0.0, -2.0, 5.0], [0.0, 0.0, -30.0]])
     K = StateSpace(A, np.array([0.0, 0.0, 30.0]), np.array([1.0, 0.3, 0.0]), 0.0)
     equations = LinearFeedback(K, anti_windup=0.5).bind(limited(load_case("paper").problem, 1.0).known)

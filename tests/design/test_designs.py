@@ -59,7 +59,7 @@ def series(K: StateSpace, G: TransferFunction) -> StateSpace:
 
 
 def test_against_python_controls_synthesis(model):
-    """At the resulting bandwidth the optimal norm of control.mixsyn is below ours. Without the back-off it is 1."""
+    """At the resulting bandwidth the optimal norm of control.mixsyn is below the package's norm. Without the back-off it is 1."""
     pytest.importorskip("slycot")
     delay = 0.02
     found = mixed_sensitivity(model, delay)
@@ -131,13 +131,14 @@ def test_pi_follows_the_sign_of_the_model_and_refuses_what_it_cannot_stabilise()
 
 
 def test_the_default_delay_is_a_tenth_of_the_fastest_time_constant(section_v, problems):
-    """Section V's box has s^2 + (1 - theta_2) s + 0.3 - theta_1. The largest root at its corners is that of theta = (5, -5)."""
+    """Section V's box has s^2 + (1 - theta_2) s + 0.3 - theta_1. The largest root at the corners belongs to theta = (5, -5)."""
     fastest = np.abs(np.roots([1.0, 6.0, -4.7])).max()
     assert default_delay(section_v.known) == pytest.approx(0.1 / fastest, rel=1e-12)
 
 
 def test_the_loop_is_the_one_that_was_designed(section_v):
-    """Broken at the plant's input with the nominal theta = 0, the loop is L = K W_m. The peaks are those of python-control."""
+    """Broken at the plant's input with the nominal theta = 0, the loop is L = K W_m. The peaks equal the ones from
+    python-control."""
     known = section_v.known
     given = pi_feedback(known, unmodelled_delay=0.02)
     _, model = design_model(known)

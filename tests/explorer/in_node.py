@@ -1,4 +1,4 @@
-"""The figures of a page's controllers, computed by the page's own scripts in Node.js without a browser."""
+"""The metrics of a page's controllers, computed by the page's own scripts in Node.js without a browser."""
 
 from __future__ import annotations
 

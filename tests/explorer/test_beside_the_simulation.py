@@ -1,4 +1,4 @@
-"""Signals and options that a page computes in its own way: the figures equal those of a run bit for bit."""
+"""Signals and options that a page computes differently from a run: the metrics are identical to the metrics of a run."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def recorded_case(folder, *, mu=1.5, disturbance="", rows=40):
     ],
 )
 def test_a_recorded_command_and_the_modified_error_have_the_bits_of_a_run(tmp_path, disturbance):
-    """They are computed by the page's scripts together with a formula and a jumping signal whose columns are between those of the
-    record."""
+    """They are computed by the page's scripts together with a formula and a jumping signal whose columns are between the columns
+    of the record."""
     source = recorded_case(tmp_path, disturbance=disturbance)
     described = Described.of(source)
     found = figures(described.as_data(), tmp_path)

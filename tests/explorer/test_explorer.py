@@ -1,5 +1,4 @@
-"""Explorers without a browser: the contents of a page, whose numbers must be those of the simulator. See
-``browser_explorer.py``."""
+"""Explorers without a browser: the contents of a page, whose numbers must equal the simulator's. See ``browser_explorer.py``."""
 
 from __future__ import annotations
 
@@ -177,7 +176,8 @@ WITHOUT_PARAMETERS = ENCODER.replace("[parameters]\nk = { value = 2.0, between =
 
 @pytest.mark.parametrize("given", [ENCODER, WITHOUT_PARAMETERS], ids=["parameters", "without"])
 def test_what_the_page_varies_around_an_observer_is_the_truth_in_the_copied_file_too(given):
-    """Delay, limits and parameters on the page are those of the simulated plant. The model and the observer stay as designed."""
+    """The delay, the limits and the parameters on the page belong to the simulated plant. The model and the observer stay as
+    designed."""
     source, design = TextSource(CaseText(given)), parse_case(given).problem
     slots = [FieldPath.parse(one) for one in ("plant.input.delay", "plant.input.saturation[1]")]
     values = [0.05, 2.5]

@@ -1,4 +1,5 @@
-"""A page with a shell and faults: its random numbers are those of the package, and its runs equal ``simulate`` bit for bit."""
+"""A page with a shell and faults: its random numbers are the package's, and its runs are identical to the results of
+``simulate``."""
 
 from __future__ import annotations
 

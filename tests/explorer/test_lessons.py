@@ -16,7 +16,7 @@ LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lesso
 
 
 def figures_of(file, lesson, numbers):
-    """The figures of the lesson's controllers by name, without fused multiply-adds."""
+    """The metrics of the lesson's controllers by name, without fused multiply-adds."""
     source = explorer(file).source
     names = [controller.name for controller in source.at({}).controllers]
     toggled = [names.index(name) for name, on in lesson.projection.items() if on != source.projected(names.index(name))]

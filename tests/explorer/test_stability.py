@@ -1,4 +1,4 @@
-"""A page's statement on the step agrees with that of a run. The page's own scripts run without a browser."""
+"""A page's statement on the step agrees with the statement of a run. The page's own scripts run without a browser."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ gamma = 50.0
 
 @pytest.mark.parametrize("text", [UNSTABLE, OUTPUT], ids=["of the state", "of the output"])
 def test_a_run_that_is_lost_is_said_to_be(text, tmp_path):
-    """The words are those of a run. Neither has diverged."""
+    """The page uses the words of a run. Neither of the two has diverged."""
     said, runs = judged(text, tmp_path)
     compare(said, runs)
     run = runs["runs away"]

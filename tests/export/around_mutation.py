@@ -25,7 +25,7 @@ from export.targets import ISO, write
 
 FUNCTION = re.compile(r"^((?:static )?\w[\w ]*? )(\w+)\(([^;{}]*?)\)\n\{\n(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 FIRST = "/* Whether every number is in range"
-"""The line at which the export's own functions begin, after those of the library."""
+"""The line at which the functions of the export begin, after the functions of the library."""
 STATEMENT = re.compile(r"^ +((?:\+\+|--)?[\w*][\w>.\[\]-]*(?: [-+*|]?= .+)?|\w+\(.*\)|\(void\)\w+\(.*\));$")
 NUMBER = r"0x1\.[0-9a-f]+p[-+][0-9]+f?"
 """A rate, a limit or an initial value, other than zero."""

@@ -58,7 +58,7 @@ class Found:
     killed: tuple[bool, ...]
 
     def counted(self, *, ties: bool = False) -> tuple[int, int, int]:
-        """The numbers of mutants, of killed ones and of those proven equivalent."""
+        """The number of mutants, of killed mutants and of mutants proven equivalent."""
         pairs = [(one, killed) for one, killed in zip(self.vectors.mutants, self.killed, strict=True) if one.tie == ties]
         proven = sum(bool(self.vectors.missed.get(one)) for one, _ in pairs)
         return len(pairs), sum(killed for _, killed in pairs), proven

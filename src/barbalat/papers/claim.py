@@ -35,7 +35,7 @@ class ChartAxis:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line across a map, such as a predicted boundary, or marks at its points only: x (k,), y (k,)."""
+    """A line across a map, such as a predicted boundary, or only marks at the points x (k,), y (k,)."""
 
     label: str
     x: Array
@@ -145,14 +145,14 @@ class Claim:
     """A sentence with the evidence that a referee requires; its finding follows from the readings by the rules of ``finding``.
 
     sentence      the sentence, its source, and its literal readings
-    readings      the measured readings: each literal reading in the sentence's order, then weaker ones from the widest to
-        the narrowest, then supplementary ones
+    readings      the measured readings: first the literal ones in the sentence's order, then weaker ones from the widest to the
+        narrowest, then supplementary ones
     shows         the observation, with the deciding number: a full sentence of at most two lines of 80 columns that is true
         for every finding
     measured      all measurements, in a sentence
     how           the plant, the solver, the step, and what was compared
     would_change  what would have to be measured, shown or assumed for a different finding
-    sharpened     what ``reproduce --full`` measures beyond the plain command; empty if that is nothing
+    sharpened     what ``reproduce --full`` measures beyond the plain command; empty if it measures nothing more
     code          the file and the function that measure it, which the measurement fills in
     """
 
@@ -210,7 +210,7 @@ class Claim:
         return self.sentence.source.side == "ours"
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON contract's block for a claim, with additional keys."""
+        """Return the block for a claim in the form of the JSON contract, with additional keys."""
         own = ("id", "where", "statement", "verdict", "finding", "headline", "condition", "measured", "how", "would_change")
         return {name: getattr(self, name) for name in (*own, "sharpened", "code")} | {
             "source": self.sentence.source.key,
@@ -235,12 +235,12 @@ class Measurement:
 
     measure          the function that measures the rows; its argument is the paper's shared runs if it ``judges_runs``, and
         otherwise it has none
-    seconds          estimated duration in a separate process, by which the longest measurement starts first and the remaining
-        time is forecast
+    seconds          estimated duration in a separate process, used to start the longest measurement first and to forecast the
+        remaining time
     names            the rows' names and the subject of each in a few words, so that a row can be found before it is measured
-    place            the position of the rows in the ledger, among those of their paper
+    place            the position of the rows among the rows of their paper
     quick            whether ``reproduce --quick`` measures them
-    shares           a name that measurements with the same runs have in common; one process makes them all
+    shares           a name shared by the measurements that use the same runs; one process performs them all
     sharper          a function that measures the same rows more precisely than the plain command has time for, used by
         ``reproduce --full``; no finding depends on it
     sharper_seconds  its estimated duration
@@ -273,7 +273,7 @@ class Measurement:
         return self.sharper_seconds if full and self.sharper else self.seconds
 
     def as_json(self) -> list[dict[str, Any]]:
-        """Return a block for each row without its finding, which would have to be measured."""
+        """Return a block for each row. It contains no finding, because that would have to be measured."""
         return [{"id": name, "about": about, "seconds": self.seconds, "quick": self.quick} for name, about in self.names.items()]
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 Finding = Literal["holds", "holds if", "mixed", "fails", "erratum"]
 """The possible findings of a row. A sentence that is not testable here has no row."""
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
-"""The JSON contract's words."""
+"""The words that the JSON contract uses for the findings."""
 VERDICTS: dict[Finding, Verdict] = {
     "holds": "confirmed",
     "holds if": "confirmed with conditions",
@@ -33,7 +33,7 @@ class Source:
 
     key   as in JSON
     name  authors and year
-    side  the side in the dispute, for the totals
+    side  its side in the dispute, used in the totals
     """
 
     key: str
@@ -95,8 +95,8 @@ class Sentence:
     row        the name of its row
     source     its source
     where      its section
-    quote      as printed, short and exact; empty if the text is not available, and for our own statements
-    statement  the tested statement, in our words
+    quote      as printed, short and exact; empty if the text is not available, and for statements by this project
+    statement  the tested statement in this project's words
     literal    the literal reading of each of its claims
     equation   the paper's equations that the row tests or runs; empty if there are none
     changed    the changes after the row had been measured, oldest first
@@ -113,7 +113,7 @@ class Sentence:
 
     @property
     def why(self) -> str:
-        """The sentence's entry in the table of coverage, which also lists sentences without a row."""
+        """The entry for the sentence in the table of coverage, which also lists sentences without a row."""
         return "measured"
 
     def reads(self, holds: bool, measured: str, part: int = 0) -> Reading:
@@ -123,7 +123,7 @@ class Sentence:
 
 @dataclass(frozen=True, kw_only=True)
 class Unmeasured:
-    """A sentence of a paper that has no row, or that shares the row of a different sentence.
+    """A sentence of a paper without a row, or one that shares the row of a different sentence.
 
     row   the row that also measures it; None if there is no such row
     part  the literal reading of that row that corresponds to it; None for all of them
@@ -138,7 +138,7 @@ class Unmeasured:
 
 
 def finding_of(readings: Sequence[Reading]) -> Finding:
-    """Return the finding on a sentence. ValueError if no reading is literal."""
+    """Return the finding on a sentence. Raises ValueError if no reading is literal."""
     literal = {reading.holds for reading in readings if reading.literal}
     if not literal:
         raise ValueError("no reading is literal")

@@ -19,7 +19,7 @@ from barbalat.validate import InputError, hint
 
 
 class Measured(NamedTuple):
-    """Measured rows, with their actual and their ``expected`` seconds."""
+    """Measured rows, with the seconds that they took and the seconds that were ``expected``."""
 
     claims: list[Claim]
     seconds: float

@@ -1,4 +1,4 @@
-"""A row of the ledger as a notebook, with the measuring code in an editable cell and the results."""
+"""Turns a row of the ledger into a notebook, with the measuring code in an editable cell and with the results."""
 
 from __future__ import annotations
 

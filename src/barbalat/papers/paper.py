@@ -46,14 +46,14 @@ class Paper:
 
     title         the paper's title
     introduction  the first text of its first page: HTML, at least a full sentence
-    on_stored     the rows whose numbers are stored instead of measured, and their origin: HTML
-    on_claims     an addition to its introduction on the page of its claims: HTML
+    on_stored     which rows show stored numbers instead of measured ones, and where these numbers come from: HTML
+    on_claims     text added to the introduction on the page of the paper's claims: HTML
     on_table_1    the text on the page of its certificates: HTML
-    run           a function that simulates the runs of its figures and those of the measurements that ``judges_runs``
+    run           a function that simulates the runs of its figures and of the measurements that ``judges_runs``
     run_seconds   its estimated duration
     figures       a function that checks the figures on these runs
     certified     a function that returns the certificates of its schemes, and Table 1
-    coverage      its sentences, in its order, each with its row or the reason why it has none
+    coverage      its sentences in the order of the text, each with its row or the reason why it has no row
     """
 
     package: str
@@ -81,7 +81,7 @@ class Paper:
 
     @cached_property
     def ledger(self) -> tuple[Measurement, ...]:
-        """The measurements of its rows, in the order of the rows. ValueError if two rows have the same name."""
+        """The measurements of its rows, in the order of the rows. Raises ValueError if two rows have the same name."""
         modules = [one for subject in packages_in(import_module(self.package)) for one in modules_in(subject)]
         found = sorted((row for one in modules for row in getattr(one, "ROWS", ())), key=lambda row: row.place)
         names = [name for measurement in found for name in measurement.names]
@@ -116,7 +116,8 @@ ADDED_FIGURE = "added"
 
 @dataclass(frozen=True)
 class Check:
-    """One statement of a figure's description, the number that decides it, and the row with this sentence if there is one."""
+    """One statement from a figure's description, the number that decides it, and the row that tests this sentence if there is
+    one."""
 
     statement: str
     holds: bool
@@ -149,7 +150,8 @@ class PaperFigure:
         return all(check.holds for check in self.checks)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON contract's block for a figure, with the checks and the solver's step as additional keys."""
+        """Return the block for a figure in the form of the JSON contract, with the checks and the solver's step as additional
+        keys."""
         return {
             "reproduced": self.reproduced,
             "metrics": {name: result.figures for name, result in self.results.items()},

@@ -1,6 +1,6 @@
 """Random problems for Theorem 1, and the ratios of their simulated errors to its bounds.
 
-Run as a script it prints the first table of docs/laboratory/bounds.md: the problems are those of the tests.
+Run as a script it prints the first table of docs/laboratory/bounds.md: the problems are the ones of the tests.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MEMBERS = 40
 SYSTEMS_9 = (13, 12, 13, 12)
 """Systems for each command, so there are 2000 problems for each n."""
 SYSTEMS_10 = {1: (7, 6, 6, 6), 2: (3, 3, 3, 4), 3: (3, 3, 3, 3)}
-"""The same for each order of C(s). Half of the problems have the first-order filter."""
+"""Random systems for each order of C(s). Half of the problems have the first-order filter."""
 FEW_9, FEW_10 = (1, 1, 1, 1), {1: (1, 1, 1, 1), 2: (1, 0, 0, 0), 3: (0, 1, 0, 0)}
 """Systems in the short tests, which contain every command and every order of C(s)."""
 FASTEST_POLE = 250.0

@@ -1,4 +1,5 @@
-"""The bound for every command of the case's size and every theta of a set, attacked by the worst command of each loop."""
+"""The bound that holds for every command of the case's size and every theta of a set, attacked by the worst command of each
+loop."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ KEY = "error_bound_worst"
 
 
 def worst_of(problem: Problem, controller: Controller, theta: np.ndarray, simulation: Simulation) -> float:
-    """The largest |e_i| under commands whose signs are those of each component's impulse response, reversed in time."""
+    """The largest |e_i| under commands that take their signs from the impulse response of each component, reversed in time."""
     size, n = problem.commands[0].bound, problem.known.n
     plant = replace(problem.plant, theta=theta)
     at_rest = replace(problem, plant=replace(plant, x0=np.zeros(n)), reference=Step(amplitude=size))

@@ -109,7 +109,7 @@ def test_no_disturbance_breaks_the_bounds(n, unmatched):
             spoken += 1
             for worst in (True, False):
                 assert attacked(problem, gamma, lag, worst=worst, ell=feedback) <= bound.value
-    assert spoken >= 6  # those of the MRACs
+    assert spoken >= 6  # the controllers that are MRACs
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -146,7 +146,7 @@ def test_nothing_is_guaranteed_where_the_proof_does_not_hold(learning):
 
 
 def direct_problem(rng: np.random.Generator, n: int) -> tuple[Problem, float]:
-    """A random problem with an unknown gain of its input, and that gain."""
+    """A random problem with an unknown input gain, and the value of this gain."""
     omega = float(rng.uniform(0.6, 1.8))
     given = random_problem(rng, n, unmatched=bool(rng.integers(2)))
     plant = replace(given.plant, input=PlantInput(gain=omega))

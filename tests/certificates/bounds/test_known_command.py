@@ -99,7 +99,7 @@ def test_the_checker_accepts_it_and_nothing_smaller(n, command):
 
 
 def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simulation: Simulation) -> None:
-    """The checker accepts the proof of each controller's bound and rejects a bound that is lower by a ten-millionth."""
+    """The checker accepts the proof of each controller's bound and rejects a bound that is smaller by one part in ten million."""
     certificates = certify(problem, controllers, simulation, keys=(KEY, "norms"))
     document = json.loads(json.dumps(proof("random", problem, controllers, simulation, certificates)))
     for name, one in document["controllers"].items():

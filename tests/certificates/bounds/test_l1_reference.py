@@ -87,7 +87,7 @@ def test_the_bound_is_never_violated(n, sample):
 
 
 def test_section_v_by_hand():
-    """C = 1/(kappa s + 1) has norm 1, and |theta_tilde(0)| = 5. The other numbers are those of the condition and of P."""
+    """C = 1/(kappa s + 1) has norm 1, and |theta_tilde(0)| = 5. The other numbers come from the condition and from P."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA).realise()
     condition = theorem_1.filter_condition(given.known, C, 10.0)
     nu = 5 / math.sqrt(np.linalg.eigvalsh(given.known.P)[0])

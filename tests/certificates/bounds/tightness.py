@@ -1,4 +1,4 @@
-"""How tight the guaranteed bounds of e are on Section V: the ratio of each to the worst run found by a search.
+"""Measures how tight the guaranteed bounds on e are for Section V: the ratio of each bound to the worst run that a search finds.
 
 Run as a script, it prints the second table of docs/laboratory/bounds.md. The bound for all commands is compared with the worst
 run for any command of the case's size, and the bound for the case's command with the worst run under that command. Theta is
@@ -57,7 +57,7 @@ def over_theta(problem: Problem, controller: Controller, simulation: Simulation,
 
 
 def of_a_linear_loop(problem: Problem, controller: Controller, simulation: Simulation, theta: np.ndarray) -> float:
-    """The largest |e_i| of each component under the command whose signs are those of the impulse response reversed in time."""
+    """The largest |e_i| of each component under the command that takes its signs from the impulse response reversed in time."""
     size, at_rest = problem.reference.bound, replace(problem, plant=replace(problem.plant, x0=np.zeros(2)))
     (run,) = simulate(at(at_rest, theta, Step(amplitude=size)), [controller], simulation).values()
     largest = 0.0
@@ -77,7 +77,7 @@ def by_mutation(problem: Problem, L: np.ndarray, gamma_r: float, rng: np.random.
     """The largest error of MRACs with Gamma = 1, by mutation of theta and of the instants of a command that jumps between its
     ends. It uses plain NumPy and RK4.
 
-    L is that of the closed-loop model, and gamma_r the gain of k_r in a direct MRAC. Both are zero otherwise.
+    L is the gain of the closed-loop model, and gamma_r is the gain of k_r in a direct MRAC. Both are zero for other schemes.
     """
     box, size, known, h, T = problem.uncertainty, problem.reference.bound, problem.known, 1e-3, 4.0
     A_m, b, k_0, count = known.A_m, known.b, float(known.k_0), MUTANTS

@@ -1,4 +1,4 @@
-"""The margins over the ranges of physical parameters are those of the real plants, as in loops built by hand."""
+"""The margins over the ranges of physical parameters are the margins of the real plants, as loops built by hand show."""
 
 from dataclasses import replace
 
@@ -330,7 +330,7 @@ def test_the_sampled_arm_is_found_by_hand():
 
 
 def test_parameters_of_the_path_alone_are_varied_too():
-    """Only the delay has a range, and the smallest margin is that of the longest delay."""
+    """Only the delay has a range, and the longest delay gives the smallest margin."""
     text = ARM.replace(
         "m = { value = 0.75, between = [0.0, 1.5] }\nB = { value = 0.25, tolerance = 0.1 }",
         "m = 0.75\nB = 0.25\nd = { value = 0.008, between = [0.004, 0.02] }",

@@ -1,4 +1,5 @@
-"""Bounds of sampled linear loops for all commands and disturbances of given sizes, attacked by simulations of the worst ones."""
+"""Bounds on sampled linear loops for all commands and disturbances of given sizes, attacked by simulations of the worst commands
+and disturbances."""
 
 from __future__ import annotations
 
@@ -91,7 +92,8 @@ def test_no_command_and_no_disturbance_exceeds_them(name, path, sample):
 
 @pytest.mark.parametrize("name", ["adrc", "piecewise"])
 def test_the_worst_command_comes_close(name):
-    """Its signs are those of the impulse response of a run, reversed in time, so the bound's arithmetic is not used."""
+    """The signs of the command come from the impulse response of a run, reversed in time, so the arithmetic of the bound is not
+    used."""
     controller, count = CONTROLLERS[name], 160
     still = replace(problem_of("delay"), plant=replace(problem_of("delay").plant, x0=[0.0, 0.0]))
     pulse = replace(still, reference=Steps(times=(0.0, T), values=(1.0, 0.0)))

@@ -130,8 +130,8 @@ def test_never_better_than_at_a_vertex_or_at_the_case_s_theta(sample):
 
 
 def test_a_pole_beside_the_axis_is_no_crossing():
-    """A plant with damping 0.05 and a box in which the damping falls to 0.0013. The reported factor is that of the loop, above
-    1."""
+    """A plant with damping 0.05 and a box in which the damping falls to 0.0013. The reported factor is the factor of the loop,
+    above 1."""
     A_m = [[0.0, 1.0], [-2.5053107653324966, -0.15779347601555097]]
     plant = Plant(A_m=A_m, b=[0.0, 1.0], theta=[-0.5, -2.2], x0=[0.0, 0.0])
     box = ParameterBox(lower=[-0.5212298, -2.2170026], upper=[0.5212298, 2.2170026])

@@ -26,8 +26,8 @@ spec.loader.exec_module(laws)
 
 SIMULATION = Simulation(t_end=8.0, dt=1e-3)
 RESOLVED = Simulation(t_end=8.0, tolerance=1e-9)
-"""Solver of the runs that are compared with bounds. A fixed step may be too long for a fast law, so that the run would violate
-what holds for the solution."""
+"""Solver of the runs that are compared with bounds. A fixed step may be too long for a fast law, and the run would then violate a
+bound that the solution satisfies."""
 
 
 def a_problem(rng, n=2, *, projected=True, size=1.0, x0=True):

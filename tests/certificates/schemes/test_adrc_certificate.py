@@ -97,7 +97,7 @@ def test_a_wrong_gain_leaves_the_margins_and_takes_the_bound(problems):
 
 
 def test_the_step_that_a_fast_observer_tolerates(problems):
-    """The step is that of RK4. With a step longer by a fifth, the run leaves the solver's stability region."""
+    """The step is the limit for RK4. With a step longer by a fifth, the loop is outside the solver's stability region."""
     problem, controller = replace(problems[1], uncertainty=None), Adrc(bandwidth=900.0)
     step = certified(problem, controller)[0].values["step_max"]
     labels = []

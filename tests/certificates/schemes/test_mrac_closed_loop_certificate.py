@@ -18,7 +18,7 @@ from barbalat.solvers.simulation import Simulation
 
 GAMMA, DT = 4.0, 1e-3
 FEEDBACK = {n: -2.0 * np.eye(n) + 0.3 * np.eye(n, k=1) for n in (1, 2, 3)}
-"""The gain L. A_m + L is faster than A_m, so that its P is smaller and nu_0 with P of A_m would be too small."""
+"""The gain L. A_m + L is faster than A_m, so its P is smaller, and nu_0 computed with the P of A_m would be too small."""
 QUADRATURE = {"rel": 1e-5}
 """Relative tolerance. Trapezoids of 2e-3 s have an error of (3 * 2e-3)^2/12 = 3e-6 for the fastest mode, of 3/s. The truncation
 is 1e-9, the width of the enclosures 1e-6."""
@@ -121,7 +121,7 @@ TERMS = {1: ("sin(x1)",), 2: ("x1*x2", "sin(x2)"), 3: ("x1*x2", "x3", "tanh(x1)"
 
 
 def test_the_bound_holds_for_another_regressor_too(problems, by_turns, no_searches):
-    """The Lyapunov function holds for any phi(x). The margins are those of one linearisation, and none is guaranteed."""
+    """The Lyapunov function holds for any phi(x). The margins come from one linearisation, and none is guaranteed."""
     for seed in by_turns(range(300), 9):
         problem, controller = random_member(problems, seed)
         problem = replace(problem, plant=replace(problem.plant, regressor=Terms(terms=TERMS[problem.plant.n])))
@@ -134,7 +134,7 @@ def test_the_bound_holds_for_another_regressor_too(problems, by_turns, no_search
 
 
 def test_the_worst_theta_of_a_box_is_a_vertex(problems, no_searches):
-    """nu_0 is convex in theta, so the largest bound at the vertices is that of the set. The tolerance 1e-9 is for outward
+    """nu_0 is convex in theta, so the largest bound at the vertices is the bound for the set. The tolerance 1e-9 is for outward
     rounding."""
     given, controller = problems[2], MracClosedLoop(gamma=3.0, model_feedback=-np.eye(2))
     box = ParameterBox(lower=[-1.0, -2.0], upper=[4.0, 0.5])

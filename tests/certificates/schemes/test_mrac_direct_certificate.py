@@ -109,8 +109,8 @@ def two_inputs(**more):
 @pytest.mark.parametrize("gamma", [3.0, [1.0, 5.0, 0.5, 20.0]], ids=["number", "diagonal"])
 @pytest.mark.short(kept=lambda gamma: gamma != 3.0)
 def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
-    """16 vertices of theta's box and two intervals. The bound of a ball is at least that of its points. The tolerance 1e-9 is for
-    outward rounding."""
+    """16 vertices of theta's box and two intervals. The bound for a ball is at least the bound for each of its points. The
+    tolerance 1e-9 is for outward rounding."""
     intervals, controller = ((0.5, 2.0), (1.0, 3.0)), DirectMrac(gamma=gamma, gamma_r=0.7, theta_hat0=[0.3, -0.1, 0.0, -0.2])
     box = ParameterBox(lower=[-1.0, -2.0, 0.0, -0.5], upper=[1.0, 0.5, 0.0, -0.5])
 
@@ -128,7 +128,8 @@ def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
 
 
 def test_a_set_made_without_an_interval_bounds_no_other_theta_s_gains():
-    """theta/omega of the case is in the box, but that of the box's corner is not, and its run would violate such a bound."""
+    """The theta/omega of the case is in the box, but the one at the box's corner is not, and a run at the corner would violate
+    such a bound."""
     problem = two_inputs(
         omega=(0.25, 1.0), theta=[0.1, 0.0, 0.0, 0.0], uncertainty=ParameterBox(lower=-np.ones(4), upper=np.ones(4))
     )
@@ -142,7 +143,7 @@ def test_margins_of_each_input_are_with_the_ideal_gains():
     """With omega k_x = theta and a factor g on u_1 alone, A_m + b_1 theta_1'(1 - g) has eigenvalues on the imaginary axis at the
     gain margin.
 
-    The tolerance 1e-6 is that of the search for the phase crossing.
+    The tolerance 1e-6 is the tolerance of the search for the phase crossing.
     """
     problem = two_inputs(theta=[3.0, -1.0, 1.0, 0.2], reference=[Constant(1.0), Constant(-0.5)])
     found, _ = judged(problem, DirectMrac(gamma=5.0))

@@ -158,7 +158,7 @@ def test_where_the_model_alone_does_not_hold_the_plant_nothing_is_claimed_of_e(l
 
 @pytest.mark.full
 def test_the_e_modification_s_output_is_a_bounded_disturbance_of_a_stable_plant():
-    """If A is Hurwitz and P does not show it, the bound is ||(sI - A)^-1 b||_1 times the bound of the acting signals. The
+    """If A is Hurwitz and P does not show it, the bound is ||(sI - A)^-1 b||_1 times the bound on the acting signals. The
     sigma-modification has no bound in this case."""
     plant = Plant(A_m=A_M, b=B, theta=[-8.0, 1.0])
     problem = problem_of(plant)

@@ -27,7 +27,7 @@ def certificate(controller):
 
 @pytest.mark.parametrize("sample_time", [1e-4, 1e-3])
 def test_the_largest_gain_is_that_of_the_damped_oscillator(sample_time):
-    """For small T, Gamma |x|^2 = b'b/(2 (b'P b)^2 T) with |x| bounded by the bounds of the model and of e."""
+    """For small T, Gamma |x|^2 = b'b/(2 (b'P b)^2 T) with |x| bounded by the bounds on the model's state and on e."""
     found = certificate(euler(Mrac(gamma=1e-4), sample_time))
     known, nu_0 = PAPER.known, found.values["nu_0"]
     bPb = known.b @ known.P @ known.b
@@ -74,7 +74,7 @@ def test_a_scalar_plant_has_a_closed_form(a, T):
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 def test_the_sampled_law_on_a_fast_plant_turns_where_it_is_said_to(factor):
-    """With a constant command and a tiny error, x is that of the model, and the steps of the estimates decay or grow."""
+    """With a constant command and a tiny error, x equals the state of the model, and the steps of the estimates decay or grow."""
     a, T = 60.0, 0.05
     plant = Plant(A_m=[[-a]], b=[1.0], theta=[0.1])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=a), reference=Constant(1.0))

@@ -207,7 +207,7 @@ def test_a_run_beside_the_delay_margin_grows_or_decays(scheme, discretization):
 
 
 def test_f_is_left_out_of_the_sampled_loop():
-    """As the assumption says, with f(t, y) the margins are those of the plant without f."""
+    """As the assumption says, with f(t, y) the margins are the margins of the plant without f."""
     for controller in (
         Sampled(LinearOutput(TransferFunction([3.0, 3.0], [1.0, 0.0])), T),
         L1OutputPiecewiseConstant(sample_time=T, filter=TransferFunction([20.0], [1.0, 20.0])),

@@ -117,8 +117,8 @@ def test_the_delay_margin_with_the_law_is_where_disturbances_stop_dying_out(name
 
 
 def test_frozen_estimates_make_the_loop_of_known_parameters():
-    """All schemes without a filter have the same linear loop, which is written by hand here. It is also that of a sampled
-    controller that knows theta."""
+    """All schemes without a filter have the same linear loop, which is written by hand here. A sampled controller that knows
+    theta has the same loop."""
     found = {name: certified(sampled(name, "euler")).values for name in ("mrac", "normalised", "direct", "closed-loop model")}
     known = certified(Sampled(controller=KnownParameters(theta=PLANT.theta), sample_time=T, discretization="euler")).values
 
@@ -135,8 +135,8 @@ MARGIN = ("delay_margin_adapting",)
 
 @pytest.mark.parametrize("form", ["euler", "midpoint"])
 def test_no_number_of_the_continuous_loop_stands_for_the_sampled_one(form):
-    """Each margin is that of the loop from sample to sample. With a short sample it equals that of the continuous loop, with a
-    long one it differs."""
+    """Each margin belongs to the loop from sample to sample. With a short sample it equals the margin of the continuous loop;
+    with a long sample it differs."""
     continuous = certify(PROBLEM, [SCHEMES["mrac"]], Simulation(t_end=1.0, dt=DT), keys=MARGIN)["MRAC"].values[MARGIN[0]]
     short, long = (
         certified(sampled("mrac", form, sample_time), keys=keys) for sample_time, keys in ((2e-3, MARGIN), (0.1, None))
@@ -156,7 +156,7 @@ def test_an_estimate_on_a_face_has_no_linearisation():
 
 
 def test_the_known_set_is_searched_with_the_estimates_of_each_theta():
-    """The frozen loop at a different theta is that of the certificate of the case with that theta."""
+    """The frozen loop at a different theta equals the loop in the certificate of the case with that theta."""
     found = certified(sampled("mrac", "euler"), keys=["margins_over_known_set"]).values["margins_over_known_set"]
     (loop,) = found
     where = loop["delay_margin"]

@@ -1,5 +1,5 @@
-"""Certificates of classes from outside the package, compared with loops written by hand and with those of the schemes that they
-copy."""
+"""Certificates of classes from outside the package, compared with loops written by hand and with the loops of the schemes that
+they copy."""
 
 from __future__ import annotations
 
@@ -277,7 +277,7 @@ DRIVE = Problem(
 
 
 def test_a_law_with_two_layers_is_linearised_where_its_estimates_are_right():
-    """For any initial value of the second layer, the loop with frozen estimates is that of the known parameters."""
+    """For any initial value of the second layer, the loop with frozen estimates equals the loop with known parameters."""
     found = [certify(DRIVE, [HighOrderTuner(xi_0)], SIMULATION)["two layers"] for xi_0 in (0.0, 1.0, -5.0, 20.0)]
     adapting = [one.values["delay_margin_adapting"] for one in found]
     assert adapting == pytest.approx([adapting[0]] * 4, rel=1e-9)  # Newton's steps end within 1e-9 of the equilibrium

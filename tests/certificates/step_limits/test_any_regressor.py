@@ -152,7 +152,7 @@ def test_gain_and_step_say_the_same(name, scheme):
 
 
 def test_robust_mrac_on_a_nonlinear_plant_has_no_nu_0():
-    """As with phi(x) = x, the constants of Lemma 1 are not those of Theorem 1."""
+    """As with phi(x) = x, the constants of Lemma 1 differ from the constants of Theorem 1."""
     case = load_case("wing-rock")
     found = certify(case.problem, case.controllers, case.simulation)["Robust MRAC"]
     assert "nu_0" not in found.values

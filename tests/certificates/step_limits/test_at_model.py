@@ -56,7 +56,7 @@ def test_the_law_that_takes_euler_steps_has_the_side_too():
     assert due > 4 * least
     assert next(iter(simulate(given, held(1.5 * due), AT).values())).label is not None
     known, h = given.known, AT.dt
-    s = 0.9j  # that of the command; with x0 = 0 the response hardly overshoots the steady motion
+    s = 0.9j  # the maximum for the command; with x0 = 0 the response hardly overshoots the steady motion
     x = np.linalg.solve(s * np.eye(2) - known.A_m, known.b * 2.0 * 1.3)
     steady = np.sqrt((np.sum(np.abs(x) ** 2) + abs(np.sum(x**2))) / 2)  # the largest |x_m| of a period
     radii = [_radius(known, factor * due * steady**2, h) for factor in (0.7, 1.4)]

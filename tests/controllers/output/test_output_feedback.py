@@ -196,7 +196,8 @@ def test_auxiliary_input_improves_the_transient_with_tau(name):
 
 
 def test_every_law_runs_as_in_numpy_and_keeps_c_0_on_its_side(sample):
-    """The kernel's derivative is that of the equations, c_0 keeps its sign at every step, and all signals stay bounded."""
+    """The kernel's derivative equals the derivative in the equations, c_0 keeps its sign at every step, and all signals stay
+    bounded."""
     plant, model = EXAMPLES["n=3, n*=2, k_p<0"]
     random = np.random.default_rng(1)
     for name in list(LAWS)[:: sample(4, 1)]:

@@ -1,4 +1,5 @@
-"""The abstract, sentence by sentence. Sentences with a row have literal readings; for the others the reason is given."""
+"""The abstract, sentence by sentence. Sentences with a row have literal readings. For every other sentence the file says why it
+has no row."""
 
 from __future__ import annotations
 
@@ -83,6 +84,6 @@ COVERAGE = (
     ),
     _none("we present also two nonadaptive systems and generalize this phenomenon to a different class of feedback controllers", "not testable here: the systems are in the text, and only the abstract is available"),
 )  # fmt: skip
-"""The statements of the abstract, in its order."""
+"""The statements of the abstract, in the order of the text."""
 SENTENCES = {one.row: one for one in COVERAGE if isinstance(one, Sentence)}
 """The sentences that have a row, by the row's name."""

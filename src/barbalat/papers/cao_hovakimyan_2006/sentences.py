@@ -1,4 +1,5 @@
-"""The abstract, sentence by sentence. Sentences with a row have literal readings; for the others the reason is given."""
+"""The abstract, sentence by sentence. Sentences with a row have literal readings. For every other sentence the file says why it
+has no row."""
 
 from __future__ import annotations
 
@@ -63,6 +64,6 @@ COVERAGE = (
     _none("is required to be less than the inverse of the upper bound of the norm of unknown parameters", "a definition: the condition of Theorem 1 (ii); barbalat claims filter-limits-theta measures how far beyond it the loop is stable"),
     _none("The ideal (non-adaptive) version of this L1 adaptive controller is used along with the main system dynamics to define a closed-loop reference system", "a definition"),
 )  # fmt: skip
-"""The statements of the abstract, in its order, as far as it was available."""
+"""The statements of the abstract in the order of the text, as far as the text was available."""
 SENTENCES = {one.row: one for one in COVERAGE if isinstance(one, Sentence)}
 """The sentences that have a row, by the row's name."""

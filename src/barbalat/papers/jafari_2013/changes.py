@@ -1,4 +1,4 @@
-"""Changes of rows after their measurement: of literal or weaker readings, quotations or settings."""
+"""Changes made to rows after their measurement: to literal or weaker readings, quotations or settings."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from barbalat.solvers.simulation import Simulation
 
 
 def certified_paper() -> Certified:
-    """Certify the schemes of the figures, one column of Table 1 for each, and also L1-AC at the finer step."""
+    """Certify the schemes of the figures, each of which has a column in Table 1, and also L1-AC at the finer step."""
     problem = section_v.problem()
     coarse, fine = (Simulation(t_end=section_v.T_END, dt=dt) for dt in (section_v.COARSE_STEP, section_v.FINE_STEP))
     named = {controller.name: controller for controller in section_v.coarse_controllers() + section_v.fine_controllers()}

@@ -92,7 +92,7 @@ def problem() -> Problem:
 
 
 def coarse_controllers() -> list[Controller]:
-    """Return the controllers that run at the coarse step."""
+    """Return the controllers that run with the coarse step."""
     return [
         robust_mrac("Robust MRAC"),
         robust_mrac("Robust MRAC, no projection", projection=False),
@@ -107,7 +107,7 @@ def coarse_controllers() -> list[Controller]:
 
 
 def fine_controllers() -> list[Controller]:
-    """Return the controllers that run at the fine step."""
+    """Return the controllers that run with the fine step."""
     return [
         l1("L1, gamma 1e4", 1e4),
         l1("L1, gamma 1e4, no projection", 1e4, projection=False),
@@ -117,7 +117,7 @@ def fine_controllers() -> list[Controller]:
 
 
 def run(progress: Progress | None = None) -> Runs:
-    """Simulate all runs. Those that are labelled numerically unstable are checked at a finer step."""
+    """Simulate all runs. Runs labelled numerically unstable are checked with a finer step."""
     given, coarse, fine = problem(), coarse_controllers(), fine_controllers()
     runs = Runs(
         coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE_STEP), progress=part_of(progress, 0.0, 0.1)),
@@ -172,12 +172,12 @@ def variant(
 
 
 def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: float) -> Metrics:
-    """Return the figures of an ensemble over [0, t_end] with RK4."""
+    """Return the metrics of an ensemble over [0, t_end] with RK4."""
     return simulate_ensemble(members, Simulation(t_end=t_end, dt=dt)).metrics
 
 
 def at_instants(t: Array, instants: Sequence[float]) -> Array:
-    """Return the indices of recorded instants, (k,) of (K,). ValueError for an instant that was not recorded."""
+    """Return the indices of recorded instants, (k,) of (K,). Raises ValueError for an instant that was not recorded."""
     at = np.array([np.abs(t - instant).argmin() for instant in instants])
     if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # rounding errors of the instants
         raise ValueError(f"not recorded: {instants}, nearest {t[at]}")

@@ -1,4 +1,5 @@
-"""The paper, sentence by sentence. Sentences with a row have literal readings; for the others the reason is given.
+"""The paper, sentence by sentence. Sentences with a row have literal readings. For every other sentence the file says why it has
+no row.
 
 docs/claims.md contains the rules of the readings, and ``changes.py`` lists the changes after a measurement. The order is the
 paper's. Formulas are in plain letters, and errors of the OCR of the paper's text are corrected.
@@ -952,6 +953,6 @@ SECTIONS_V_AND_VI = (
     _same("Section VI", "without destroying the ideal properties of the adaptive scheme", "any-command", part=1),
 )
 COVERAGE = (*ABSTRACT, *SECTIONS_I_AND_II, *SECTION_III_A, *SECTION_III_B, *SECTION_IV, *SECTIONS_V_AND_VI)
-"""The statements of the paper, in its order, with some definitions of symbols and outlines that help the reader."""
+"""The statements of the paper in the order of the text, with some definitions of symbols and outlines that help the reader."""
 SENTENCES = {one.row: one for one in (*COVERAGE, *OTHERS, *STATEMENTS) if isinstance(one, Sentence)}
 """The sentences that have a row, by the row's name."""

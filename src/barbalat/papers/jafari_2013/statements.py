@@ -1,7 +1,7 @@
-"""Sentences of the opposing side, and our own statements, with their literal readings.
+"""Sentences by the opposing side and statements by this project, with their literal readings.
 
 docs/claims.md contains the rules of the readings, and ``changes.py`` lists the changes after a measurement. Every quotation is
-from a text that was read. If a text was not available, there is no quotation, and the statement is ours.
+from a text that was read. If a text was not available, there is no quotation, and the statement is this project's.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tunings of two sides, drawn by one rule, and their comparison."""
+"""The tunings of two sides, drawn by one rule, and their comparison."""
 
 from __future__ import annotations
 

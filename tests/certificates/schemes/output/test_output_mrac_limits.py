@@ -38,7 +38,7 @@ def matched(tmp_path, gamma):
 
 @pytest.mark.parametrize("gamma", [1.0, 1e4])
 def test_output_feedback_turns_with_the_high_frequency_gain(tmp_path, gamma):
-    """For y' = -y + 2 u, omega_a^2 = Gamma (y^2 + r^2) 2, and y is at most that of the model, whose L1 norm is 1."""
+    """For y' = -y + 2 u, omega_a^2 = Gamma (y^2 + r^2) 2, and y is at most the output of the model, whose L1 norm is 1."""
     case = matched(tmp_path, gamma)
     (found,) = certify(case.problem, case.controllers, case.simulation).values()
     assert found.values["adaptation_frequency"] == pytest.approx(np.sqrt(gamma * 2 * 1.5**2 * 2), rel=1e-6)

@@ -72,7 +72,7 @@ def _listing() -> Listing:
 
 
 def mrac() -> list[Claim]:
-    """The effect of a high gain on the loop that contains it."""
+    """What a high gain does to a loop that contains it."""
     found, phase, delay = over_gains(None), SENTENCES["high-gain-phase"], SENTENCES["high-gain-delay"]
     poles = [np.roots(np.polyadd(loop(float(gamma), None).den, loop(float(gamma), None).num)) for gamma in GAINS]
     frequencies = np.array([np.abs(one).max() for one in poles])
@@ -114,7 +114,7 @@ def mrac() -> list[Claim]:
 
 
 def l1() -> list[Claim]:
-    """The effect of a high gain on the loop whose predictor contains it."""
+    """What a high gain does to a loop if only its predictor contains it."""
     return [_phase(), _delay(), _inside()]
 
 

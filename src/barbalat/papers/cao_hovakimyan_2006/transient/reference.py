@@ -1,4 +1,4 @@
-"""The transients of both schemes. L1-AC is compared with its reference system, MRAC with its bounds from (9)."""
+"""The transients of both schemes. L1-AC is compared with its reference system, and MRAC with its bounds from (9)."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ SEED, MEMBERS = 20130822, 96
 THETA_MAX = 10.0
 """The largest |theta_hat|_1 over Section V's known set. Projection keeps the estimates in this set."""
 LATE_SHARE = 0.1
-"""The distance counts as tending to zero if that of the last quarter is below this fraction of that of the first quarter."""
+"""The distance is said to tend to zero if its largest value in the last quarter is below this fraction of its largest value in
+the first."""
 
 
 def mrac() -> Claim:
-    """Compare MRAC's error and input with their bounds, for random theta and gain, and measure both over the gain, at steps
-    that resolve it."""
+    """Compare MRAC's error and input with their bounds, for random theta and gain. Measure both over the gain, at steps that
+    resolve the adaptation."""
     rng, given = np.random.default_rng(SEED), section_v.problem()
     model, members, of_e, of_u = model_bounds(given), [], [], []
     for _ in range(MEMBERS):

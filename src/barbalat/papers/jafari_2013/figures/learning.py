@@ -104,7 +104,7 @@ def exponential() -> Claim:
 
 KEPT_RATE = 0.8
 """The fraction of the decay rate that must remain from one interval to the next, which is twice as long. An exponential decay
-keeps all of it, an algebraic decay half."""
+keeps all of its rate, an algebraic decay half."""
 
 
 def _distances(at_instants: dict[str, Array]) -> Listing:

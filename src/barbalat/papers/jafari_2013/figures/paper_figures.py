@@ -213,7 +213,7 @@ def _one_step_before(lost: float | None) -> str:
 
 
 def erratum_claim(runs: Runs) -> Claim:
-    """Decide the sign of W_c0 in (14) by the dependence of the error on tau."""
+    """Decide the sign of W_c0 in (14) from the dependence of the error on tau."""
     tau, half = section_v.ERRATUM_TAUS
     derived, derived_half, printed, printed_half = (
         of_run(runs.coarse[f"tau {value}{sign}"], "max_abs_e") for sign in ("", ", printed sign") for value in (tau, half)
@@ -304,7 +304,7 @@ def of_run(result: Result, name: str) -> Array:
 
 
 def error_converges(early: Array, tail: Array) -> Check:
-    """Check that the error converges to zero in 60 s: in every component it falls two decades below that of the first
+    """Check that the error converges to zero in 60 s: in every component it falls to two decades below the error of the first
     quarter."""
     return Check(
         "with Section V's command the tracking error converges to zero",

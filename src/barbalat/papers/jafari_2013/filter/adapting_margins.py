@@ -32,8 +32,8 @@ COMMAND_CREST = 50.0
 FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
 TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
-"""Values of Gamma r^2 at which the readings state the margins: slow adaptation, one near L1-AC's smallest delay margin, and
-Figure 3's."""
+"""Values of Gamma r^2 at which the readings state the margins: slow adaptation, a value near L1-AC's smallest delay margin, and
+the value of Figure 3."""
 MODERATE_KAPPA = 0.1
 """The gain margin is claimed to fall with filters up to this kappa [s], twice the largest that Theorem 1's condition admits."""
 METHOD = (
@@ -113,8 +113,8 @@ def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
 
 
 def _reading(name: str, moderate: Array) -> Reading:
-    """Return the reading on another margin: the number of cells with a moderate filter in which it falls, and the gains at
-    which Section V's filter raises it."""
+    """Return the reading on one of the other margins: the number of cells with a moderate filter in which it falls, and the gains
+    at which Section V's filter raises it."""
     of, (without, filtered) = MARGINS[name], (scan(None), scan(section_v.KAPPA))
     raised = np.array([of(f) > of(m) for f, m in zip(filtered, without, strict=True) if f is not None and m is not None])
     said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"

@@ -21,18 +21,18 @@ BISECTIONS = 8
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 STAYING_SHARE, LASTING_SHARE = 1e-2, 1e-3
-"""An error remains if that of the tail exceeds the first fraction of the largest error, or, with a constant command, the second
-fraction of the error with a sine."""
+"""An error is said to remain if the error in the tail exceeds the first fraction of the largest error or, with a constant
+command, the second fraction of the error with a sine."""
 
 
 def doubles(amplitudes: Array) -> Array:
-    """Return whether each amplitude is twice the next to within the rule's share, (k - 1,) for (k,) amplitudes. Each setting is
-    half of the previous one."""
+    """Return whether each amplitude is twice the next to within the rule's fraction, (k - 1,) for (k,) amplitudes. Each setting
+    is half of the previous one."""
     return np.asarray(np.abs(amplitudes[:-1] / amplitudes[1:] / 2 - 1) < PROPORTIONAL_SHARE)
 
 
 def _over_half(gamma: float, kappa: float) -> float:
-    """Return the error in the tail divided by that with half the kappa."""
+    """Return the error in the tail divided by the same error with half the kappa."""
     members = [(section_v.problem(), section_v.l1("L1", gamma, k)) for k in (kappa, kappa / 2)]
     larger, smaller = figures(members, 60.0, 1e-4).tail_max_abs_e[:, 0]
     return float(larger / smaller)

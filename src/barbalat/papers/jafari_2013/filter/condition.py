@@ -18,11 +18,11 @@ from barbalat.problem.state_feedback import Known
 THETA_MAX = 10.0
 """The largest |theta|_1 over Section V's known set."""
 PRINTED_KAPPA = 0.05
-"""The paper's limit of kappa [s], with its two decimals."""
+"""The paper's limit on kappa [s], which has two decimals."""
 LIMIT_WITHIN = 1e-6
 """Relative distance between the largest kappa with a proof and one without."""
 TOLD_KAPPAS = (0.01, 0.02, 0.03, 0.04, PRINTED_KAPPA)
-"""Further values of kappa [s], besides the limit itself."""
+"""Further values of kappa [s] besides the limit."""
 
 
 def condition() -> Claim:

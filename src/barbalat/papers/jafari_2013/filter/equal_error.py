@@ -1,6 +1,6 @@
-"""Compares the delays that MRAC and L1-AC tolerate at equal error, for the same number of tunings of each.
+"""Compares the delays that MRAC and L1-AC tolerate at equal error, with the same number of tunings for each.
 
-The tunings are drawn by one rule over each scheme's own settings, so no setting is chosen by hand. MRAC has its gain. L1-AC has
+The tunings are drawn by one rule over the settings of each scheme, so no setting is chosen by hand. MRAC has its gain. L1-AC has
 its gain and its filter, which is (6) for one half of the tunings and has two slopes for the other half.
 """
 
@@ -39,7 +39,7 @@ RULE = (
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """The objectives of both sides under one command: RMS error, and the negative delay by each of ``CRITERIA``."""
+    """The objectives of both sides under one command: the RMS error, and the negative delay by each of ``CRITERIA``."""
 
     command: str
     mrac: Side

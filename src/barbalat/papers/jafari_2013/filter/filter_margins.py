@@ -132,7 +132,7 @@ def claim(*, full: bool = False) -> Claim:
 
 
 def _times(gain: float) -> float:
-    """Return the delay margin with Section V's filter divided by that without a filter, at this Gamma r^2."""
+    """Return the ratio of the delay margins with Section V's filter and without a filter, at this Gamma r^2."""
     plain, filtered = (margins(loop(kappa)(gain)).delay for kappa in (None, section_v.KAPPA))
     return filtered / plain
 

@@ -96,7 +96,7 @@ HIGH_GAIN = 1e4
 
 
 def _smaller(values: Array) -> bool:
-    """Whether the last value is smaller than the first by more than ``UNCHANGED_SHARE``."""
+    """True if the last value is smaller than the first by more than ``UNCHANGED_SHARE``."""
     return bool(values[-1] < (1 - UNCHANGED_SHARE) * values[0])
 
 
@@ -128,7 +128,7 @@ def _ends(who: str, margins_of: Mapping[str, Array]) -> Reading:
 
 
 OWN_MEASURES = ("delay margin", "small-gain margin 1/||T||_inf")
-"""The two of ``MARGINS`` by which the paper expresses robustness: the size of Delta_m in (11), and its example, a delay."""
+"""The two ``MARGINS`` by which the paper expresses robustness: the size of Delta_m in (11), and its example, a delay."""
 
 
 def l1_margins() -> Claim:

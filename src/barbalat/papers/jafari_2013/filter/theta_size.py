@@ -1,4 +1,4 @@
-"""The claim that the filter limits the size of the uncertainty, with the guaranteed, the exact and the simulated limit."""
+"""The claim that the filter limits the size of the uncertainty, tested with a guaranteed, an exact and a simulated limit."""
 
 from __future__ import annotations
 

@@ -110,13 +110,14 @@ def _provenance(flights: Flights) -> str:
 
 
 def _fewest(flights: Flights) -> tuple[str, str]:
-    """Return the adaptive and the linear scheme that lose the fewest flights."""
+    """Return the adaptive scheme and the linear scheme that lose the fewest flights."""
     adaptive, linear = (min(names, key=flights.sum_lost) for names in (flights.adaptive, flights.linear))
     return adaptive, linear
 
 
 def _through(every: Sequence[Flights], by: str) -> tuple[list[str], list[str]]:
-    """Return the failures through which some adaptive scheme is significantly better than every linear one, and the reverse."""
+    """Return the failures for which some adaptive scheme is significantly better than every linear one, and the failures for
+    which the reverse holds."""
 
     def found(one_side: str, other: str) -> list[str]:
         return [
@@ -136,7 +137,7 @@ def _supplementary(every: Sequence[Flights], says: str, one: str, other: str) ->
 
 
 def _failures(every: Sequence[Flights], one: str, other: str, sign: int) -> list[str]:
-    """Return the failures through which ``one`` has significantly less error than ``other``, or more for the sign -1."""
+    """Return the failures for which ``one`` has significantly less error than ``other``, or more for the sign -1."""
     return [f"{flights.name}: "
     f"{failure}" for flights in every for failure in flights.failures if flights.compared(one, other, failure) == sign]  # fmt: skip
 
@@ -197,7 +198,7 @@ controller."""
 PREFIX, SUFFIX = "flown-", ".json"
 """The beginning and the end of a document's name."""
 ERROR, LOSS = "less_error_than", "kept_where_lost"
-"""Names of the document's paired shares: draws with a smaller error, and draws that only one of the two loses."""
+"""Names of the document's paired fractions: draws with a smaller error, and draws that only one of the two loses."""
 
 
 @dataclass(frozen=True)
@@ -235,14 +236,14 @@ class Flights:
 
     @cached_property
     def failures(self) -> tuple[str, ...]:
-        """The counted failures: all that some controller survives, except reversed surfaces."""
+        """The failures that are evaluated: all that some controller survives, except reversed surfaces."""
         every = self.document["failures"]
         return tuple(
             one for one, found in every.items() if one != REVERSED and any(flown["lost"]["count"] < self.members for flown in found.values())
         )  # fmt: skip
 
     def sum_lost(self, controller: str) -> int:
-        """Return the number of the controller's lost flights over all counted failures."""
+        """Return the number of flights that the controller loses, over all evaluated failures."""
         return sum(self.lost(controller, failure) for failure in self.failures)
 
     def lost(self, controller: str, failure: str) -> int:
@@ -254,7 +255,7 @@ class Flights:
 
     @cached_property
     def shares(self) -> dict[tuple[str, str, str, str], Share]:
-        """The fractions of every pair of controllers for every failure and criterion that at least one draw decides."""
+        """The fractions of every pair of controllers for every failure and every criterion on which at least one draw decides."""
         found = {}
         for failure, by_controller in self.document["failures"].items():
             for (one, other), by in product(combinations(by_controller, 2), (ERROR, LOSS)):
@@ -273,8 +274,8 @@ class Flights:
         return self.signs.get((failure, one, other, by), 0) - self.signs.get((failure, other, one, by), 0)
 
     def over_all(self, one: str, others: Sequence[str], by: str) -> Iterator[str]:
-        """Yield the failures through which ``one`` is significantly better than each of the others. A lost flight has the
-        largest error."""
+        """Yield the failures for which ``one`` is significantly better than each of the others. A lost flight has the largest
+        error."""
         for failure in self.failures:
             if all(self.compared(one, other, failure, by) == 1 for other in others if other != one):
                 yield failure

@@ -34,11 +34,11 @@ PI_DELAY, HINF_DELAY = 0.0118, 0.025
 """Unmodelled delays that give the two designs at least L1-AC's delay margin of 33 ms at Section V's theta."""
 HINF_FAST_DELAY = 0.01
 UNFOLLOWED_SHARE = 0.2
-"""A controller whose error exceeds this fraction of the model's amplitude does not follow the model."""
+"""A controller is said not to follow the model if its error exceeds this fraction of the model's amplitude."""
 
 
 UNSTABLE_ERROR_FACTOR = 10.0
-"""A loop whose error exceeds this multiple of the model's amplitude counts as unstable."""
+"""A loop is taken to be unstable if its error exceeds this multiple of the model's amplitude."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ class ComparedController:
 
 @dataclass(frozen=True, eq=False)
 class TailErrors:
-    """Tail errors max |e| over SIZES at the corner, without and with DELAY, and at Section V's own theta; NaN if diverged."""
+    """Tail errors max |e| over SIZES at the corner, without and with DELAY, and at the theta of Section V; NaN if the run
+    diverged."""
 
     plain: Array
     delayed: Array
@@ -78,7 +79,7 @@ def claims() -> list[Claim]:
 
 
 THETAS = ((0.0, 0.0), (4.0, -3.0), (5.0, 5.0), (5.0, -5.0), (-5.0, 5.0), (-5.0, -5.0))
-"""The centre of Section V's known set, its own theta, and the corners."""
+"""The centre of Section V's known set, the theta of Section V, and the corners of the set."""
 
 
 def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
@@ -364,7 +365,7 @@ CORNER = np.array([5.0, 5.0])
 """The corner of Section V's set in whose direction the linear loops are weakest according to mu. The plant is unstable there
 from size 0.2 on."""
 SIZES = 0.25 * 2.0 ** (np.arange(24) / 3)
-"""Sizes of the set and of theta in it, up to 51 times Section V's. Their number is a multiple of the kernel's lanes."""
+"""Sizes of the set and of theta in it, up to 51 times those of Section V. Their number is a multiple of the kernel's lanes."""
 
 
 def given(size: float, delay: float = 0.0) -> Problem:
@@ -379,7 +380,7 @@ def tail(members: list[tuple[Problem, Controller]], step: float = STEP) -> Array
 
 
 def over_sizes(controller: Controller) -> Array:
-    """Return (sizes + 1) tail errors: those over SIZES and, last, that at Section V's own theta."""
+    """Return (sizes + 1) tail errors: one for each of SIZES and, last, the error at the theta of Section V."""
     return tail([*((given(size), controller) for size in SIZES), (variant(), controller)])
 
 

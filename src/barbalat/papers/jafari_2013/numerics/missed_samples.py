@@ -60,7 +60,7 @@ class Losses:
 
 
 def schemes() -> list[Controller]:
-    """Return the sampled schemes: those of the bundled case, unchanged, and others with the bandwidth 1/kappa or with the
+    """Return the sampled schemes: the unchanged ones of the bundled case, and further ones with the bandwidth 1/kappa or with the
     ledger's PI design."""
     given = section_v.problem()
     continuous = (

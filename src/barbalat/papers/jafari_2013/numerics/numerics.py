@@ -230,7 +230,7 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
 
 
 def _changed(one: Metrics, other: Metrics) -> float:
-    """Return the largest relative difference of the largest errors, of those in the tail, and of the control."""
+    """Return the largest relative difference in the largest error, in the tail error and in the control."""
     pairs = ((getattr(run, name) for run in (one, other)) for name in ("max_abs_e", "tail_max_abs_e", "max_abs_u"))
     return max(float(np.abs(np.ravel(a) / np.ravel(b) - 1).max()) for a, b in pairs)
 

@@ -21,7 +21,8 @@ T_END = 30.0
 STEPS = (2e-4, 1e-4, 5e-5)
 """The paper's coarse step, twice this step and half of it [s]."""
 SWEEP_RATE = 20.0
-"""Variation of an estimate [1/s] equal to one sweep of the box per second, there and back. The command causes one in 12 s."""
+"""Variation of an estimate [1/s] equal to one sweep of the box per second, there and back. The command causes one sweep in 12
+s."""
 
 MAP_GAINS = np.geomspace(10, 1e7, 73)
 MAP_STEPS = np.array([T_END / round(T_END / h) for h in np.geomspace(1e-5, 1e-3, 15)])

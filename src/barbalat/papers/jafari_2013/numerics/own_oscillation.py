@@ -84,7 +84,7 @@ def own_oscillation() -> Claim:
 
 
 OWN_SHARE = 0.1
-"""An oscillation is attributed to the solver if the equations have less than this fraction of it."""
+"""An oscillation is attributed to the solver if less than this fraction of it remains in the solution of the equations."""
 NUMERICAL_FROM = 2.0
 """Time [s] from which RK4 at the paper's step has left the solution, and the estimates reach both bounds."""
 

@@ -73,7 +73,8 @@ DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
 """Delays [s], from one sample to fifty."""
 DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 CHATTER_FACTOR = 30.0
-"""Estimates are quiet if they vary by at most this factor more than without a delay. The others vary a thousand times more."""
+"""Estimates are called quiet if their variation is at most this factor above the variation without a delay. All others vary a
+thousand times more."""
 
 
 def delays() -> Claim:

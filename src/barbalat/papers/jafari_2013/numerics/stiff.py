@@ -33,7 +33,8 @@ def stiff_solvers() -> Claim:
 
 
 def stiff_solvers_further() -> Claim:
-    """Run the same, longer runs at the other gains, and more and longer runs of the codes with automatic steps."""
+    """Run the same solvers, with longer runs at the other gains, and with more and longer runs of the codes with automatic
+    steps."""
     listings, right, followed = [], PAPER_SETTING.right, []
     for gain in FURTHER_GAINS:
         rows = [gain.explicit(h) for h in STEPS] + _implicit(gain)
@@ -263,8 +264,8 @@ LOOSE_TOLERANCES = (1e-3, 1e-6)
 """Loose tolerances. The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a
 tolerance."""
 LOOSE_END, RADAU_END = 4.0, 1.5
-"""Horizons [s] of the plain command at the loose tolerance. ``--full`` runs all four codes to ``LONG_AUTOMATIC_END``, which takes
-a minute or more."""
+"""Horizons [s] of the plain command at the loose tolerances. ``--full`` runs all four codes to ``LONG_AUTOMATIC_END``, which
+takes a minute or more."""
 RADAU_BUDGET: dict[SciPyMethod, int] = {"Radau": 1_000_000}
 """Largest number of evaluations, ten times the steps that the code needs to ``RADAU_END``. SciPy's BDF and Radau are written in
 Python and take 20 to 40 us for each evaluation."""
@@ -277,7 +278,7 @@ CONVERGED_STEPS = (1e-6, 5e-7)
 """Two steps [s] at which h |lambda| is at most 0.07. If their results agree, they show the behaviour of the equations."""
 PAPER_SETTING = StiffSetting(1e4, T_END, CONVERGED_STEPS[0])
 FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7)
-"""Figure 3's setting. At its converged step the ringing is within 0.2 % of that at 1e-7 s."""
+"""Figure 3's setting. At its converged step the ringing is within 0.2 % of the ringing at 1e-7 s."""
 GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5e-7), FIGURE_5)
 """Settings at which RK4 fails with the paper's step of 1e-4 s, with the horizons for which the plain command has time."""
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))

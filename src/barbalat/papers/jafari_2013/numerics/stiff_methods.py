@@ -55,7 +55,7 @@ class SolverPath:
 
     least, greatest  (windows, n) extrema over each window from t = 0 on, NaN if the solver had no point in it
     final            (n,) the estimates at the end
-    reached          the time of the end [s]: the horizon, a loss, or the limit of evaluations
+    reached          the time at which the path ends [s]: the horizon, a loss, or the limit on evaluations
     lost             whether the run diverged, or the solver could not solve its own equation
     evaluations      number of evaluations of the right-hand side, or of an implicit method's Newton steps
     seconds          time of one core of this computer, including compilation
@@ -147,7 +147,7 @@ def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
 def scipy_path(
     loop: ClosedLoop, problem: Problem, method: SciPyMethod, *, tolerance: float, t_end: float, evaluations: int
 ) -> SolverPath:
-    """Run one of SciPy's solvers until t_end or the limit of evaluations. The absolute tolerance is a hundredth of the relative
+    """Run one of SciPy's solvers until t_end or the limit on evaluations. The absolute tolerance is a hundredth of the relative
     one."""
     import casadi as ca
     from scipy.integrate import BDF, LSODA, Radau
@@ -210,7 +210,7 @@ def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, 
 def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> SolverPath:
     """Return the extrema over the windows from the points (K,), (K, n) of a solver."""
     windows = round(t_end / RINGING_WINDOW)
-    place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last window
+    place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end is assigned to the last window
     filled, first = np.unique(place, return_index=True)
     least, greatest = np.full((2, windows, theta_hat.shape[1]), np.nan)
     least[filled], greatest[filled] = (extremum.reduceat(theta_hat, first) for extremum in (np.minimum, np.maximum))

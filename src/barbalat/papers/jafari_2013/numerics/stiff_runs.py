@@ -79,7 +79,7 @@ class StiffSetting:
         return StiffRow("implicit midpoint" if midpoint else "implicit Euler", self._setting(h), *paths, self.span)
 
     def automatic(self, budgets: dict[SciPyMethod, int], *, tolerance: float, t_end: float) -> list[StiffRow]:
-        """Run the codes with automatic steps, with projection. Those of SciPy stop when their evaluations are used up."""
+        """Run the codes with automatic steps, with projection. SciPy's codes stop when their evaluations are used up."""
         given = section_v.problem()
         loop = ClosedLoop.of(given, _controllers(self.gamma)[1])
         paths = {"CVODES (BDF)": cvodes(loop, given, tolerance=tolerance, t_end=t_end)}
@@ -129,15 +129,15 @@ def rk4(gamma: float, h: float, t_end: float) -> tuple[SolverPath, SolverPath]:
 
 
 def _parts(steps: int) -> int:
-    """Return into how many equal parts a window with this number of steps is divided, so no part is longer than a run's
+    """Return the number of equal parts into which a window of this many steps is divided, so no part is longer than a run's
     blocks."""
     return next(parts for parts in range(1, steps + 1) if steps % parts == 0 and steps // parts <= CHUNK_STEPS)
 
 
 def ratios(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> tuple[float, float]:
-    """Return the smallest and the largest ratio of a path's ringing to the converged one's, over all seconds of the span and all
-    estimates."""
-    seconds = np.append(np.arange(span[0], span[1] - 0.5, 1.0), span[1])  # the last one includes the rest
+    """Return the smallest and the largest ratio of a path's ringing to the ringing of the converged path, over all seconds of the
+    span and all estimates."""
+    seconds = np.append(np.arange(span[0], span[1] - 0.5, 1.0), span[1])  # the last part includes the remainder
     found = [path.ringing(*ends) / right.ringing(*ends) for ends in pairwise(seconds)]
     return float(np.nanmin(found)), float(np.nanmax(found))
 

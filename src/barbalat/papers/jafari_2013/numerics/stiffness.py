@@ -52,7 +52,7 @@ def stiffness() -> Claim:
 
 
 def _at_crest(gamma: float) -> Array:
-    """Return the eigenvalues [1/s] of the loop with this gain at the largest |x| of the smooth run."""
+    """Return the eigenvalues [1/s] of the loop with this gain, at the largest |x| of the smooth run."""
     given = section_v.problem()
     (run,) = simulate(given, [section_v.l1("L1", SMOOTH_GAIN, projection=False)], Simulation(t_end=20.0, dt=1e-4)).values()
     crest = int(np.linalg.norm(run.x, axis=1).argmax())

@@ -83,13 +83,14 @@ def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[flo
 
 
 DEAD_ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
-"""Half-widths of the dead zone that are tried in addition to the case's own."""
+"""Half-widths of the dead zone that are tried in addition to the one in the case."""
 LEAST_PATH = 0.1
-"""Smallest path of estimates that adapt. All estimates are of order one, and one that moves less in 80 s does not adapt."""
+"""Smallest path of estimates that adapt. All estimates are of order one, so an estimate that moves less than this in 80 s does
+not adapt."""
 
 
 def rohrs() -> Claim:
-    """Compare the classical law and its remedies on one plant, and measure how much each of them still adapts."""
+    """Compare the classical law and its remedies on one plant, and measure how much each law still adapts."""
     case = load_case("rohrs")
     runs = simulate(case.problem, case.controllers, case.simulation)
     classical, resting = runs.pop("Classical"), runs.pop("Not adapting")
@@ -152,7 +153,7 @@ def _moved(run: Result) -> float:
 
 
 def _dead_zones(case: Case) -> Array:
-    """Return the time [s] at which the classical law diverges with each of ``DEAD_ZONES``; NaN if it does not."""
+    """Return the time [s] at which the classical law diverges, for each of ``DEAD_ZONES``; NaN if it does not diverge."""
     classical = next(c for c in case.controllers if isinstance(c, MracOutput) and c.name == "Classical")
     assert isinstance(classical.law, LyapunovLaw)
     tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in DEAD_ZONES]

@@ -36,15 +36,15 @@ DEGREES = {
     ),
 }
 """A plant and a model for each relative degree. The second plant is unstable. The last plant has the poles -0.5, -1, -1.5 and -2,
-its model -1, -1, -1.5 and -2."""
+and its model has the poles -1, -1, -1.5 and -2."""
 USUAL_DEGREES = (1, 2, 3)
 """The relative degrees that the plain command tries. ``--full`` tries all."""
 LEAST_SQUARES = "least squares (15)"
 LAWS: dict[str, AdaptiveLaw] = {LEAST_SQUARES: LeastSquares(covariance0=5.0), "gradient": Gradient(gamma=5.0)}
-"""The laws. The plain command tries only the first, which the literal readings name."""
+"""The laws. The plain command tries only the first one, which the literal readings name."""
 
 DISTURBANCE_AND_LAG: tuple[Sine, float] = (Sine(amplitude=0.2, frequency=2.0), 0.05)
-"""A bounded disturbance of a fifth of the command, and an actuator lag [s] that is unknown to the designer."""
+"""The size of a bounded disturbance, a fifth of the command, and an actuator lag [s] that is unknown to the designer."""
 LARGEST_GROWTH = 1.1
 """Factor by which the largest error of the last quarter may exceed that of the previous quarter, because signals of two
 frequencies beat and the estimates still move."""

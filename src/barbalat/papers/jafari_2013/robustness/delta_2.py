@@ -1,8 +1,8 @@
 """The second term of (17), which is the effect of a modelling error on the robust MRAC's error at a fixed tau.
 
-The command contains two frequencies. With only one, two estimates can match the plant with its modelling error exactly at that
-frequency, and the term vanishes. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s. It also bounds the norm
-for an input delay mu and for -mu s/(T s + 1), because (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
+The command contains two frequencies. With only one frequency, two estimates can match the plant with its modelling error exactly
+at that frequency, and the term vanishes. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s. It also bounds the
+norm for an input delay mu and for -mu s/(T s + 1), because (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from barbalat.signals import Sine, Sines
 from barbalat.validate import Array
 
 TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
-"""Values of tau [s]: Section V's value, and this value halved three times."""
+"""Values of tau [s]: Section V's value, and the results of halving it once, twice and three times."""
 SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
 """Values of mu, or of the delay [s], up to half of the smallest tau. The robust MRAC tolerates every pair."""
 STEP = 1e-3
@@ -53,7 +53,8 @@ def families() -> dict[str, ModellingError]:
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """The largest |e| of the run and of its last quarter over TAUS and SIZES, (4, 5) each, and without Delta, (4,) each."""
+    """The largest |e| of the run and of its last quarter over TAUS and SIZES, (4, 5) each, and the same two without Delta, (4,)
+    each."""
 
     peak: Array
     tail: Array
@@ -188,7 +189,8 @@ def _peak(found: dict[str, Errors]) -> Reading:
 
 
 def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
-    """Return tables with a row for each size and a column for each tau, and one with the values behind the first two readings."""
+    """Return tables with a row for each size and a column for each tau, and a table with the values behind the first two
+    readings."""
     by_size = [
         table(
             f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",

@@ -35,9 +35,9 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MUS = (0.0, 0.005, 0.02, 0.1)
-"""Values of mu in Delta_m = -mu s/(0.001 s + 1): zero, and three values that are tolerated with tau = 0.5 s."""
+"""Values of mu in Delta_m = -mu s/(0.001 s + 1): zero, and three values that the loop tolerates with tau = 0.5 s."""
 LARGEST_GROWTH = 1.05
-"""Admissible growth of a supremum from the first half of a run to the second."""
+"""Largest admissible growth of a supremum from the first half of a run to the second."""
 METHOD = f"robust MRAC of Figure 2, {MENDED}, with {{}}, RK4, h = 1e-4 s, 60 s; {{}}"
 
 
@@ -75,7 +75,7 @@ def bounded(runs: dict[float, Along]) -> Claim:
 
 
 def without_error(run: Along) -> Claim:
-    """Test part (ii) for eta = 0, where V falls by exactly the integral."""
+    """Test part (ii) for eta = 0, where V decreases by exactly the integral."""
     V, spent = run.V, run.integrals["error"]
     gap = np.abs(V + spent - V[0]).max() / V[0]
     late = {name: 1 - part[3 * len(part) // 4] / part[-1] for name, part in run.integrals.items() if name != "eta"}
@@ -163,7 +163,7 @@ def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
 
 
 def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
-    """Return the suprema over either half of each run."""
+    """Return the suprema over each half of each run."""
     return table(
         "The suprema along a run with Delta_m = -mu s/(0.001 s + 1), in its first and in its second half",
         {
@@ -197,7 +197,7 @@ def _half_suprema(values: Array) -> tuple[float, float]:
 
 
 def _run(mu: float) -> Along:
-    """Run Section V with the robust MRAC of Figure 2, with the dynamic normalising signal if there is a modelling error."""
+    """Run Section V with the robust MRAC of Figure 2, with the dynamic normalising signal if the plant has a modelling error."""
     dynamics = TransferFunction([-mu, 0.0], [1e-3, 1.0])
     scheme = RobustMrac(
         c_0=section_v.C_0,

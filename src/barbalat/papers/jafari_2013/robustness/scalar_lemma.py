@@ -21,13 +21,13 @@ from barbalat.validate import Array
 BIASED_TIMES = (10.0, 100.0, 1000.0)
 """Durations [s] of eta = 1 with phi = 1. Afterwards eta is zero."""
 WEAK_REGRESSORS = (0.3, 0.1, 0.03)
-"""Values of phi with which eta = phi LEARNT_BIAS leads to a wrong estimate, before phi = 1 reveals the error."""
+"""Values of phi for which eta = phi LEARNT_BIAS leads to a wrong estimate until phi = 1 reveals the error."""
 LEARNT_BIAS = 5.0
 """The learnt bias, which is smaller than the width of Section V's set."""
 GRADIENT_GAIN = 10.0
 BOUNDED_GROWTH = 1.5
-"""Constants count as bounded if they grow by at most this factor from one signal to the next. Those of pure least squares grow
-tenfold."""
+"""Constants count as bounded if they grow by at most this factor from one signal to the next. The constants of pure least squares
+grow tenfold."""
 
 
 class Piece(NamedTuple):
@@ -153,7 +153,7 @@ def listings() -> tuple[Listing, Listing]:
 
 
 def _of_both(measure: Callable[[ScalarLaw], Array]) -> tuple[Array, Array]:
-    """Return the results of pure least squares and of the gradient law."""
+    """Return the results for pure least squares and for the gradient law."""
     return measure(ScalarLeastSquares()), measure(ScalarGradient())
 
 

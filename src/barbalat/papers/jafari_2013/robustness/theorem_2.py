@@ -36,7 +36,7 @@ FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 
 THEOREM_SIZES = np.array([0.01, 0.05, 0.1])
 """The delays and values of mu [s] for which the boundary is found with (16) and alpha_0 > 0."""
 RANGE_TAUS = np.append(np.geomspace(0.01, 0.95 / DELTA_0, 8), np.array([1.5, 3.0, 10.0]) / DELTA_0)
-"""Values of tau [s] over most of the interval that Theorem 2 admits, and some above 1/delta_0."""
+"""Values of tau [s] over most of the interval that Theorem 2 admits, and some values above 1/delta_0."""
 RANGE_DELAY = 2e-3
 """A small modelling error: an input delay [s] of two steps."""
 DERIVATIVE_POLE = 2e-3
@@ -75,7 +75,8 @@ class TauTradeOff:
 
     @cached_property
     def bounded(self) -> Array:
-        """The indices of the sizes that have a boundary, which some tau of the scan tolerates and smaller ones do not."""
+        """The indices of the sizes that have a boundary, which means that some tau of the scan tolerates them and smaller values
+        do not."""
         return np.flatnonzero(np.isfinite(self.limits.tolerates) & (self.limits.loses > 0))
 
     @cached_property
@@ -263,7 +264,7 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
 
 
 def _largest_mu(loop: StateSpace) -> float:
-    """Return the largest mu [s] for which den + num (1 - mu s) is Hurwitz, where L = num/den."""
+    """Return the largest mu [s] for which den + num (1 - mu s) is Hurwitz, with L = num/den."""
     L = loop.transfer_function()
 
     def is_stable(mu: float) -> bool:

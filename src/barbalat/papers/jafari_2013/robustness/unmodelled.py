@@ -46,7 +46,7 @@ ROHRS_GAINS = (1.0, 10.0, 100.0, 1000.0)
 WIDE_BOUND, NARROW_BOUND = 20.0, 5.0
 """Bounds of two known sets: |theta| <= 20, which contains gains that make the loop unstable, and |theta| <= 5."""
 KAPPAS = (0.02, 0.1)
-"""Time constants [s] of Section V's filter and of one with about a third of the plant's bandwidth."""
+"""Time constants [s] of Section V's filter and of a filter with about a third of the plant's bandwidth."""
 ROHRS_T_END, ROHRS_STEP = 200.0, 1e-3
 """Horizon [s], two hundred time constants of the plant. The step times the unmodelled modes' 15 rad/s is 0.015."""
 
@@ -88,7 +88,7 @@ def largest_gain(kappa: float | None) -> float:
 
 
 def compared_with_rohrs() -> tuple[tuple[Reading, ...], Listing]:
-    """Compare the times of loss with a known set that contains destabilising gains and with one that does not."""
+    """Compare the times of loss with a known set that contains destabilising gains and with a set that does not."""
     at = {kappa: {name: diverged_at(kappa, command) for name, command in COMMANDS.items()} for kappa in (None, *KAPPAS)}
     wide = {kappa: np.array([each[0] for each in found.values()]) for kappa, found in at.items()}
     narrow = {kappa: np.array([each[1] for each in found.values()]) for kappa, found in at.items()}
@@ -160,7 +160,7 @@ SCHEMES: dict[str, Callable[[float], Controller]] = {
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """The results (6, gains) for each theta and gain: the largest delay below the first one with a lost run, that first delay,
+    """The results (6, gains) for each theta and gain: the largest delay below the first delay with a lost run, this first delay,
     and the largest tail error."""
 
     tolerates: Array
@@ -168,7 +168,7 @@ class Loss:
     tail: Array
 
     def before(self, theta: int, delay: float) -> bool:
-        """Whether a delay below the given one is lost at every gain."""
+        """True if at every gain the run with some delay below the given one is lost."""
         return bool((self.loses[theta] < delay).all())
 
 

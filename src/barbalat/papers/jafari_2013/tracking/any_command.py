@@ -32,8 +32,8 @@ T_END, LONGER_T_END = 400.0, 1600.0
 """Horizons [s] of the plain command and of ``--full``. Each quarter of the shorter run contains eight periods of Section V's
 command."""
 STEP = 2e-3
-"""The step [s], a twentieth of the one at which RK4 shows its fourth order on the fastest dynamics, those of tau. Jumps coincide
-with steps."""
+"""The step [s], a twentieth of the step at which RK4 shows its fourth order on the fastest dynamics, which depend on tau. Jumps
+coincide with steps."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3
 """Gain of the standard MRAC. It is small enough for a visible error in the first quarter, and h omega_a is 0.35 at |x| = 50."""
 SMALL_ERROR_SHARE = 1e-3
@@ -88,7 +88,7 @@ def jumps_ever_rarer(rng: np.random.Generator, t_end: float) -> Signal:
 
 
 def held(rng: np.random.Generator, _: float) -> Signal:
-    """Draw a constant of any size up to the bound."""
+    """Draw a constant command of any size up to the bound."""
     return Constant(float(rng.uniform(-LARGEST_COMMAND, LARGEST_COMMAND)))
 
 
@@ -140,7 +140,7 @@ class CommandErrors:
 
     @property
     def ratios(self) -> Array:
-        """The error of the last quarter divided by that of the second; zero if the last is only rounding."""
+        """The error of the last quarter divided by that of the second; zero if the last error is only rounding."""
         return np.where(self.late < ROUNDING_SHARE, 0.0, self.late / self.quarters[:, 1])
 
     @property
@@ -156,13 +156,13 @@ class CommandErrors:
 
     @property
     def fell(self) -> str:
-        """A text on how many errors fell from the second quarter to the last, and on the slowest."""
+        """A text that states how many errors fell from the second quarter to the last, and how slowly the slowest fell."""
         slowest = int(self.ratios.argmax())
         return f"{int((self.ratios < 1).sum())} of {len(self.ratios)} errors fell, the slowest to {self.ratios[slowest]:.2g} of its value ({self.kinds[slowest]})"
 
 
 def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[CommandErrors, CommandErrors]:
-    """Run the robust MRAC of Figure 2 (Theorem 2) and the standard MRAC (Theorem 1 (i))."""
+    """Run the robust MRAC of Figure 2, for Theorem 2, and the standard MRAC, for Theorem 1 (i)."""
     largest = np.array([[_largest(command, t_end)] for _, command in tried])
     kinds, found = tuple(kind for kind, _ in tried), []
     for scheme, controller, h in (

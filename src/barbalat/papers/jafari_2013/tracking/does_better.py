@@ -1,4 +1,4 @@
-"""Compares the robust MRAC with L1-AC. Both have the same number of tunings, drawn evenly over their own parameters.
+"""Compares the robust MRAC with L1-AC. Both have the same number of tunings, drawn evenly over their parameters.
 
 No setting is chosen by hand. A tuning is beaten if a tuning of the other side is worse in no objective and better in at least
 one. The unbeaten tunings of a side reach results that the other side does not reach. The objectives are those of the paper that
@@ -38,8 +38,8 @@ BUDGET, MORE = 64, 256
 TIMES = (2e-3, 0.5)
 """Range [s] of kappa and of tau, the same for both sides."""
 L1_KNOBS = {"kappa": TIMES, "Gamma": (0.3, 300.0)}
-"""Parameters of L1-AC, spaced evenly in their logarithms: the filter's time constant [s], and the gain, up to the largest that
-the step resolves. Half of the tunings have filter (6), the other half the second-order filter with two slopes of 1 - C."""
+"""Parameters of L1-AC, spaced evenly in their logarithms: the filter's time constant [s], and the gain, up to the largest one
+that the step resolves. Half of the tunings have filter (6), the other half the second-order filter with two slopes of 1 - C."""
 ROBUST_KNOBS = {"tau": TIMES, "P(0)": (1.0, 1e3), "alpha_0": (1e-3, 1.0), "delta_0": (0.05, 1.0)}
 """Parameters of the robust MRAC, also spaced evenly in their logarithms. 1/delta_0 is at least the largest tau."""
 STEP = {"L1-AC": 1e-4, "robust MRAC": 5e-4}
@@ -49,7 +49,8 @@ T_END, DELAYED_T_END = 60.0, 36.0
 DISTURBANCES: dict[str, Signal | None] = {"no disturbance": None, "d = 20": Constant(20.0), "d = 20 sin 2t": Sine(20.0, 2.0)}
 """Amplitude of the disturbance, about a hundredth of the largest control."""
 DELAYS = np.geomspace(2e-3, 1.0, 10)
-"""Delays [s], each twice the previous one. The search finds the first with a tail error above a fifth of the model's motion."""
+"""Delays [s], each twice the previous one. The search finds the first delay with a tail error above a fifth of the model's
+motion."""
 HALVINGS = 3
 """Number of bisections between the last delay with which the loop follows the model and the first with which it does not. They
 resolve the tolerated delay to a factor of 2^(1/8), nine per cent."""
@@ -97,7 +98,7 @@ def _reached(tunings: Sequence[Controller], h: float) -> Array:
 
 def _delays_tolerated(tunings: Sequence[Controller], h: float) -> Array:
     """Return the tolerated delays [s] (K,), found by a scan of ``DELAYS`` and then by bisection between two of them. The result
-    is 0 if even the shortest is not tolerated, and the longest if all are."""
+    is 0 if even the shortest delay is not tolerated, and the longest delay if all are tolerated."""
 
     def followed(tuned: Sequence[Controller], delays: Array) -> Array:
         late = [(variant(input=PlantInput(delay=float(delay))), one) for one, delay in zip(tuned, delays, strict=True)]
@@ -133,10 +134,10 @@ def claims(*, full: bool = False) -> list[Claim]:
 
 
 OWN_STEP = 2e-5
-"""The step of Section V's L1-AC [s], with which h omega_a is at most 1.4. Figure 4's step, half of it, gives the same five
+"""The step for Section V's L1-AC [s]. With it h omega_a is at most 1.4. Figure 4's step, half of it, gives the same five
 digits."""
 BETTER_FACTOR = 1.1
-"""The factor by which an objective must be better, because the search resolves a delay to nine per cent."""
+"""The factor by which an objective must be better. It exceeds one because the search resolves a delay only to nine per cent."""
 
 
 def factors(side: Side, other: Array) -> Array:
@@ -276,7 +277,7 @@ def _told(ahead: Sequence[int], *sides: Side) -> str:
 
 
 def _of_each(objective: int, *sides: Side) -> str:
-    """Return a text with the best value of an objective on each side."""
+    """Return a text with the best value of an objective for each side."""
     return " and ".join(f"{abs(side.reached[:, objective].min()):.2g}" for side in sides)
 
 
@@ -299,8 +300,8 @@ def _listing(side: Side, unbeaten: Array) -> Listing:
 
 
 def _chart(*sides: Side) -> Chart:
-    """Draw the smallest error among the tunings that tolerate at least a delay, without a disturbance and with the worse of the
-    two."""
+    """Draw the smallest error among the tunings that tolerate at least a given delay, without a disturbance and with the worse of
+    the two disturbances."""
     curves = []
     for side in sides:
         for words, errors in (("", side.reached[:, 0]), (", disturbed", side.reached[:, 1:3].max(axis=1))):

@@ -1,5 +1,5 @@
-"""L1-AC's own objective, to follow its filtered reference system, measured by its authors' own bound. The paper does not state
-it."""
+"""The objective of L1-AC, which is to follow its filtered reference system, measured against its authors' bound. The paper does
+not state this bound."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ do not move."""
 
 @dataclass(frozen=True, eq=False)
 class ReferenceBounds:
-    """gamma_1 as in the book, with its worst theta; gamma_1 for the case's initial error; gamma_1 for the case's theta, exactly;
+    """gamma_1 as in the book, with the worst theta; gamma_1 for the case's initial error; gamma_1 for the case's theta, exactly;
     and gamma_2."""
 
     condition: theorem_1.FilterCondition
@@ -95,7 +95,7 @@ def run_pair(gamma: float, h: float, t_end: float = T_END) -> tuple[Result, Resu
 
 
 def distances(steps: dict[float, float]) -> Distances:
-    """Measure the distances at each gain with its step."""
+    """Measure the distances at each gain, with the step for that gain."""
     pairs = [run_pair(gamma, h) for gamma, h in steps.items()]
     return Distances(
         gains=np.array(list(steps)),

@@ -107,12 +107,12 @@ def bound_10(size: int = MEMBERS) -> Claim:
 
 
 def bound_9_further() -> Claim:
-    """Measure the row on the bound (9) with more random problems."""
+    """Measure the row on bound (9) with more random problems."""
     return bound_9(MORE_MEMBERS)
 
 
 def bound_10_further() -> Claim:
-    """Measure the row on the bound (10) with more random problems."""
+    """Measure the row on bound (10) with more random problems."""
     return bound_10(MORE_MEMBERS)
 
 
@@ -200,8 +200,8 @@ UNSTABLE_KAPPA, UNSTABLE_GAIN = 1.0, 0.1
 """A kappa [s] of twenty times the largest that Theorem 1's condition admits, with which the limit of fast adaptation is unstable,
 and a gain, which is small because |x| grows."""
 FILTERS = {section_v.KAPPA: (1e4, 1e-6), UNSTABLE_KAPPA: (UNSTABLE_GAIN, 2e-5)}
-"""Gain and step by kappa. Section V's gain has a step that resolves it, with h omega_a below 0.1. Beyond the condition, h omega_a
-is below 2.3, where RK4 is stable."""
+"""The gain and the step for each kappa. Section V's gain has a step that resolves it, with h omega_a below 0.1. Beyond the
+condition, h omega_a is below 2.3, where RK4 is stable."""
 V_T_END = 20.0
 
 
@@ -258,7 +258,7 @@ def _along(gamma: float, kappa: float, h: float) -> tuple[float, float, float]:
 
 
 def constant_command() -> Claim:
-    """Test both schemes with a DC gain of 1 of the model from r to x_1, and with another one."""
+    """Test both schemes with a model whose DC gain from r to x_1 is 1, and with a model whose DC gain is different."""
     tails = []
     for k_0 in (0.3, 4.0):
         given = variant(reference=Constant(50.0), k_0=k_0)
