@@ -63,8 +63,8 @@ def compare(extent: speed.Extent) -> None:
 
 
 def compare_studies(extent: speed.Extent) -> None:
-    """Measure the sweeps, then the peers with the same number of members, in one process. In the opposite order the peers' idle
-    threads would count as work of a sweep."""
+    """Measure the sweeps and then, in the same process, the peers with an equal number of members. In the opposite order the
+    peers' idle threads would count as work of a sweep."""
     for title, (rows, notes) in studies.sections(quick=extent.quick):
         show(title, rows, notes)
     if extent.peers and not extent.quick:

@@ -1,6 +1,6 @@
 """Work and precision: the cost of a run of two seconds on one core against its measured error.
 
-The runs are those of Section V under its command. The error is the largest difference of theta_hat from our kernel's at a
+The runs are the ones of Section V under its command. The error is the largest difference of theta_hat from the kernel's at a
 tolerance of 1e-12, at four instants, relative to the largest estimate. Times are the processor time of a run, the best of
 several, without compilation and without metrics. With fixed steps they include the table of the command.
 """
@@ -57,7 +57,7 @@ def controllers() -> list[Controller]:
 
 
 def fixed(loop: ClosedLoop, solver: Tableau, steps: int) -> Run:
-    """A run of our optimised kernel with fixed steps."""
+    """A run of the package's optimised kernel with fixed steps."""
     simulation = Simulation(T_END, T_END / steps, solver=solver)
     program = step_program(loop, solver, simulation.dt, figures=False)
     kernel = program.compile(1)
@@ -79,7 +79,7 @@ def fixed(loop: ClosedLoop, solver: Tableau, steps: int) -> Run:
 
 
 def by_tolerance(loop: ClosedLoop, tolerance: float, *, dense: bool = False) -> Run:
-    """A run with steps that our kernel chooses. With ``dense`` it has dense output, as a run with metrics has."""
+    """A run with steps that the package's kernel chooses. With ``dense`` it has dense output, as a run with metrics has."""
     simulation = Simulation(T_END, tolerance=tolerance)
     made = Motion.of(loop, PROBLEM.signals, simulation, tolerance)
     if not dense:
@@ -163,7 +163,7 @@ def section(controller: Controller, *, quick: bool, peers: bool) -> tuple[str, l
 
 
 def _row(name: str, error: float, ours: list[Point], theirs: list[Point]) -> Row | None:
-    """A row of the table, or None if one of the two never reaches the accuracy."""
+    """A row of the table, or None if either contestant never reaches the accuracy."""
     mine, other = cost_at(ours, error), cost_at(theirs, error)
     if mine is None or other is None:
         return None

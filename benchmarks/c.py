@@ -1,4 +1,4 @@
-"""The same operation lists in C, compiled by gcc with both orders of operations, several widths and several sets of flags."""
+"""The kernel's operation lists in C, compiled by gcc with both orders of operations, several widths and several sets of flags."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from benchmarks.race import Contestant
 
 FAST_MATH = ("-ffast-math", "-ffast-math -mprefer-vector-width=512")
 """-ffast-math assumes that nothing is infinite or NaN. The loops have an infinite constant in the projection, which gcc 12
-happens to treat correctly, as the check shows. The metrics start at infinity, so that the flag must stay off there."""
+happens to treat correctly, as the check shows. The metrics start at infinity, so the flag must stay off there."""
 
 NO_TRAPS = ("-fno-trapping-math", "-fno-trapping-math -mprefer-vector-width=512")
 """LLVM's default assumptions: nobody reads the floating-point flags, and NaN and infinity keep their meaning."""
@@ -32,7 +32,7 @@ WIDTHS = (8, 16, 32)
 
 
 class Family(NamedTuple):
-    """Variants of one kind, of which the fastest counts."""
+    """Variants of one kind. Only the fastest is reported."""
 
     name: str
     flag_sets: tuple[str, ...]

@@ -1,6 +1,6 @@
 """The cost of a sample of an exported controller on a Cortex-M4F: instructions, bytes, and an estimate of the rate.
 
-``python -m benchmarks.flight`` writes docs/guides/flight-cost.txt. The instructions counted are those that an emulated Cortex-M4F
+``python -m benchmarks.flight`` writes docs/guides/flight-cost.txt. The count covers the instructions that an emulated Cortex-M4F
 executes from the call of the step to its return. They are logged one by one with `-singlestep -d exec,nochain`, as Debian's QEMU
 has no counting plugins. The cycles are an estimate from Arm's table for the Cortex-M4, without flash wait states.
 """
@@ -31,7 +31,7 @@ BOARD_EMULATOR = (
     "qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting-config", "enable=on,target=native", "-kernel", "program",
 )  # fmt: skip
 SAMPLES = 20
-"""Number of samples that are counted from the first one on. The table shows the longest."""
+"""Number of samples whose instructions are counted, from the first sample on. The table shows the longest sample."""
 CLOCK = 168e6
 """Clock rate [Hz] of the STM32F4 in small flight controllers."""
 REFILL = 3

@@ -1,4 +1,4 @@
-"""Controllers of every scheme, with two states or one output, whose cost on a flight computer is counted."""
+"""Controllers of every scheme, with two states or one output, whose cost on a flight computer is measured."""
 
 from __future__ import annotations
 

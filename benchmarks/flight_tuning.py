@@ -1,4 +1,5 @@
-"""Find the numbers of ``vehicles/f16/schemes.py`` and ``vehicles/quadrotor/schemes.py``: tune every scheme by the contest's rule.
+"""Find the settings in ``vehicles/f16/schemes.py`` and ``vehicles/quadrotor/schemes.py``: tune every scheme by the contest's
+rule.
 
     python -m benchmarks.flight_tuning [f16-pitch|f16-roll|quadrotor] [SCHEME ...]
 
@@ -40,7 +41,7 @@ from barbalat.vehicles.vehicle import vehicle_of
 from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0
-"""Delay margin [s], which is 45 deg of phase at a crossover of 8 rad/s, and a gain margin of 6 dB. MIL-F-9490D requires both of
+"""Delay margin [s], which is 45 deg of phase at a crossover of 8 rad/s, and a gain margin of 6 dB. MIL-F-9490D requires both for
 flight control systems."""
 TRIM_OFF, OFF_AT = 1.0, 6.0
 """Trim error [deg] of the surface, between the trims for half an elevator and for a centre of gravity that is 5 % of the chord

@@ -1,4 +1,5 @@
-"""The elementary functions: the times of our lists relative to those of the C library, and the largest errors found by the tests.
+"""The elementary functions: the times of the package's lists relative to the C library's, and the largest errors found by the
+tests.
 
 ``python -m benchmarks.functions`` prints a table for one number that waits for the previous one, for one number of many, and for
 vectors.
@@ -47,7 +48,7 @@ def library(name: str, x: np.ndarray, folder: Path) -> tuple[float, float]:
 
 
 def chained(name: str, x: np.ndarray) -> float:
-    """Time of our list [ns] where every argument needs the previous value."""
+    """Time of the package's list [ns] if every argument needs the previous value."""
     ops = [Operation("input", source=(0, 0)), Operation("input", source=(3, 0)), Operation("constant", (), 1e-300)]
     ops += [Operation("mul", (0, 2)), Operation("add", (1, 3)), Operation("constant", (), POWER)]
     ops += [Operation(name, (4, 5)[: function(name).arguments])]
@@ -56,7 +57,7 @@ def chained(name: str, x: np.ndarray) -> float:
 
 
 def spread(name: str, x: np.ndarray, lanes: int) -> float:
-    """Time of our list [ns] for one of many numbers that are computed several at once."""
+    """Time of the package's list [ns] for one of many numbers, several of which are computed at once."""
     arguments = function(name).arguments
     ops = [Operation("input", source=(5, 0)), Operation("constant", (), POWER), Operation(name, (0, 1)[:arguments])]
     kernel = Kernel(Program(tuple(ops), ((), (2,), ())), LoopShape(0, 1, 0, 0, noise=1), (0.0,), lanes)

@@ -36,7 +36,7 @@ CONTROLLERS = {
 
 
 def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
-    """One row for each controller and input path, with the nanoseconds per step and state relative to those of the plain loop."""
+    """One row for each controller and input path, with the nanoseconds per step and state relative to the plain loop."""
     given = load_case("paper").problem
     if not isinstance(given, Problem):
         raise TypeError("the paper's case measures the state")

@@ -1,4 +1,4 @@
-"""Our kernel as a contestant, and the common parts of all compiled contestants."""
+"""The package's kernel as a contestant, and the common parts of all compiled contestants."""
 
 from __future__ import annotations
 

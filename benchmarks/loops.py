@@ -69,7 +69,7 @@ class Case:
         return step_program(self.loop_of(values), RK4, STEP, column, figures=figures)
 
     def as_read(self, *, figures: bool = False) -> Program:
-        """The same step in CasADi's own order, without our optimisations."""
+        """The kernel's step in CasADi's order, without the package's optimisations."""
         column, values = symbols("parameters", len(self.parameters))
         return read(step_function(self.loop_of(values), RK4, STEP, column, figures=figures)[0])
 

@@ -48,7 +48,7 @@ PAIRS = {
 
 
 def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
-    """One row for each scheme, with the nanoseconds per step and state relative to those of the state-feedback loop."""
+    """One row for each scheme, with the nanoseconds per step and state relative to the state-feedback loop."""
     rows = []
     for name, pair in PAIRS.items():
         (ours, n_ours), (theirs, n_theirs) = (advance(problem, controller, members) for problem, controller in pair)

@@ -1,6 +1,6 @@
 """Fly the schemes through the failures of the quadrotor and write docs/laboratory/quadrotor-flights.txt.
 
-Nothing is timed here. The numbers are those of the simulator and the same on every machine of the same kind. This takes some
+Nothing is timed here. The numbers come from the simulator and are the same on every machine of the same kind. This takes some
 minutes. ``python -m benchmarks.quadrotor FLY.json`` uses the numbers that ``barbalat fly quadrotor --delays --json`` has printed.
 """
 

@@ -37,8 +37,8 @@ from barbalat.vehicles.quadrotor.schemes import SCHEMES
 from barbalat.vehicles.schemes import OnLoop
 
 DELAY_SHARE, GAIN_MARGIN = 0.5, 1.5
-"""Required delay margin with a scheme, as a fraction of that of the feedback alone; and the required gain margin of 3.5 dB as a
-factor, which is the contest's own choice because the position's loop alone has only a factor of 1.9."""
+"""Required delay margin with a scheme, as a fraction of the delay margin of the feedback alone; and the required gain margin of
+3.5 dB as a factor, which the contest chose because the position's loop alone has only a factor of 1.9."""
 T_END, OFF_AT, STEPS_AT = 40.0, 16.0, (4.0, 10.0, 28.0, 34.0)
 """Times relative to the axis' natural frequency: the command steps there and back before the disturbance and where runs are
 judged."""
@@ -81,7 +81,7 @@ class Both:
 
 @dataclass(frozen=True, eq=False)
 class WithFeedback:
-    """A scheme on an axis as a controller of the whole loop."""
+    """A scheme on an axis, together with the feedback, as one controller of the whole loop."""
 
     axis: Axis
     scheme: OnLoop

@@ -23,7 +23,7 @@ class Contestant(NamedTuple):
     name: str
     steps: int  # number of steps in one timed call
     run: Callable[[int], np.ndarray]
-    threads: bool = False  # whether it also works in other threads
+    threads: bool = False  # whether it also uses other threads
 
     def seconds(self) -> float:
         """The time of one call. It is the thread's processor time, which other programs do not affect. With several threads it is
@@ -56,7 +56,7 @@ class Time(NamedTuple):
 
 
 class WrongNumbersError(Exception):
-    """Raised if a contestant does not compute the same as the kernel, so that its time would be meaningless."""
+    """Raised if a contestant does not compute the same as the kernel, so its time would be meaningless."""
 
 
 def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
@@ -73,7 +73,7 @@ def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
 
 
 def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[str, Time]:
-    """Time all in turn several times, so a busy moment of the machine affects all of them."""
+    """Time all contestants in turn several times, so a busy moment of the machine affects all of them."""
     samples: dict[str, list[float]] = {contestant.name: [] for contestant in contestants}
     assert len(samples) == len(contestants), "two contestants of one name would share their times"
     for turn in range(repeats):

@@ -19,7 +19,7 @@ MEMBERS = 1024
 """Sizes of the ensembles that have targets."""
 
 Families = dict[str, list[Contestant]]
-"""Peers by kind. The fastest of each kind counts."""
+"""Peers by kind. Only the fastest of each kind is reported."""
 
 
 class Extent(NamedTuple):

@@ -150,7 +150,7 @@ def spread(*, quick: bool) -> Section:
 
 
 def million(*, quick: bool) -> Section:
-    """Run all of a million members of one minute."""
+    """Run a million members, each for one simulated minute."""
     if quick:
         return [], ["skipped: a million members, which --quick leaves out"]
     cost, limit = in_threads(prepared(MILLION, HORIZON), None), 60 * MINUTES

@@ -12,7 +12,7 @@ console = Console(width=150)
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison. ``ratio`` is the peer's time divided by ours; ``at_least`` or ``at_most`` is its target."""
+    """One comparison. ``ratio`` is the peer's time divided by the package's; ``at_least`` or ``at_most`` is its target."""
 
     what: str
     ours: str

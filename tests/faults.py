@@ -1,9 +1,10 @@
 """Plants faults in a copy of the sources, one at a time, and reports which tests find them: ``./dev faults``.
 
 A faster test suite must not be a weaker one. A seed draws faults of several kinds (a sign, an index, a dropped term, swapped
-arguments, a wrong direction of a bound or a rounding) and rooms of the house. The tests of its own room run on each fault, then
-the whole short command, both until the first failure; if these find nothing, the rest of the full command runs. The draw depends
-on the sources, so a seed names the same faults only at the same commit. ``--from K`` continues after a stop.
+arguments, a wrong direction of a bound or a rounding) and rooms of the house. The tests of the room that contains the fault run
+on each fault, then the whole short command, both until the first failure; if these find nothing, the rest of the full command
+runs. The draw depends on the sources, so a seed names the same faults only at the same commit. ``--from K`` continues after a
+stop.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ NOT_SWAPPED = {
 """Calls whose first arguments have different types, so that no test is needed, or may be swapped without effect."""
 
 STAGE_LIMIT = 1800.0
-"""Time limits in seconds. If a stage takes as long, the fault has caused an endless loop and counts as found."""
+"""Time limits in seconds. If a stage reaches the limit, the fault has caused an endless loop and is regarded as found."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-"""Explorers in Debian's Firefox: every slider is moved, and every metric must equal that of a run of the copied case file bit for
-bit.
+"""Explorers in Debian's Firefox: every slider is moved, and every metric must be identical to the metric from a run of the copied
+case file.
 
     python tests/firefox_explorer.py [CASE ...]
 

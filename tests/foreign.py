@@ -45,7 +45,7 @@ class PlainEquations:
 
 
 class Bare:
-    """The same law without dataclasses: attributes are set in __init__, and the equations are in the same object."""
+    """The law without dataclasses: attributes are set in __init__, and the equations are in the same object."""
 
     def __init__(self, gamma, name="bare"):
         self.gamma, self.name = gamma, name

@@ -51,7 +51,7 @@ SEARCHING_SHARE = 1 / 3
 """Fraction of a limited time in which cases with a search may begin. Otherwise one that begins at the end would continue alone
 for minutes."""
 WALL_SECONDS = 1800
-"""Time after which a worker that uses no processor time counts as hanging."""
+"""Time after which a worker that uses no processor time is assumed to hang."""
 MEMORY = 8 << 30
 """Bytes of address space for a worker. The package promises to reject cases that need more than half of it."""
 CASES_OF_A_WORKER = 40
@@ -129,13 +129,13 @@ def drawn(seed: int, given: dict[str, Any] | None, folder: Path) -> dict[str, An
 
 
 def by_tolerance(rng: random.Random, case: dict[str, Any]) -> dict[str, Any]:
-    """The same case with a tolerance in place of a step and a solver."""
+    """The given case with a tolerance in place of a step and a solver."""
     kept = {key: value for key, value in case["simulation"].items() if key not in ("dt", "solver")}
     return case | {"simulation": kept | {"tolerance": rng.choice((1e-4, 1e-6, 1e-9))}}
 
 
 def early(case: dict[str, Any]) -> dict[str, Any]:
-    """The same case for a few steps."""
+    """The given case for a few steps only."""
     simulation = case["simulation"]
     simulation["t_end"] = min(simulation["t_end"], EARLY * simulation.get("dt", 1e-3))
     return case

@@ -1,4 +1,4 @@
-"""Mutation of exported source: ``./dev mutants`` compiles mutants of each export and lets its own self-test find them.
+"""Mutation of exported source: ``./dev mutants`` compiles mutants of each export and lets the export's self-test find them.
 
 There is an export for every combination of scheme, problem (known set, one input or two, regressor), form, law and modification
 among the tests' examples; ``--quick`` draws a few of them for a minute, and ``--all`` uses every example. The mutants of an

@@ -448,7 +448,7 @@ class Draw:
         return one
 
     def linear(self, one: Table) -> Table:
-        """A linear controller by a design or by its own numbers."""
+        """A linear controller given by a design or by its matrices."""
         kept = {key: value for key, value in one.items() if key in ("scheme", "nominal", "sample_time", "anti_windup")}
         if self.rng.random() < 0.7:
             return {**kept, "design": "pi", "unmodelled_delay": self.number("unmodelled_delay")}

@@ -126,8 +126,7 @@ def test_what_can_t_be_traced_is_not_run(one):
 
 
 def test_a_memory_outside_the_state(one):
-    """Equations of one structure are checked once, so that a memory outside the state would differ between members of an
-    ensemble."""
+    """Equations of one structure are checked once, so a memory outside the state would differ between members of an ensemble."""
 
     @dataclass(frozen=True)
     class Counting(Plain):

@@ -234,7 +234,7 @@ def test_an_absurd_tau_is_carried_or_refused(section_v, tau):
 
 
 def test_numbers_of_numpy_are_numbers():
-    """They are accepted even if their own arithmetic would overflow."""
+    """They are accepted even if their arithmetic would overflow."""
     assert Step(np.int8(100), 0.0, np.int8(100))(np.array([1.0])) == 200
     assert Simulation(t_end=np.float32(1), dt=np.float64(0.5), record_points=np.int64(5)).steps == 2
     chirp = Chirp(1.0, np.uint8(5), np.uint8(1), 4.0)

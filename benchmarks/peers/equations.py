@@ -1,6 +1,6 @@
-"""Section V's loops on arrays of NumPy or JAX: ``xp`` is the one or the other.
+"""Section V's loops on arrays of NumPy or JAX: ``xp`` is one of these two libraries.
 
-A state is one vector with x, x_m, theta_hat and then the scheme's own states. The last entries are those of a filter, in
+A state is one vector with x, x_m, theta_hat and then the other states of the scheme. The last entries belong to a filter, in
 coordinates that differ from the kernel's. All others are compared.
 """
 
@@ -38,7 +38,7 @@ Derivative = Callable[[Any, Any, Any, Any], Any]
 
 @dataclass(frozen=True)
 class Written:
-    """A loop in the forms in which one would write it. The last form compiles fastest. The first ``compared`` entries of its
+    """A loop in the forms in which a user would write it. The last form compiles fastest. The first ``compared`` entries of its
     state are the kernel's.
     """
 
@@ -64,7 +64,7 @@ def l1(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
 
 
 def l1_by_components(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
-    """The same loop written in scalars, without calls for products of small matrices."""
+    """The L1 loop written in scalars, without calls for products of small matrices."""
 
     def projected(rate: Any, estimate: Any) -> Any:
         outward = ((estimate >= BOUND) & (rate > 0)) | ((estimate <= -BOUND) & (rate < 0))

@@ -1,6 +1,7 @@
 """heyoka: Taylor series of adaptive order and step for the loop's equations in CasADi's form.
 
-Conditions, such as those of a projection, keep their value at t = 0, as no estimate reaches its bound in the measured time.
+Conditions, such as the ones in a projection, keep their value at t = 0, because no estimate reaches its bound in the measured
+time.
 """
 
 from __future__ import annotations

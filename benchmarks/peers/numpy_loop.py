@@ -10,7 +10,7 @@ from benchmarks.race import Contestant
 
 
 def contestants(case: Case, steps: int) -> list[Contestant]:
-    """The contestant for one trajectory."""
+    """Return the contestant for one trajectory."""
     return [_contestant(case, steps, form) for form in WRITTEN[case.name].forms]
 
 

@@ -131,7 +131,7 @@ def test_to_zero_only_where_the_signals_come_to_rest(no_searches):
 
 
 def test_a_robustness_of_what_breaks_its_conditions():
-    """tau >= 1/delta_0 and M_0 < |theta|, but Theorem 2 and the switching sigma require the opposite."""
+    """Here tau >= 1/delta_0 and M_0 < |theta|, whereas Theorem 2 and the switching sigma require the opposite."""
     dynamic = Normalization(alpha_0=1.0, delta_0=0.7)
     plain, narrow = Gradient(gamma=1.0), Gradient(gamma=1.0, leakage=SwitchingSigma(sigma=1.0, M_0=0.1))
     for tau, law, holds in ((0.5, plain, True), (2.0, plain, False), (0.5, narrow, False)):
@@ -156,7 +156,7 @@ def test_V_of_a_sampled_law_does_grow():
 
 
 class Bolder(Mrac):
-    """A law that shares only the settings of its parent. Its estimates move in the opposite direction."""
+    """A law that has only the settings in common with its parent. Its estimates move in the opposite direction."""
 
     def bind(self, known):
         return replace(super().bind(known), P=-known.P)

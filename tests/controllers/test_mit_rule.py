@@ -109,7 +109,7 @@ def test_its_speed_goes_with_the_squared_command(amplitude):
 
 
 def feedforward_alone(r, gamma, *, start=0.49, theta_hat0=(0.0, 0.0)):
-    """The feedforward for k G(s) with G = 1/(s^2 + A_1 s + A_2), k = 2 and the model G A_2 under a constant command, where theta
+    """The feedforward for k G(s) with G = 1/(s^2 + A_1 s + A_2), k = 2 and the model A_2 G under a constant command, where theta
     -> A_2/2."""
     plant = Plant(A_m=[[0.0, 1.0], [-A_2, -A_1]], b=[0.0, 1.0], theta=[0.0, 0.0], x0=[r, 0.0], input=PlantInput(gain=2.0))
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=A_2), reference=Constant(r))
@@ -120,7 +120,8 @@ def feedforward_alone(r, gamma, *, start=0.49, theta_hat0=(0.0, 0.0)):
 
 @pytest.mark.parametrize(("r", "gamma"), [(1.0, 0.1), (3.5, 0.1), (0.1, 5.0)])
 def test_the_largest_gain_of_a_feedforward_alone_is_routh_s(r, gamma):
-    """The textbook's characteristic polynomial s^3 + a_1 s^2 + a_2 s + k gamma u_c y_m, with its gamma = ours/k_0 and y_m = r."""
+    """The textbook's characteristic polynomial s^3 + a_1 s^2 + a_2 s + k gamma u_c y_m, with y_m = r. Its gamma is the package's
+    divided by k_0."""
     *_, certificate = feedforward_alone(r, gamma)
     stable_below = A_1 * A_2 / (2.0 * (gamma / A_2) * r * r)
     assert certificate.values[MARGIN] == pytest.approx(stable_below, rel=1e-9)

@@ -206,8 +206,8 @@ def test_a_lost_sample_is_predicted_and_corrects_nothing(kind):
 @pytest.mark.parametrize("kind", ("luenberger", "kalman"))
 @pytest.mark.parametrize("delay", (0.4 * T, T, 2.3 * T))
 def test_a_sampled_observer_contains_the_delay_of_the_input(kind, delay):
-    """On the nominal plant with a measured x0 the run equals that without an observer. The simulated plant may have a different
-    delay."""
+    """On the nominal plant with a measured x0 the run equals the run without an observer. The simulated plant may have a
+    different delay."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     limits = PlantInput(saturation=[-0.4, 0.3], delay=delay)
     watched = replace(posed(kind, input=limits), truth=None)
@@ -231,7 +231,7 @@ def test_a_sampled_observer_contains_the_delay_of_two_inputs():
 
 
 def test_an_exact_model_is_estimated_exactly_and_changes_nothing():
-    """With a measured x0 the estimate equals the nominal plant's state, so the run equals that without an observer."""
+    """With a measured x0 the estimate equals the nominal plant's state, so the run equals the run without an observer."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     plant = replace(posed("kalman").plant, x0=still)
     for kind in ("luenberger", "kalman"):
@@ -331,7 +331,7 @@ class TestMargins:
 
 
 def test_nothing_is_guaranteed_beside_an_observer():
-    """One sentence states the reason. Without the observer the same case has its bound."""
+    """One sentence states the reason. Without the observer the case has a bound."""
     problem = posed("kalman", truth=None)
     found = certify(problem, [Mrac(gamma=3.0), Sampled(controller=Mrac(gamma=3.0, name="sampled"), sample_time=T)], SIMULATION)
     for certificate in found.values():
@@ -492,8 +492,8 @@ def test_a_pi_controller_acts_on_the_measured_state_itself(kind):
 
 @pytest.mark.parametrize("kind", ["luenberger", "kalman"])
 def test_a_measured_state_is_sampled_or_predicted_in_simulation_and_c(kind):
-    """The test has lost samples, a shell and a delay in the observer. Without losses, the PI and its margins are those without an
-    observer."""
+    """The test has lost samples, a shell and a delay in the observer. Without losses, the PI and its margins are the same as
+    without an observer."""
     sampled = Sampled(controller=BaselineAlone(), sample_time=T)
     problem = with_pi(
         kind, input=PlantInput(saturation=[-1.0, 1.2], delay=1.7 * T), shell=Shell(longest_outage=0.2, fallback="hold")
@@ -531,7 +531,8 @@ LABELS = Labels(names=["angle", "rate"])
 
 
 ENCODERS = {"Q": [0.0, 0.0, 10.0, 10.0], "R": [8.7e-14, 3.9e-10]}
-"""Numbers of a cart-pendulum whose cart has an encoder of 20 um. SciPy's continuous solver fails on them without scaling."""
+"""Parameters of a cart-pendulum whose cart has an encoder with a resolution of 20 um. SciPy's continuous solver fails on them
+without scaling."""
 
 
 @pytest.mark.parametrize("step", (None, 0.002, 1e-5))
@@ -557,7 +558,7 @@ def test_a_fine_encoder_has_a_kalman_filter(step):
 
 
 def test_why_there_is_no_filter_is_told():
-    """The message names an integrator that Q does not drive. If there is none, the numbers are the reason and not a mode."""
+    """The message names an integrator that Q does not drive. If there is none, the parameters are the reason and not a mode."""
     plant = Plant(A=[[0.0, 0.0], [0.0, -1.0]], b=[1.0, 1.0], poles=[-1.0, -2.0])
     posed = Problem(plant=plant, observer=KalmanObserver([0.0, 1.0], 1.0, measured=[[1.0, 1.0]]))
     for step in (None, 0.01):

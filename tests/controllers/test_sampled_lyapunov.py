@@ -141,7 +141,7 @@ class Case:
 
 @pytest.mark.parametrize(("m", "gain_unknown"), [(1, False), (2, False), (3, False), (1, True), (2, True)])
 def test_lyapunov_identity_at_any_gain_and_sample_time(m, gain_unknown, sample):
-    """V_next - V = fall - moved without a set, and at most this within a box or a ball."""
+    """V_next - V = fall - moved without a set, and at most this value within a box or a ball."""
     random = np.random.default_rng(11 + m)
     for _ in range(sample(75, 300)):
         case = Case(random, m, gain_unknown=gain_unknown)

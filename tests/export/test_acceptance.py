@@ -83,7 +83,7 @@ class CaseOf:
         return float(kinds[random.integers(len(kinds))])
 
     def listed(self, i: int) -> list[int]:
-        """The numbers of the list that begins with this one; none if it begins none."""
+        """The numbers of the list that begins with this number; empty if no list begins with it."""
         *parent, last = self.paths[i].keys
         return [
             j for j, one in enumerate(self.paths) if last == 0 and isinstance(one.keys[-1], int) and [*one.keys[:-1]] == parent

@@ -241,7 +241,7 @@ struct Open : AC_CustomControl_Pitch {
 @needs_gxx
 @pytest.mark.dear
 def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
-    """Each has its own name within ArduPilot's limit of length, and each rejection is reported once."""
+    """Each has a distinct name within ArduPilot's limit on length, and each rejection is reported once."""
     backend("Mrac-state-midpoint", tmp_path, parameters=True)
     text = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text()
     names = re.findall(r'AP_GROUPINFO\("(\w+)", (\d+), \w+, _parameter\[', text)

@@ -71,7 +71,7 @@ def test_the_baseline_alone_acts_after_the_longest_outage(kind, scheme) -> None:
     step = abs(u[k + missed] - u[k + missed - 1])
     assert step <= 1e-12 + slope  # no bump when the baseline takes over
     alone = np.diff(u[k + missed + round(FADE / T) + 1 : k + 100])
-    # what remains is k_r r(t) and a constant, so the differences are those of a sine
+    # what remains is k_r r(t) and a constant, so the differences are the differences of a sine
     r = np.sin(2.0 * t)
     expected = fixed.k_r[0, 0] * np.diff(r[k + missed + round(FADE / T) + 1 : k + 100])
     assert np.abs(alone - expected).max() < 1e-12

@@ -81,7 +81,7 @@ def _shown() -> dict[str, list[int]]:
 
 
 def test_a_sample_costs_little_more_than_before_there_was_a_shell() -> None:
-    """The numbers are those of the page, some of which the previous test counts again."""
+    """The numbers are the ones on the page. The previous test counts some of them again."""
     shown = _shown()
     for name, before in BEFORE.items():
         most = before + max(SHARE * before, CYCLES)
@@ -90,7 +90,7 @@ def test_a_sample_costs_little_more_than_before_there_was_a_shell() -> None:
 
 
 def test_the_guide_says_what_a_shell_costs() -> None:
-    """The numbers are those of the page. The network stands apart because its state is the largest."""
+    """The numbers are the ones on the page. The network is listed separately because its state is the largest."""
     guide = (flight.PAGE.parent / "flight.md").read_text(encoding="utf-8")
     more = {name: row[3] - row[2] for name, row in _shown().items()}
     network = more.pop("MRAC, network of 8 neurons, Euler")

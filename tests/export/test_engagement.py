@@ -154,8 +154,8 @@ def test_the_predictor_is_told_what_is_put_out_while_the_start_fades(name) -> No
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.short(kept=lambda name: name == "as flown")
 def test_at_the_limit_the_estimate_stays_what_acts(name) -> None:
-    """The command is three times the limit for 2 s. With its own u instead of the output, the law takes the clipped part for a
-    disturbance."""
+    """The command is three times the limit for 2 s. If the law received the unlimited u instead of the output, it would take the
+    clipped part for a disturbance."""
     largest = {}
     for saturated in (True, False):
         flight = Flight.of(LAWS[name] if saturated else replace(LAWS[name], saturated_predictor=False))

@@ -54,7 +54,7 @@ pytestmark = needs_gcc
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
 @pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[2])
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller) -> None:
-    """This also holds at the actuator's limits and after a reset. Several loaded libraries each have their own state."""
+    """This also holds at the actuator's limits and after a reset. Each of several loaded libraries has a separate state."""
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     loop = expected.loop
     u = expected.states[:, loop.unpack(np.arange(loop.size)).held.u - loop.size]  # counted from the end
@@ -111,7 +111,7 @@ def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_pat
 
 
 def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:
-    """The control differs from that of the list, so the C was really used."""
+    """The control differs from the list's, so the C was really used."""
     right = exported_step.source
 
     def wrong(printed):

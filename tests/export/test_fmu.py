@@ -459,7 +459,7 @@ def test_units_have_units(tmp_path) -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_integral_of_a_baseline_has_no_label(version, tmp_path) -> None:
-    """It is a state of the problem in addition to those of the plant, to which the labels belong."""
+    """It is a state of the problem in addition to the states of the plant, to which the labels belong."""
     import fmpy
 
     case, seen = load_case("aircraft-lqi"), dict[str, set[tuple[str | None, str]]]()

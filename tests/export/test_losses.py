@@ -410,8 +410,8 @@ def test_one_of_two_actuators_has_limits(tmp_path) -> None:
     ids=["luenberger", "derivative"],
 )
 def test_the_self_test_has_an_observer_that_predicts_through_lost_samples(design, tmp_path) -> None:
-    """The observer has a delay in its model. freeze has its own value for a lost measurement in the C, and the self-test detects
-    a different one."""
+    """The observer has a delay in its model. With freeze, the C uses a particular value for a lost measurement, and the self-test
+    detects any other value."""
     plant = Plant(A=[[0.0, 1.0], [-2.0, -0.5]], b=[0.0, 1.0], poles=[-2.0, -3.0], input=PlantInput(delay=1.5 * T))
     problem = Problem(
         plant=plant, reference_model=ReferenceModel(follow="x_1"), reference=Sine(amplitude=1.0, frequency=2.0), observer=design

@@ -87,7 +87,7 @@ def test_a_scheme_from_outside_the_package(tmp_path) -> None:
 
 
 ColdState = namedtuple("ColdState", "theta_hat fade last_u Γ Θ")
-"""Fields with names that an export uses for its own members, or with letters that C does not have."""
+"""Fields with names that an export uses for its members, or with letters that C does not have."""
 
 
 class ColdEquations(PlainEquations):

@@ -139,7 +139,7 @@ unsigned drive(int samples, int from, int which, double value, long fade, const 
 @pytest.mark.parametrize("name", KINDS[1:4])
 @pytest.mark.short(kept=lambda name: name == KINDS[1])
 def test_a_change_in_flight_is_the_list_with_the_other_number(name, tmp_path) -> None:
-    """Each parameter is set at sample 40 without a fade. The state equals that of the list bit for bit."""
+    """Each parameter is set at sample 40 without a fade. The state is identical to the list's."""
     made = printed(name)
     contents, entries = made.contents, made.contents.layout.entries()
     stored = [f"kept[k * {len(entries)} + {i}] = {text.replace('c->', 'c.')};" for i, text in enumerate(entries.values())]

@@ -520,7 +520,7 @@ def test_without_faults_and_refusals_a_shell_changes_no_bit() -> None:
 
 @needs_gcc
 def test_numbers_of_a_shell_may_be_arguments_of_a_kernel() -> None:
-    """No number uses fused multiply-adds, except those of the controller's own list and of the surrounding code."""
+    """No number uses fused multiply-adds, except the numbers of the controller's list and of the surrounding code."""
     problem, controller = surrounded("Mrac-state-midpoint", SHELLS["fade"], FAULTS["all"])
     plain = replace(RUN, fused=False, t_end=1.0)
     origin = simulate(problem, [controller], plain)[controller.name]
@@ -532,7 +532,7 @@ def test_members_of_an_ensemble_may_differ_in_ranges_and_rates() -> None:
     spikes = (Spike(channel="x_1", size=0.4, share=0.1),)
     shells = [Shell(range={"x_1": [-2.0, high]}, rate={"x_1": 1.0 / high}) for high in (0.3, 0.5, 2.0)]
     made = [surrounded("Mrac-state-midpoint", shell, spikes) for shell in shells]
-    members = [(replace(problem, sensor=None), controller) for problem, controller in made]  # each member has its own noise
+    members = [(replace(problem, sensor=None), controller) for problem, controller in made]  # each member has different noise
     together = Batch.of(members, RUN)
     run([together], members[0][0].signals, RUN)
     found = together.metrics(RUN).max_abs_e

@@ -250,7 +250,7 @@ def test_wrong_names_are_refused(wrong, said):
 
 
 def test_with_a_tolerance_the_derivatives_are_those_of_fixed_steps_that_agree_with_it(tmp_path):
-    """The same by differences of runs at a tolerance so small that their own steps do not matter."""
+    """The reference is given by differences of runs at a tolerance so small that their steps do not matter."""
     path = written(tmp_path, DRIVE)
     found = sensitivity(path, to=["plant.theta[0]", "controller[0].gamma"], of=["max_abs_e", "rms_e"])
     assert found.steps is not None and found.steps.startswith("all runs here use fixed steps, rk4 with h = ")

@@ -58,7 +58,7 @@ def test_the_intervals_shrink_with_the_noise():
 
 
 def test_an_unstable_plant_under_feedback_has_intervals_that_hold_it():
-    """Measurement noise enters the input, so that any regression on the measured states would be biased."""
+    """Measurement noise enters the input, so any regression on the measured states would be biased."""
     plant = np.array([[0.0, 1.0, 0.0], [25.0, 0.0, 4.0]])
     known = {("q", "q"): (0.0, 0.0), ("q", "w"): (1.0, 1.0), ("q", "u"): (0.0, 0.0)}
     found = [identify(rig(0.01, 1e-3, seed, 800, plant, np.array([10.0, 2.5])), within=known) for seed in range(20)]
@@ -169,7 +169,7 @@ def test_a_nonlinear_plant_describes_no_plant():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_double_integrator_is_not_blamed_for_the_noise_of_its_initial_state(seed):
-    """The first measured rate has an error of up to 0.1, with which a simulation would deviate by half of the motion or more."""
+    """The first measured rate has an error of up to 0.1, and a simulation from it would deviate by half of the motion or more."""
     integrators = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     found = identify(rig(0.05, 0.1, seed, 2000, integrators, np.array([0.03, 0.25])), derivatives={"q": "w"})
     assert found.restarted is None and min(found.fit.values()) > 0.7

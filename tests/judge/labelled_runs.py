@@ -94,7 +94,7 @@ def relay_cycle(a: float, delay: float) -> tuple[float, float]:
 
 
 def describing_function_cycle(a: float, delay: float) -> tuple[float, float]:
-    """The same by harmonic balance: arctan(w/a) + w delay = pi, and the amplitude 4/(pi |j w + a|)."""
+    """The limit cycle by harmonic balance: arctan(w/a) + w delay = pi, and the amplitude 4/(pi |j w + a|)."""
     from scipy.optimize import brentq
 
     w = brentq(lambda w: np.arctan(w / a) + w * delay - np.pi, 1e-6, np.pi / delay)

@@ -151,7 +151,8 @@ bandwidth = 40.0
 
 @pytest.mark.parametrize("command", ["0.0", "1e-6"])
 def test_what_runs_away_beside_a_command_of_nothing_is_lost(command):
-    """Its scale used to be its own size, which no value exceeds 100 times. A command of 1e-6 does not change the run."""
+    """The scale of such a run used to be its size, which no value exceeds 100 times. A command of 1e-6 does not change the
+    run."""
     case = parse_case(RUNAWAY.replace("COMMAND", command))
     found = [one.verdict for one in simulate(case.problem, case.controllers, case.simulation).values()]
     assert {one.kind for one in found} == {Class.LOST}

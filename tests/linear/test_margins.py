@@ -85,7 +85,8 @@ def test_delay_margin_is_where_the_delayed_loop_loses_stability():
 
 
 def test_all_crossovers_count():
-    """With two resonances the delay margin is that of the higher crossover, although the first has the smaller phase margin."""
+    """With two resonances the higher crossover determines the delay margin, although the first one has the smaller phase
+    margin."""
     slow = TransferFunction(np.array([0.02]), np.array([1.0, 0.02, 0.01])).realise()
     fast = TransferFunction(np.array([60.0]), np.array([1.0, 0.5, 10000.0])).realise()
     both = StateSpace(

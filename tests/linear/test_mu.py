@@ -126,7 +126,7 @@ def test_the_section_v_family_by_brute_force(section_v, kappa):
     assert max(largest_real_part(family, np.array([p, q])) for p in corners for q in corners) < 0
     assert np.abs(found.delta).max() == pytest.approx(found.scale, rel=1e-9)
     assert largest_real_part(family, found.delta * (1 + 1e-6)) > 0
-    # the family's eigenvalues are those of the loop with that theta
+    # the family's eigenvalues are the eigenvalues of the loop with that theta
     moved = Plant(A_m=plant.A_m, b=plant.b, theta=centre + width * found.delta)
     loop = fast_adaptation(moved, C)
     eigenvalues = np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C) / (1 + loop.D))

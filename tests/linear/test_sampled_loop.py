@@ -98,7 +98,7 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
 
 
 def test_a_loop_whose_gain_stays_just_below_one_tolerates_every_delay():
-    """|L| is at most 0.985, so that no delay destabilises the loop and the search for one would not end."""
+    """|L| is at most 0.985, so no delay destabilises the loop, and a search for one would not end."""
     A = np.array([[0.0, 1.0, 0.0], [-3.2281, -3.6519, 0.0], [0.0, 0.0, 0.0]])
     J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.4941, -2.048, 0.3927]])
     loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), 0.16285)

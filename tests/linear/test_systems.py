@@ -81,7 +81,7 @@ def test_an_improper_system_has_no_realisation():
 
 
 def test_input_filter_is_a_unit_gain_lag():
-    """By Eq. (6) it has half of the power at w = 1/kappa."""
+    """By Eq. (6) the filter passes half of the power at w = 1/kappa."""
     C = input_filter(0.02)
     assert C.dc_gain == 1.0
     assert C.poles == pytest.approx([-50.0], rel=1e-15)
@@ -142,7 +142,7 @@ def known(A_m, b) -> Known:
 
 @pytest.mark.parametrize(("relative_degree", "n"), [(1, 1), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (2, 4), (4, 4)])
 def test_Q_inverts_W_m_up_to_the_lag(n, relative_degree):
-    """Q(jw) W_m(jw) (tau jw + 1)^n* = 1, with each factor computed from its own matrices."""
+    """Q(jw) W_m(jw) (tau jw + 1)^n* = 1, with each factor computed from separate matrices."""
     random = np.random.default_rng(n + 10 * relative_degree)
     for tau in (1e-3, 0.5, 10.0):
         c, A, b, _, _ = random_pair(random, n, relative_degree)

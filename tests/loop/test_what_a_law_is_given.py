@@ -1,4 +1,4 @@
-"""The u that a law's rate receives is its own command, whatever is between it and the plant."""
+"""The u that a law's rate receives is the command of the law, whatever is between the law and the plant."""
 
 from __future__ import annotations
 

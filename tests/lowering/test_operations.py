@@ -1,4 +1,4 @@
-"""Reading, rewriting and compiling expressions: the values must be those of NumPy for the same numbers."""
+"""Reading, rewriting and compiling expressions: the values must equal NumPy's for the same numbers."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_random_graphs(graph):
 
 
 def grown(random, depth):
-    """A tree of sums, differences, products and signs. Every part is used once, so that all of it may be reassociated."""
+    """A tree of sums, differences, products and signs. Every part is used once, so all of it may be reassociated."""
     if depth == 0 or random.random() < 0.1:
         return ("constant", float(random.integers(-3, 4))) if random.random() < 0.4 else ("input", int(random.integers(6)))
     name = str(random.choice(["add", "sub", "mul", "mul", "neg"]))
@@ -287,8 +287,7 @@ def test_an_unsupported_operation_is_named(function, named):
 
 
 def test_bit_identity_over_all_widths():
-    """The same list with library functions and divisions on 1 to 32 lanes, with 37 members, which is not a multiple of any
-    width."""
+    """One list with library functions and divisions on 1 to 32 lanes, with 37 members, which is not a multiple of any width."""
 
     def expressions(x, _):
         a = np.sin(x[0]) * x[1] + np.exp(-x[2] * x[2]) / (1.3 + x[0] * x[0]) - x[1] * x[2]

@@ -1,4 +1,4 @@
-"""Tangents of operation lists: those of CasADi's own differentiation, beside unchanged values."""
+"""Tangents of operation lists: they equal the results of CasADi's differentiation, and the values are unchanged."""
 
 import casadi as ca
 import numpy as np

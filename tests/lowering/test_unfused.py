@@ -15,7 +15,7 @@ from independent import refusal
 from lowering.test_c99 import compile_c, needs_gcc, same_bits
 
 ISO_C = ("-march=x86-64", "-O2")
-"""An instruction set without fused multiply-adds, so that none can be used."""
+"""An instruction set without fused multiply-adds, so none can be used."""
 
 
 CASES = ("paper", "first-order", "f16-short-period")

@@ -311,7 +311,7 @@ def test_every_row_that_runs_14_says_that_its_sign_is_mended(claims, name):
 
 
 def test_a_row_says_what_was_changed_after_a_measurement():
-    """The last finding of each mark is that of the row. The JSON has both, and the equations."""
+    """The last finding of each mark is the finding of the row. The JSON has both, and the equations."""
     for name, changes in CHANGED.items():
         assert SENTENCES[name].changed == changes and changes[-1].after == EXPECTED[name], name
         assert [one.date for one in changes] == sorted(one.date for one in changes), name

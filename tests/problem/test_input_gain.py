@@ -46,7 +46,8 @@ def test_the_gain_has_a_projection_of_its_own(problems, known_set, projection, g
 
 @pytest.mark.parametrize("gain", [0.5, 1.5])
 def test_projections_side_by_side_are_the_projections(gain):
-    """With a scalar or diagonal gain the product's projection is that of its factors, evaluated separately."""
+    """With a scalar or diagonal gain the projection of the product consists of the projections of its factors, evaluated
+    separately."""
     random = np.random.default_rng(3)
     intervals = ParameterBox(lower=[0.5, 1.0], upper=[2.0, 1.5])
     product = with_gains(BALL, intervals)
@@ -67,7 +68,7 @@ def test_projections_side_by_side_are_the_projections(gain):
 
 
 def test_an_interval_for_each_input():
-    """Each estimate starts in its own interval and stays there. A single pair applies to both."""
+    """Each estimate starts in its interval and stays there. A single pair applies to both."""
     problem = two_inputs(input=[PlantInput(gain=0.6), PlantInput(gain=2.5)])
     apart = replace(problem, input_gain=((0.3, 0.8), (2.0, 4.0)))
     assert apart.known.gains.lower.tolist() == [0.3, 2.0] and apart.known.gains.upper.tolist() == [0.8, 4.0]

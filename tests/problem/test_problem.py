@@ -67,7 +67,7 @@ def test_defaults_are_rest_and_a_zero_command():
 
 
 OF_A_BASELINE = {"enters", "theta_0", "nominal"}
-"""The baseline's own gains, the command's effect on its own states, and theta at the declared values of the parameters."""
+"""The gains of the baseline, the command's effect on its states, and theta at the declared values of the parameters."""
 
 
 def test_a_designer_sees_neither_theta_nor_the_disturbance(section_v):

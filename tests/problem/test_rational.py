@@ -71,7 +71,8 @@ def test_what_cannot_be_bounded_is_unbounded():
 
 
 def test_a_sum_that_underflows_on_the_way_is_unbounded():
-    """In the product of 1e-200, 1e-150 and 1e240, the product of the first two is 0 in floats, but that of all three is not."""
+    """In the product of 1e-200, 1e-150 and 1e240, the product of the first two is 0 in floats, but the product of all three is
+    not."""
     rational = Rational.of(products_of("a*b*1e-200*c/(c*c + c*c)"))
     low, high = {"a": 1e-150, "b": 1e240, "c": 1e-110}, {"a": 4e-150, "b": 4e240, "c": 4e-110}
     assert rational is None or rational.bounds(low, high)[:2] == (-np.inf, np.inf)

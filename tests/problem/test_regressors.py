@@ -84,7 +84,7 @@ def test_a_formula_too_deep_for_a_computer(term):
 
 
 def test_a_long_sum_is_a_formula():
-    """The sum is 300 levels deep and equals 300 x1. The folded constants are those of Python."""
+    """The sum is 300 levels deep and equals 300 x1. The folded constants equal Python's."""
     phi = Terms(terms=("+".join(["x1"] * 300), "x1*(2**0.5/3-sin(1))"))
     np.testing.assert_allclose(phi(np.array([2.0])), [600.0, 2 * (2**0.5 / 3 - np.sin(1.0))], rtol=1e-15)
 

@@ -329,7 +329,7 @@ def test_ranges_of_delay_sensor_and_start_leave_guarantees_for_the_declared_valu
 
 
 def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
-    """x1 is the first state in a term, so that the formula would be ambiguous."""
+    """x1 is the first state in a term, so the formula would be ambiguous."""
     both = CASE.replace("[plant]\n", "x1 = { value = 2.0 }\n[plant]\n", 1)
     parse_case(both)
     with pytest.raises(InputError, match=r"truth\.terms\.rate uses x1, which is a parameter and also the name of a state"):
@@ -351,7 +351,7 @@ def test_documents_of_runs_and_certificates_name_the_differences():
 
 
 def test_a_remainder_is_judged_in_any_unit():
-    """The same plant with its second state in units 10,000 times smaller, so the deviating entry of A is 1e-5."""
+    """The second state of the plant is in units 10,000 times smaller, so the deviating entry of A is 1e-5."""
     rest = np.array([[0.0, 0.1], [0.0, 0.0]])
     for scale in (1.0, 1e4):
         T = np.diag([1.0, scale])

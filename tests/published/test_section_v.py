@@ -80,7 +80,7 @@ def test_figure_4_a_tenth_of_the_step_ends_the_oscillation(section_v):
 
 
 def test_figure_4_is_the_solution_of_the_differential_equations(section_v):
-    """With half of the step again the figures are the same, unlike those of Fig. 3."""
+    """If the step is halved again, the figures do not change, unlike Fig. 3."""
     figure_4, finer = (figures(l1(section_v, 1e4, dt, t_end=20.0)) for dt in (1e-5, 5e-6))
     for name in ("max_abs_e", "tail_max_abs_e", "rms_e", "theta_hat_variation_rate", "theta_hat_final"):
         np.testing.assert_allclose(finer[name], figure_4[name], rtol=1e-3)  # the slowest oscillation is resolved by 50 steps

@@ -37,7 +37,7 @@ def test_what_becomes_mathematics(text, shown):
 
 @given(st.text(alphabet=st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), max_size=60))
 def test_any_text_stays_text(text):
-    """The only tags are those of mathematics."""
+    """The only tags are the tags for mathematics."""
     shown = str(mathematics(text))
     tags = re.findall(r"<[^>]*>", shown)
     assert set(tags) <= {f"<{end}{tag}>" for end in ("", "/") for tag in ("var", "sub", "sup", "code", "wbr")}

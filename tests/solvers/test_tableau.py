@@ -81,7 +81,7 @@ def test_order_on_a_smooth_closed_loop(problems, name, kind):
     for count in counts:
         result = simulate(problem, [controller], Simulation(t_end=2.0, dt=2.0 / count, solver=ALL[name]))["c"]
         errors.append(np.abs(result.x[-1] - exact).max())
-    assert min(errors) > 1e-12  # above roundings, so the slope is that of the method
+    assert min(errors) > 1e-12  # above roundings, so the slope is determined by the method
     # 0.25: the slope of four points still contains the next order's term
     assert observed_order(counts, errors) == pytest.approx(ALL[name].order, abs=0.25)
 

@@ -134,7 +134,7 @@ def test_what_does_not_follow_its_model_tolerates_nothing(section_v, gamma):
 
 
 def test_simulated_margins_in_a_certificate(section_v):
-    """A loop that oscillates even without a delay is reported. The numbers are those of ``delay_margins``."""
+    """A loop that oscillates even without a delay is reported. The numbers equal the ones from ``delay_margins``."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     controllers = (L1Adaptive(gamma=1e4, filter=input_filter(0.02), name="beyond the step"), Mrac(gamma=1e-3))
     found = with_simulated_margins(certify(section_v, controllers, simulation), section_v, controllers, simulation)
@@ -235,7 +235,7 @@ GAMMA, HORIZON = 1e3, 20.0
 
 
 def test_noise_does_not_hide_the_onset_of_oscillation():
-    """The start of oscillation is that of the same loop without noise. The loss is that of the unchanged case and is not
+    """The start of oscillation is found for the loop without noise. The loss is found for the unchanged case and is not
     earlier."""
     simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Mrac(gamma=GAMMA)
     still = replace(NOISY, sensor=None)

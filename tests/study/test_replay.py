@@ -73,7 +73,7 @@ def test_a_flight_of_another_controller_teaches_something_else() -> None:
     t, x, u, r, estimates = flight(SCHEMES[0])
     found = replay(PROBLEM, SCHEMES[1], t, x, u, r)
     assert np.abs(found.theta_hat[-1] - estimates[-1]).max() > 1e-3
-    assert np.abs(found.proposed - u).max() > 1e-3  # its own control is recorded, not applied
+    assert np.abs(found.proposed - u).max() > 1e-3  # the control of the law is recorded, but not applied
 
 
 def test_other_times_and_continuous_controllers_are_refused() -> None:

@@ -102,7 +102,8 @@ def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
 
 
 def test_what_no_finer_step_settled_is_found_by_the_audit():
-    """If members stay at a step at which they oscillate, the audit's changes are those of half of the step."""
+    """If members stay at a step at which they oscillate, the changes that the audit states are the changes with half of the
+    step."""
     coarse, fine = (study(STIFF.replace("dt = 1e-3", f"dt = {dt}"), {"plant.theta": "known-set"}, 64) for dt in (1e-3, 5e-4))
     settling = Settling(coarse, settles=False)
     rows = UnstoredChunks(None)
@@ -134,7 +135,7 @@ def test_the_audits_share_is_of_members_that_were_run_again(unsettled):
 
 
 def test_requirements_are_split_by_what_the_solver_settles():
-    """The metrics are those of the step that settles a member. If no step does, the member may or may not violate the
+    """The metrics come from the step that settles a member. If no step does, the member may or may not violate the
     requirement."""
     case = study(STIFF, {"plant.theta": "known-set"}, 64)
     found = run_study(case, requirements=[Requirement.parse("L1/theta_hat_variation_rate[0] < 1e-9")], bounds=False, audit=0)
@@ -183,7 +184,7 @@ def test_reruns_take_at_most_nine_times_a_large_sweeps_time():
 
 
 def test_an_actuator_that_the_step_does_not_bear_is_settled_by_one_that_does():
-    """Its poles are constant at 350 rad/s, with which RK4 at 10 ms is unstable, so that every member would be lost."""
+    """Its poles are constant at 350 rad/s, with which RK4 at 10 ms is unstable, so every member would be lost."""
     text = CaseText.read("first-order").text.replace("t_end = 60.0", "t_end = 10.0").split("[[controller]]")[0]
     text = text.replace("[plant.input]", "[plant.input]\nactuator = { num = [122500], den = [1, 490, 122500] }")
     text += '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 1.0\n'
@@ -343,7 +344,7 @@ def sweep_of_joint(axis: str):
     ],
 )
 def test_an_observer_that_differs_between_members_is_named(path, redesign, designs):
-    """It differs by its own settings or by those of the plant for which it is designed again."""
+    """It differs in its settings, or because it is designed again for each plant."""
     text = CaseText.read("flexible-joint")
     given = {"observer.R": Axis(1e-9, 1e-8, 2), "parameters.m": Axis(0.0, 0.02, 2)}[path]
     plan = Plan({FieldPath.parse(path): given})

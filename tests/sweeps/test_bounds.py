@@ -1,4 +1,4 @@
-"""The bound of a member is the certified bound of its own case."""
+"""The bound for a member is the certified bound for the member's case."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,8 @@ EDGES = Axis(0.1, 2.0, 3)
 @pytest.mark.parametrize("axes", [{EDGE: EDGES, FIRST: Axis(-1.9, 1.9, 5)}, {EDGE: EDGES, GAIN: Axis(1.0, 9.0, 2)}])
 @pytest.mark.short(kept=lambda axes: GAIN in axes)
 def test_no_member_has_a_bound_that_its_own_case_has_not(axes):
-    """The known set varies too. A theta in the first member's set may be outside its own set, where nothing is guaranteed."""
+    """The known set varies too. A theta in the first member's set may be outside the set of the member that has this theta, where
+    nothing is guaranteed."""
     plan = Plan(axes, {}, 1)
     study = Study(VariedCase(CaseText(TEXT), plan.paths), plan)
     rows = plan.values(0, len(plan))

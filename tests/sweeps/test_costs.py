@@ -39,8 +39,8 @@ def test_bytes_are_those_of_the_members_numbers_and_figures():
 
 
 def test_members_that_share_no_kernel_are_dearer():
-    """With a sampled command every member has its own run, but not with a grid of two commands. The same budget therefore allows
-    fewer members."""
+    """With a sampled command every member needs a separate run, but not with a grid of two commands. The same budget therefore
+    allows fewer members."""
     head = CaseText.read("paper").text.split("[[controller]]")[0].replace("dt = 1e-4", "dt = 1e-2")
     text = CaseText(head + '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 0.1\n')
 

@@ -47,7 +47,7 @@ def study(text, draws=KNOWN):
 
 
 def test_the_members_are_those_of_the_case_that_states_theta():
-    """All numbers of these plants are exact, so every bit is the same."""
+    """All numbers of these plants are exact, so the results are identical."""
     found, expected = study(BY_A_M).run(0, 6), study(CLOSED).run(0, 6)
     assert set(found) == set(expected) and {"plant.theta[0]", "plant.theta[1]"} <= set(found)
     for name, values in expected.items():

@@ -176,7 +176,7 @@ dt = 1e-3
 scheme = "mrac"
 gamma = 2
 """
-"""A truth with its own numbers, whose states have a different order than the plant's."""
+"""A truth with different parameters, whose states have a different order than the plant's."""
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def rates(trim, changed, *, q=0.0):
 
 
 def test_twice_the_damping_is_twice_its_part_of_the_linear_model(axis):
-    """M_q is that of Cmq, except for the moment of the lift due to q about the centre of gravity, which is a tenth of it."""
+    """M_q comes from Cmq, except for the moment of the lift due to q about the centre of gravity, which is a tenth of it."""
 
     def slope(factor):
         return (

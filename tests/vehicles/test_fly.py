@@ -189,7 +189,8 @@ def test_a_controller_that_overflows_loses_its_aircraft_and_says_so():
 
 
 def test_a_flight_that_breaks_is_lost_alone(monkeypatch):
-    """The process of all flights of a controller crashes, and of the single flights only that of one failure."""
+    """The process that runs all flights of a controller crashes. Of the processes that run single flights, only the one with a
+    particular failure crashes."""
     real = flying.isolated
 
     def breaking(seconds, function, *given):

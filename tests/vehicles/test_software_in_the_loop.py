@@ -1,4 +1,4 @@
-"""The exported C flies on both models, also at the actuators' limits. Each bit equals that of the simulated list, or the
+"""The exported C flies on both models, also at the actuators' limits. The results are identical to the simulated list's, or the
 difference is reported."""
 
 import html

@@ -21,7 +21,7 @@ from barbalat.vehicles.vehicle import DelaySearch, Drawing, Shown, Vehicle
 from barbalat.vehicles.verdicts import Followed
 
 SAMPLE, RATE, LARGEST = 0.05, 5.0, 30.0
-"""Times [s]; the commanded yaw rate and the one at which the boat capsizes [deg/s]."""
+"""Times [s]; the commanded yaw rate, and the yaw rate at which the boat capsizes [deg/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -178,7 +178,7 @@ def test_the_sensitivity_peak_by_frequencies():
 
 @pytest.mark.parametrize("flown", [None, AsFlown(predictor_poles=-4.0, nominal=[0.5, 0.0])])
 def test_noise_in_a_simulation_is_what_is_certified(flown):
-    """The tolerance is 3 %. 1/sqrt(2 N) of some 10 000 independent values is 0.7 %, and the values of u are correlated over the
+    """The tolerance is 3 %. For some 10 000 independent values 1/sqrt(2 N) is 0.7 %, and the values of u are correlated over the
     filter's 10 samples."""
     T, s = 0.01, 0.02
     plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 2.0], theta=[1.0, -0.5])
@@ -262,7 +262,8 @@ def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
 @pytest.mark.parametrize("form", ["exact", "as flown", "T assumed apart"])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_distance_of_several_inputs_is_kept(seed, form):
-    """The reference system of two inputs by one exponential, as above. One case assumes a T that is a third too short."""
+    """The reference system of two inputs is computed by one exponential, as above. One case assumes a T that is too short by a
+    third."""
     random, n, m, T = np.random.default_rng(seed), 3, 2, 2.0**-6
     A_m = random.normal(size=(n, n))
     A_m -= (np.linalg.eigvals(A_m).real.max() + 0.8) * np.eye(n)

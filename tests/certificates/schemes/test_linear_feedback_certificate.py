@@ -18,7 +18,7 @@ SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 
 
 def test_the_norm_against_an_impulse_response(section_v):
-    """int |g_i| by quadrature on 400,000 points over 40 s, when the slowest mode, with a pole near 1/(8 delay), has long
+    """int |g_i| by quadrature on 400,000 points over 40 s, after which the slowest mode, with a pole near 1/(8 delay), has long
     decayed."""
     given = pi_feedback(section_v.known, unmodelled_delay=0.02)
     equations = given.bind(section_v.known)

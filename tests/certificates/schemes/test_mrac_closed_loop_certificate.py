@@ -49,8 +49,8 @@ def nu_0(problem, P):
 
 
 def test_the_error_s_bound_is_that_of_the_loop_s_own_matrix(certified):
-    """|e_i| <= carried nu_0/sqrt(Gamma) with nu_0 for P of A_m + L. With P of A_m it would be smaller, for which there is no
-    proof."""
+    """|e_i| <= carried nu_0/sqrt(Gamma) with nu_0 for P of A_m + L. With P of A_m the bound would be smaller, but it would have
+    no proof."""
     n, problem, found, P, carried = certified
     wrong = solve_continuous_lyapunov(problem.plant.A_m.T, -np.eye(n))
     assert nu_0(problem, wrong) < 0.9 * nu_0(problem, P)

@@ -37,8 +37,8 @@ def test_the_textbook_s_plant_by_hand():
 
 
 def random_member(problems, seed):
-    """A random problem of order 1 to 3 with any input gain in a known interval, a scalar, diagonal or matrix gain, and a box, a
-    ball or no known set."""
+    """A random problem of order 1 to 3 with an arbitrary input gain in a known interval, with a scalar, diagonal or matrix gain,
+    and with a box, a ball or no known set."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 3
     given, theta, omega = problems[n], rng.uniform(-1.0, 1.0, n), 10 ** rng.uniform(-0.5, 0.5)

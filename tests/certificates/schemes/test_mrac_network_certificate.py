@@ -114,7 +114,7 @@ def test_frozen_margins_hold_both_layers():
     """The gain margin by hand: with the weights of both layers held, u = -g K x about the equilibrium, and A - g b K has
     eigenvalues on the imaginary axis.
 
-    1e-6: of a search for the phase's crossing.
+    1e-6 is the tolerance of a search for the phase crossing.
     """
     plant = Plant(A_m=A_M, b=B, theta=[0.5, 0.6])
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Constant(1.0))

@@ -1,4 +1,4 @@
-"""The statements on controllers with an observer for which there is no bound."""
+"""The statements on controllers with an observer, for which there is no bound."""
 
 import pytest
 

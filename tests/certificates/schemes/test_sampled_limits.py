@@ -52,7 +52,7 @@ def filtered(gamma):
 
 @pytest.mark.parametrize(("make", "factor"), [(lambda gamma: Mrac(gamma=gamma), 10), (filtered, 100)])
 def test_below_the_limit_no_label_and_well_above_one(make, factor):
-    """The limit is for the largest possible |x|, which is twice the actual one for MRAC and still larger for L1-AC with (10)."""
+    """The limit is for the largest possible |x|. This is twice the actual |x| for MRAC, and even larger for L1-AC with (10)."""
     gamma_max = certificate(euler(make(1.0))).values["gamma_max"]
     assert gamma_max > 0
     below, above = (simulate(PAPER, [euler(make(gamma))], SIMULATION) for gamma in (0.9 * gamma_max, factor * gamma_max))
@@ -64,7 +64,7 @@ def test_below_the_limit_no_label_and_well_above_one(make, factor):
 @pytest.mark.parametrize("a", [0.5, 60.0])
 @pytest.mark.parametrize("T", [1e-9, 1e-3, 0.05])
 def test_a_scalar_plant_has_a_closed_form(a, T):
-    """Jury's criterion gives g <= 2 a^2/(T b^2), also for a T > 2, where Euler's method would make the plant unstable."""
+    """Jury's criterion gives g <= 2 a^2/(T b^2), also for T > 2, where Euler's method would make the plant unstable."""
     problem = Problem(plant=Plant(A_m=[[-a]], b=[3.0], theta=[0.1]), reference=Constant(1.0))
     held = HeldOscillator(problem.known)
     exact = 2 * a**2 / (T * 9)

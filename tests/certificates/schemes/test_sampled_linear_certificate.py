@@ -86,7 +86,7 @@ def test_margins_of_adrc_are_those_of_the_map_by_hand(discretization):
     found = certified(Sampled(Adrc(bandwidth=OMEGA), T, discretization=discretization))
     values = found.values
     assert found.entry("delay_margin").kind == found.entry("gain_margin").kind == "exact"
-    assert values["spectral_radius"] == pytest.approx(radius(discretization, 0.0), abs=1e-9)  # of eigenvalues near 1: rounding
+    assert values["spectral_radius"] == pytest.approx(radius(discretization, 0.0), abs=1e-9)  # rounding of eigenvalues near 1
     assert np.isclose(values["gain_reduction_margin"], 0.0)
     delays = np.append(np.linspace(0, 0.999, 100) * min(values["delay_margin"], T), 0.0)
     assert max(radius(discretization, delay) for delay in delays) < 1
@@ -103,7 +103,8 @@ def test_margins_of_adrc_are_those_of_the_map_by_hand(discretization):
 
 
 def test_the_longest_sample_is_the_loop_s_own():
-    """The observer by Euler's method is stable with samples of 0.052 s and not of 0.054 s, so 0.05 s is not called too long."""
+    """The observer by Euler's method is stable with samples of 0.052 s but not with samples of 0.054 s, so 0.05 s is not called
+    too long."""
     found = {sample: certified(Sampled(Adrc(bandwidth=OMEGA), sample, discretization="euler")) for sample in (0.05, 0.052, 0.054)}
     assert [one.values["spectral_radius"] < 1 for one in found.values()] == [True, True, False]
     said = " ".join(found[0.05].findings)
@@ -121,7 +122,7 @@ def test_over_the_known_set_it_is_the_sampled_loop_too():
     for key in ("delay_margin", "gain_margin"):
         theta = np.array(loop[key]["theta"])
         there = certified(controller, replace(PROBLEM, plant=replace(PROBLEM.plant, theta=theta)))
-        assert loop[key]["value"] == pytest.approx(there.values[key], rel=1e-9)  # two computations of the same matrices
+        assert loop[key]["value"] == pytest.approx(there.values[key], rel=1e-9)  # the same matrices are computed in two ways
     wide = replace(PROBLEM, uncertainty=ParameterBox(lower=[-1, -1], upper=[100, 1]))
     assert "unstable_at" in certified(controller, wide).values["margins_over_known_set"][0]
 

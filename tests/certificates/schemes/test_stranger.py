@@ -44,7 +44,8 @@ def random_problem(rng, n):
 
 
 def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
-    """The same loop by the other method, with the equilibrium for theta and the directions of the estimates by Gamma x.
+    """The loop of the copy is computed by the other method, with the equilibrium for theta and the directions of the estimates by
+    Gamma x.
 
     The tolerance 1e-6 is for eigenvalues and zeros of one loop in two sets of coordinates.
     """
@@ -81,7 +82,8 @@ def test_the_rest_is_one(sample):
 
 
 def test_the_step_is_where_a_mode_is_amplified(problems):
-    """The eigenvalues of central differences of the right-hand side, inserted into the method's stability polynomial."""
+    """The reference is given by eigenvalues of central differences of the right-hand side, inserted into the method's stability
+    polynomial."""
     problem = problems[2]
     found = certify(problem, [Plain(8.0)], SIMULATION)["plain"].values["step_max"]
     rest = rest_of(problem, ClosedLoop.of(problem, Plain(8.0)), frozen=False)
@@ -135,7 +137,7 @@ def test_output_feedback():
 
 
 def test_nothing_is_claimed_beside_what_was_computed(problems):
-    """The other controllers' certificates are unchanged by it."""
+    """The certificates of the other controllers do not change."""
     controllers = [Mrac(gamma=2.0), Plain(2.0)]
     found = certify(problems[2], controllers, SIMULATION)
     assert found["MRAC"] == certify(problems[2], controllers[:1], SIMULATION)["MRAC"]
@@ -158,7 +160,7 @@ def test_sampled_its_linear_loop_is_its_own(problems):
 
 
 def test_known_parameters_have_a_certificate_too(problems):
-    """The same linearisation by hand, with theta constant."""
+    """The loop is linearised by hand, with theta constant."""
     plant = problems[2].plant
     found = certify(problems[2], [KnownParameters(theta=plant.theta)], SIMULATION)["Known parameters"].values
     hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))

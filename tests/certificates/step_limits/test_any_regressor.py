@@ -1,4 +1,5 @@
-"""Limits of the numerics beyond phi(x) = x and one input: bounds compared with samples, modes with full matrices, and runs."""
+"""Limits of the numerics beyond phi(x) = x and one input: bounds are compared with samples, and modes with full matrices and with
+runs."""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ def test_the_bound_holds_and_is_tight(name):
     ("regressor", "low", "high", "exact"),
     [
         (Terms(terms=("sin(x1)",)), [-10.0], [10.0], 1.0),
-        (Terms(terms=("sin(x1)",)), [-1e12], [1e12], 1.0),  # a ball around zero itself, whatever the cuts of the box
+        (Terms(terms=("sin(x1)",)), [-1e12], [1e12], 1.0),  # a ball around zero, regardless of how the box is cut
         (Terms(terms=("sin(x1)**3",)), [-1e12], [1e12], 1.0),
         (Terms(terms=("x1*x1", "x1")), [-2.0], [1.0], 20.0),
         (GaussianRBF(centers=[[3.0, 0.0]], width=1.0), [-2.0, -1.0], [2.0, 1.0], np.exp(-1.0)),
@@ -137,7 +138,7 @@ def test_no_run_is_faster_than_its_certificate_says(name, gamma):
 @pytest.mark.parametrize("name", ["nonlinear", "gain", "inputs"])
 @pytest.mark.parametrize("scheme", ["mrac", "l1"])
 def test_gain_and_step_say_the_same(name, scheme):
-    """At the largest gain for a step, the largest step is that step. One search varies g, the other h."""
+    """For the largest gain that a step allows, the largest step is this step. One search varies g, and the other varies h."""
     problem, h = problems()[name], 2e-4
 
     def controller(gamma):

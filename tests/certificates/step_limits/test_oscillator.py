@@ -110,7 +110,8 @@ def test_a_run_on_both_sides(name):
     gamma = Oscillator(problem.known, solver, NONE).largest_g(h) / float(x @ x)
 
     def run(factor):
-        """The largest error of the whole run and of its last quarter, relative to the largest that the equations allow."""
+        """The largest error of the whole run and the largest error of its last quarter, relative to the largest error that the
+        equations allow."""
         controller = Mrac(gamma=factor * gamma, theta_hat0=[4 + 1e-6, -3], projection=False)
         metrics = simulate(problem, [controller], Simulation(t_end=800.0, dt=h, solver=solver))["MRAC"].metrics
         allowed = 1e-6 / np.sqrt(factor * gamma * np.linalg.eigvalsh(problem.known.P)[0])  # (9)

@@ -412,7 +412,7 @@ def test_many_random_systems_at_every_width():
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
 def test_wide_and_narrow_enclosures_overlap(order, sample):
-    # At a wide tolerance the error bounds dominate, so that a wrong one would show.
+    # At a wide tolerance the error bounds dominate, so a wrong bound would show.
     rng = np.random.default_rng(10 + order)
     for index in range(sample(15, 60)):
         system = random_system(rng, order)

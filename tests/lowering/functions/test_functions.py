@@ -24,8 +24,8 @@ EXACT = {
     "ndtri": lambda a: -flint.arb(2).sqrt() * (2 * a).erfcinv(),
 }  # fmt: skip
 NORMAL = 7.0
-"""Largest error of ndtri in units of the last place. The largest found at 150,000 points was 6.2, and that of SciPy 4.1. Noise
-has to be reproducible but not exact."""
+"""Largest error of ndtri in units of the last place. The largest error found at 150,000 points was 6.2, and SciPy's largest was
+4.1. Noise has to be reproducible but not exact."""
 LARGEST = np.finfo(float).max
 SMALLEST = 5e-324
 INF, NAN = math.inf, math.nan

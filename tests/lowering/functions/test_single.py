@@ -91,14 +91,14 @@ def test_the_error_is_below_a_unit_in_the_last_place(name, library, sample) -> N
         exact = EXACT[name](*(part.astype(float) for part in x))
     errors = ulps(computed(library, name, *x), exact)
     worst = int(np.argmax(errors))
-    limit = NORMAL if name == "ndtri" else 1  # the error promised by fdlibm for its own format
+    limit = NORMAL if name == "ndtri" else 1  # the error that fdlibm promises for its format
     assert errors[worst] < limit, [float(part[worst]) for part in x]
 
 
 @needs_gcc
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_c_and_numpy_compute_the_same_bits(name, library, sample) -> None:
-    """The lists are those of the test vectors of an export."""
+    """The lists come from the test vectors of an export."""
     random = np.random.default_rng(7)
     x = [random.permutation(part)[: sample(30, 1000)] for part in points(name, 40009)]
     x = [np.concatenate([part, random.uniform(-5, 5, sample(30, 1000)).astype(F32)]) for part in x]

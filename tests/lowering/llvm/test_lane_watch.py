@@ -1,4 +1,4 @@
-"""Watched quantities of several members in lanes: each keeps its own largest value over every eighth step."""
+"""Watched quantities of several members in lanes: each member keeps its largest value over every eighth step."""
 
 import casadi as ca
 import numpy as np

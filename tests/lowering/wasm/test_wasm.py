@@ -239,8 +239,8 @@ def test_a_stack_has_a_size() -> None:
 
 
 def test_modules_take_version_1_and_conversions_that_do_not_trap() -> None:
-    """The instruction set is that of browsers of 2021. Later instructions are disabled here, so a module with one of them is
-    invalid."""
+    """The instruction set is the one that browsers of 2021 support. Later instructions are disabled here, so a module with one of
+    them is invalid."""
     config = wasmtime.Config()
     config.wasm_bulk_memory = config.wasm_relaxed_simd = config.wasm_simd = config.wasm_multi_value = config.wasm_tail_call = (
         False

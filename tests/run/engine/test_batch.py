@@ -1,5 +1,5 @@
-"""A kernel with dt, the delay's weights and the sampling counts as arguments, compared with kernels that have them compiled
-in."""
+"""A kernel with dt, the delay's weights and the sampling counts as arguments, compared with kernels in which these values are
+compiled in."""
 
 from __future__ import annotations
 
@@ -138,8 +138,8 @@ def test_recorded_blocks_of_members_that_stop_at_different_times(problems):
 
 
 def test_a_step_is_traced_once_for_all_that_it_depends_on(problems):
-    """Other arguments of the kernel use the same program. Another constant, step or option or a class from outside has its own
-    program."""
+    """Other arguments of the kernel use the same program. A different constant, step or option, or a class from outside, has a
+    separate program."""
 
     def program(members, dt=STEPS[0], **how):
         return Batch.of(members, Simulation(t_end=4.0, dt=dt, **how)).program

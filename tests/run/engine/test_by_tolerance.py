@@ -93,7 +93,7 @@ def test_jumps_and_corners_of_the_command_end_steps() -> None:
 
 
 def test_the_measured_error_is_that_of_the_run() -> None:
-    """It is compared with a third run at a finer tolerance than that of the second one."""
+    """It is compared with a third run at a finer tolerance than the second one."""
     result = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-5))["L1"]
     exact = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-10))["L1"]
     found = np.abs(result.theta_hat - exact.theta_hat).max(axis=0) / np.abs(exact.theta_hat).max(axis=0)

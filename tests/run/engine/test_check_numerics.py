@@ -55,12 +55,12 @@ def delayed(delay):
 
 
 def test_an_oscillation_that_the_input_delay_makes_is_not_blamed_on_the_solver():
-    # fast adaptation around a delay of 0.05 s oscillates at any step; at 1e-3 s the solver adds its own oscillation
+    # fast adaptation around a delay of 0.05 s oscillates at any step; at 1e-3 s the solver adds an oscillation
     controller, problem = L1Adaptive(gamma=10.0, filter=input_filter(0.02)), delayed(0.05)
     result = checked(problem, controller, Simulation(t_end=20, dt=1e-3))
     assert result.stiffness.unstable_from is not None and result.check.origin == "both"
     assert result.label is None and result.verdict.settled  # of the same class at both steps
-    finest = simulate(problem, [controller], Simulation(t_end=20, dt=2e-5))["L1"]  # finer than that of the check
+    finest = simulate(problem, [controller], Simulation(t_end=20, dt=2e-5))["L1"]  # finer than the check's tolerance
     assert finest.label is None
     assert max(finest.figures["theta_hat_variation_rate"]) > 20  # more than a sweep of the box per second
 
@@ -153,7 +153,7 @@ def test_a_burst_before_the_tail_is_judged_by_the_whole_run():
 
 
 def test_what_a_law_sampled_by_euler_steps_chatters_is_not_called_the_loops():
-    """Its own steps are refined with those of the solver, because a finer solver alone would show the same chatter."""
+    """The steps of the law are refined together with the solver's, because a finer solver alone would show the same chatter."""
     controller = Sampled(controller=Mrac(gamma=2e-3), sample_time=1e-2, discretization="euler")
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-3))
     assert result.label is not None
@@ -199,8 +199,8 @@ filter = { kappa = 0.05 }
 
 
 def test_no_solver_is_blamed_for_a_finite_escape(tmp_path):
-    """The finite escape is that of the plant. Its time converges with the step, and the region of stability of every step is left
-    just before it."""
+    """The plant escapes in finite time. This time converges with the step, and the region of stability of every step is left just
+    before it."""
     path = tmp_path / "escape.toml"
     path.write_text(ESCAPE)
     found = load_case(path)

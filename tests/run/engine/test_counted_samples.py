@@ -43,7 +43,7 @@ def test_lost_samples_are_those_of_the_draw(fault, dt):
 
 
 def test_calls_of_a_jittered_timer_are_counted_once():
-    """Every call is on time for a shell without a band, so only the random losses count as missed, at the instants of the
+    """Every call is on time for a shell without a band, so only the random losses are counted as missed, at the instants of the
     calls."""
     faults = (Dropout(times=[[1.0, 1.51]]), Jitter(time=T / 4, seed=1))
     run = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0005)

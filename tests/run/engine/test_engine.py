@@ -166,7 +166,7 @@ def test_lanes_for_members():
 
 
 def test_the_result_in_other_libraries(recorded_and_brute):
-    """The same numbers under the same names in pandas, xarray and python-control."""
+    """The numbers of a result, under the same names in pandas, xarray and python-control."""
     result, _ = recorded_and_brute
     table, dataset, response = result.to_pandas(), result.to_xarray(), result.to_control()
     assert table.index.name == "t"

@@ -99,7 +99,7 @@ def test_bad_ensembles():
 
 
 def mixed_members(count=11):
-    """Members that share controllers, problems and their parts in every way. Each has its own delay and noise."""
+    """Members that share controllers, problems and their parts in every way. Each has a separate delay and separate noise."""
     rng = np.random.default_rng(5)
     problems = [random_problem(rng) for _ in range(2)]
     gains = [Mrac(gamma=gamma) for gamma in (1.0, 20.0)]

@@ -1,4 +1,4 @@
-"""The solver's fraction of an error, estimated with half of the step and compared with runs at far smaller steps."""
+"""The part of an error that is due to the solver, estimated with half of the step and compared with runs at far smaller steps."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def test_code_is_optimised_once_its_runs_are_long_enough_in_all(problem_and_cont
 @pytest.mark.short(kept=lambda dt, stable: not stable)
 @pytest.mark.parametrize(("dt", "stable"), [(1e-3, True), (0.1, False)])
 def test_the_label_of_a_large_loop(dt, stable):
-    """The fastest mode is that of the plant, at 30 per second. h lambda = 3 exceeds RK4's 2.79."""
+    """The fastest mode belongs to the plant, at 30 per second. h lambda = 3 exceeds RK4's 2.79."""
     n = 10
     rates = np.append(np.arange(1.0, n), 30.0)
     plant = Plant(A_m=np.diag(-rates) + np.diag(np.ones(n - 1), 1), b=np.eye(n)[-1], theta=np.full(n, 0.1), x0=np.full(n, 0.1))

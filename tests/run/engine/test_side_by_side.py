@@ -1,5 +1,4 @@
-"""Members in the lanes of one kernel: the bits of every member are those of its single run, for any number of lanes and
-threads."""
+"""Members in the lanes of one kernel: every member is identical to its single run, for any number of lanes and threads."""
 
 import threading
 from dataclasses import replace

@@ -1,4 +1,5 @@
-"""The label of a run: every step counts, recorded or not, and the time is that of the first step outside the region."""
+"""The label of a run: every step counts, recorded or not, and the stated time is the time of the first step outside the
+region."""
 
 from __future__ import annotations
 

@@ -152,7 +152,7 @@ def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
 
 
 def test_each_member_has_its_own_delay() -> None:
-    """Each also has its own history and equals the single run bit for bit."""
+    """Each also has a separate history and is identical to the single run."""
     members = [(delayed(tau), MRAC) for tau in (0.01, 0.03, 0.1)]
     plant = replace(members[1][0].plant, input=PlantInput(delay=0.03))
     members.append((replace(members[1][0], plant=plant), MRAC))

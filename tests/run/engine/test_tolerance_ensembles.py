@@ -1,4 +1,4 @@
-"""Members with their own steps in one kernel, compared with single runs, fixed steps and SciPy."""
+"""Members with individual steps in one kernel, compared with single runs, fixed steps and SciPy."""
 
 from dataclasses import replace
 

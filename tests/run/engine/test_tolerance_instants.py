@@ -29,8 +29,8 @@ SENSOR = Sensor(lag=0.05, noise=NOISE)
 def by_scipy(problem, controller, t_end, *others):
     """The state at t_end, including a sample there, from SciPy's DOP853 at 1e-12 and the controller's own Python equations.
 
-    Its pieces are between samples, arrivals of delayed samples, changes of the noise and ``others`` [s]. The bounds of a known
-    set are not reached.
+    The pieces of the run lie between samples, arrivals of delayed samples, changes of the noise and ``others`` [s]. The bounds of
+    a known set are not reached.
     """
     loop = ClosedLoop.of(problem, controller)
     rates, T, tau = Compiled(right_hand_side(loop)), loop.sample_time, problem.delay

@@ -158,7 +158,7 @@ def test_the_issue_s_square_wave():
 
 
 class Without:
-    """The same command without a statement on its breaks."""
+    """A command that does not state its breaks."""
 
     def __init__(self, signal):
         self.signal, self.before = signal, signal.before
@@ -205,7 +205,7 @@ def test_smooth_signals_have_no_breaks():
 
 @pytest.mark.parametrize("kind", BREAKING)
 def test_the_breaks_do_not_depend_on_where_one_looks(kind):
-    """Computed at once and step by step, the result is the same bit for bit, so that a run can be resumed exactly."""
+    """Computed at once or step by step, the result is identical, so a run can be resumed exactly."""
     signal, by_hand = BREAKING[kind]
     simulation = Simulation(t_end=3.0, dt=0.01)
     whole = breaks_inside((signal,), simulation, 0, 300)

@@ -217,7 +217,7 @@ def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
 @pytest.mark.parametrize("x0", np.geomspace(1e141, 1e149, 30))
 @pytest.mark.short(kept=lambda x0: x0 < 1e143)
 def test_a_run_past_the_largest_number_gives_no_warning(x0):
-    """The same for a single run with ``simulate``."""
+    """This holds also for a single run with ``simulate``."""
     given = exploding(1.5).plant
     problem = Problem(
         plant=Plant(A_m=given.A_m, b=given.b, theta=given.theta, x0=[x0]), uncertainty=ParameterBox(lower=[0], upper=[0])
@@ -227,7 +227,7 @@ def test_a_run_past_the_largest_number_gives_no_warning(x0):
 
 
 def test_members_that_diverge_do_not_disturb_the_others(problems):
-    """Each has its own time. A member that stays bounded keeps its metrics bit for bit."""
+    """Each diverges at a different time. A member that stays bounded keeps its metrics bit for bit."""
     problem = exploding(2.0)
     loop = ClosedLoop.of(problem, NOTHING)
     states = loop.initial()[:, None].repeat(5, axis=1)

@@ -1,4 +1,5 @@
-"""Signals of runs without fused multiply-adds: the bits are those of the lists, whatever NumPy's own functions return."""
+"""Signals of runs without fused multiply-adds: the results are identical to those of the operation lists, whatever NumPy's
+functions return."""
 
 from __future__ import annotations
 
@@ -131,7 +132,7 @@ def test_no_bit_depends_on_which_numbers_a_kernel_is_handed(case) -> None:
 
 
 def moved(problem, share):
-    """The same problem with a slightly different plant."""
+    """The given problem with a slightly different plant."""
     if isinstance(problem.plant, OutputPlant):
         plant = problem.plant.transfer_function
         return replace(problem, plant=replace(problem.plant, transfer_function=TransferFunction(share * plant.num, plant.den)))

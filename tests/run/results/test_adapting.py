@@ -67,7 +67,7 @@ def test_the_level_is_that_of_the_worst_window():
 
 
 def test_several_inputs_excite_every_channel_alike():
-    """With Phi = phi x I the smallest eigenvalue is that of phi."""
+    """With Phi = phi x I the smallest eigenvalue equals the one for phi."""
     t = np.linspace(0, 80, 8001)
     phi = np.stack([np.sin(np.pi * t), np.cos(np.pi * t)], axis=1)
     Phi = np.einsum("ki,jl->kijl", phi, np.eye(3)).reshape(len(t), 6, 3)
@@ -86,7 +86,7 @@ def test_a_coarse_record_is_noticed():
 
 @pytest.mark.parametrize("controller", [CHATTERING, Mrac(gamma=1.0), Sampled(controller=Mrac(gamma=100.0), sample_time=5e-3)])
 def test_path_and_bounds_against_every_step(section_v, controller):
-    """The decimated record's path is that of every step, and its fractions enclose the true ones."""
+    """The path of the decimated record equals the path over all steps, and its fractions enclose the true ones."""
     every, decimated = (run(section_v, controller, record_points=n).adapting for n in (20_000, 300))
     record = run(section_v, controller, record_points=20_000)
     moves = np.abs(np.diff(record.theta_hat, axis=0))

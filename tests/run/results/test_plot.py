@@ -102,7 +102,7 @@ def test_the_first_panel_is_the_motion_with_model_and_command(results):
 
 
 def test_on_a_grey_print_the_legend_tells_lines_apart_by_their_widths(results):
-    """Each compared run has its own line width, in the panel and in its legend."""
+    """Each compared run has a different line width, in the panel and in its legend."""
     axes = next(axes for axes in plot(list(results.values())[:3]).axes if axes.get_legend())
     shown = {line.get_label(): line.get_linewidth() for line in axes.get_legend().legend_handles}
     widths = [shown[name] for name in list(results)[:3]]
@@ -220,7 +220,7 @@ def titles(figure):
 
 
 def test_panels_are_chosen_by_their_names(results):
-    """The panels are in the order of the names, each once. A state may be given by its number or by its own name."""
+    """The panels are in the order of the names, and each appears once. A state may be given by its number or by its name."""
     both = results["MRAC"].plot(panels=["control", "motion"])
     assert [one.split()[0] for one in titles(both)] == ["Control", "State"]
     assert len(titles(results["MRAC"].plot(panels="x_1"))) == len(titles(plot(results, panels=["motion", "x_1"]))) == 1

@@ -155,7 +155,7 @@ def test_a_gust_turns_the_angle_of_attack_alone(trim):
     airframe = Airframe(CONDITION)
     airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
     airframe.blow(5.0)
-    for _ in range(3):  # JSBSim's load factor is that of the previous step
+    for _ in range(3):  # JSBSim's load factor belongs to the previous step
         airframe.fdm.run()
     alpha, q = np.deg2rad(airframe.angles(["alpha", "q"]))
     assert alpha - trim.alpha == pytest.approx(-5 / trim.speed, rel=0.02)  # cos(alpha), and 7.5 ms of motion

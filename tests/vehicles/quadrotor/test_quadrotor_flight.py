@@ -147,7 +147,7 @@ def test_the_delay_tolerated_is_found_to_a_sample(axes):
     roll = axes.attitude[0]
     crossover = 1.55 * roll.frequency
     margin = np.deg2rad(65.5) / crossover - roll.lag
-    assert margin < tolerated < 3 * margin  # that of the linear loop for small signals; the motion grows slowly
+    assert margin < tolerated < 3 * margin  # the limit of the linear loop for small signals; the motion grows slowly
 
 
 class Overflowing:

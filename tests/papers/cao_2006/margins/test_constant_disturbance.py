@@ -25,7 +25,7 @@ def test_the_loop_is_that_of_the_schemes_with_a_constant_regressor(kappa):
 
 
 def test_the_case_has_the_rows_delay_margins():
-    """The margins from the paper's case file by linearisation equal those of the loop in closed form."""
+    """The margins found from the paper's case file by linearisation equal the margins of the loop in closed form."""
     (path,) = PAPER.cases
     case = load_case(path)
     found = certify(case.problem, case.controllers, case.simulation)
@@ -54,7 +54,7 @@ def test_the_findings_and_the_coverage():
     assert {name: row.finding for name, row in rows.items()} == {
         "high-gain-phase": "holds",
         "high-gain-delay": "holds",
-        "phase-independent": "fails",  # it is that of 1/(kappa s) only once the resonance no longer crosses |L| = 1
+        "phase-independent": "fails",  # it equals the margin of 1/(kappa s) only once the resonance no longer crosses |L| = 1
         "delay-bounded": "holds",
         "high-gain-inside": "holds",
     }

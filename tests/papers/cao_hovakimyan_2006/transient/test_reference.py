@@ -40,7 +40,7 @@ def test_the_ideal_control_is_that_of_the_mrac_with_theta_known():
 
 
 def test_the_case_has_the_rows_runs():
-    """The runs of the paper's case file equal those of the rows at their lowest gain."""
+    """The runs of the paper's case file equal the runs of the rows at their lowest gain."""
     (path,) = PAPER.cases
     case = load_case(path)
     runs = simulate(case.problem, case.controllers, case.simulation)

@@ -55,7 +55,7 @@ def is_stable(loop, delay):
 
 
 def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
-    """At gains between those of the map, the factor that MRAC's loop tolerates makes the filtered loop unstable."""
+    """At gains between the ones of the map, the factor that MRAC's loop tolerates makes the filtered loop unstable."""
     shown = effect.maps[1]
     assert (shown.values[shown.y.values <= adapting_margins.MODERATE_KAPPA] < 1).all()
     for size in (3e-3, 7.0, 2e5):
@@ -66,8 +66,8 @@ def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
 
 
 def test_the_ends_of_the_curves():
-    """For Gamma -> 0 the margin is that of the loop with constant estimates. At high gain it is proportional to 1/Gamma for MRAC
-    and that of the limit loop for L1-AC."""
+    """For Gamma -> 0 the margin equals the margin of the loop with constant estimates. At high gain it is proportional to 1/Gamma
+    for MRAC, and for L1-AC it equals the margin of the limit loop."""
     claim = gain_margins.gain_reduces_margins()
     (chart,) = claim.maps
     assert [reading.holds for reading in claim.readings if reading.literal] == [True]
@@ -143,7 +143,7 @@ def test_the_delay_margin_of_mrac_falls_like_one_over_gamma():
 
 
 def test_what_l1s_authors_say_of_its_margins():
-    """The phase margin has three values. The limit of the delay margin is that of C/(1 - C) (1 + theta'G)."""
+    """The phase margin has three values. The delay margin tends to the delay margin of C/(1 - C) (1 + theta'G)."""
     claim = gain_margins.l1_margins()
     assert claim.finding == "mixed" and claim.sentence.source.side == "ours"
     phase, delay = claim.readings[:2]

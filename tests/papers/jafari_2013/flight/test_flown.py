@@ -288,7 +288,7 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
 
 
 def test_over_all_campaigns_linear_schemes_are_ahead_through_more_failures():
-    """The numbers are those of docs/laboratory/f16.md, five and nine."""
+    """The numbers are the ones in docs/laboratory/f16.md, five and nine."""
     every = [Flights.stored(name) for name in stored()]
     assert [one.name for one in every] == ["f16-pitch", "f16-roll", "quadrotor"]
 

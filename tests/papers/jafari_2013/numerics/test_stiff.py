@@ -14,7 +14,7 @@ from barbalat.solvers.simulation import Simulation
 
 
 def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
-    """CVODES' estimates vary by 2.8 within 10 ms, those of RK4 at h = 1e-6 s by 0.41, of which a twentieth is drift."""
+    """CVODES' estimates vary by 2.8 within 10 ms. RK4's estimates at h = 1e-6 s vary by 0.41, a twentieth of which is drift."""
     row = stiff.PAPER_SETTING.automatic({}, tolerance=stiff.LOOSE_TOLERANCES[0], t_end=stiff.LOOSE_END)[0]
     assert not row.boxed.lost and row.boxed.reached == stiff.LOOSE_END
     simulation = Simulation(t_end=stiff.LOOSE_END, dt=1e-6, record_points=4000)

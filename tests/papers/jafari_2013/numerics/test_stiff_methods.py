@@ -109,7 +109,7 @@ def test_compiled_functions_are_casadis():
         for _ in range(20):
             at, given = rng.normal(size=3), rng.normal(size=2)
             results.append((compiled(at, given), np.array(function(at, given)).reshape(shape)))
-        for ours, theirs in results:  # each call has its own array
+        for ours, theirs in results:  # each call has a separate array
             assert ours.shape == shape
             np.testing.assert_allclose(ours, theirs, rtol=1e-14, atol=1e-15)
     with pytest.raises(ValueError, match="dense"):

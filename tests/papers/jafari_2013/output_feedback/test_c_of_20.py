@@ -10,7 +10,7 @@ from barbalat.papers.jafari_2013.output_feedback import c_of_20
 
 
 def loop_is_stable(C, G) -> bool:
-    """Whether the negative feedback loop of G and K = C/((1 - C) G_m), each with its own realisation, is stable."""
+    """Whether the negative feedback loop of G and K = C/((1 - C) G_m), each realised separately, is stable."""
     K = tf2ss(np.polymul(C.num, [1 / c_of_20.M, 1.0]), np.polysub(C.den, C.num))
     plant = tf2ss(G.num, G.den)
     A = block_diag(plant[0], K[0])
@@ -43,7 +43,8 @@ def test_the_filters_have_a_unit_dc_gain_and_are_strictly_proper():
 
 
 def test_the_norm_is_that_of_a_quadrature():
-    """The norm is that of the worst plant of the set, with the lead at 10 rad/s, from 20 000 samples of the impulse response."""
+    """The norm is the norm for the worst plant of the set, with the lead at 10 rad/s, from 20 000 samples of the impulse
+    response."""
     C, family = c_of_20.with_lead(10.0), c_of_20.plants()
     t, worst = np.linspace(0, 30, 20_001), 0.0
     for G in family:

@@ -21,7 +21,7 @@ def test_the_runs_are_those_of_scipy(alpha_0):
     path = PlantInput(multiplicative=TransferFunction([-mu, 0.0], [delta_2.DERIVATIVE_POLE, 1.0]))
     controller = replace(delta_2.controller(tau, alpha_0), projection=False)
     found = figures([(variant(input=path, reference=delta_2.COMMAND), controller)], 10.0, delta_2.STEP)
-    # RK4 at half of the realisation's time constant, whose mode is damped: four digits are enough for an exponent
+    # RK4's step is half of the realisation's time constant, whose mode is damped; four digits are enough for an exponent
     np.testing.assert_allclose(found.max_abs_e[0], np.abs(e).max(axis=0), rtol=1e-3)
 
 

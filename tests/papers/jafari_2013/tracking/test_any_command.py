@@ -1,4 +1,4 @@
-"""The commands are bounded and of all kinds, their runs are those of SciPy, and with a modelling error the error would not
+"""The commands are bounded and of all kinds, their runs agree with SciPy's, and with a modelling error the error would not
 decrease."""
 
 import numpy as np

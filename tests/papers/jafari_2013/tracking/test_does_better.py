@@ -1,5 +1,5 @@
-"""The comparison's runs compared with SciPy's, the tunings that count as beaten, and draws that are even and the same on both
-sides."""
+"""The comparison's runs compared with SciPy's, the tunings that are regarded as beaten, and draws that are evenly distributed and
+identical on both sides."""
 
 import numpy as np
 
@@ -17,8 +17,8 @@ def side(*reached):
 
 
 def test_who_is_beaten():
-    """A tuning is beaten if another one is worse in no objective and better in one. Equal tunings are not beaten, and lost ones
-    are discarded."""
+    """A tuning is beaten if some other tuning is worse in no objective and better in at least one. Equal tunings are not beaten,
+    and lost ones are discarded."""
     one = side((1.0, 5.0), (2.0, 2.0), (np.inf, np.inf))
     every = (0, 1)
     assert list(one.unbeaten(side((2.0, 1.0)), every)) == [0]
