@@ -49,6 +49,25 @@ def found():
     return compete(DRIVE, SIMULATION, [mrac(), fixed(1.0)], RULE, members=16)
 
 
+def test_a_chosen_tuning_is_repeated_at_the_tolerance_that_is_given():
+    """A command that is a Python function is known only at the steps' instants; finer steps then take the tolerance's place."""
+    check = Simulation(4.0, tolerance=1e-7)
+    for reference, repeated, said in (
+        (DRIVE.reference, check, "Fixed: a tolerance of 1e-07 confirms it"),
+        (
+            ThenHeld(),
+            replace(SIMULATION, dt=1e-3),
+            "Fixed: it is not repeated at a tolerance of 1e-07: simulation.tolerance needs",
+        ),
+    ):
+        problem = replace(DRIVE, reference=reference)
+        found = compete(problem, SIMULATION, [fixed(1.0)], RULE, members=8, finer=False, check=check)
+        (one,) = found.entrants
+        assert one.meets and one.step.simulation == repeated
+        assert one.step.value == pytest.approx(one.error, rel=1e-3)  # a mean over 1001 instants, or an integral
+        assert sum(note.startswith(said) for note in found.notes) == 1
+
+
 class ThenHeld:
     """The command until t = 4 s, then held at its largest value of the last quarter, 1."""
 

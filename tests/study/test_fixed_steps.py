@@ -83,8 +83,14 @@ def test_a_contest_of_a_case_with_a_tolerance_is_one_with_those_steps(monkeypatc
     case = parse_case(DRIVE, "drive.toml")
     found = contest(case, **options)
     stepped = contest(replace(case, simulation=Simulation(4.0, 4e-3)), **options)
-    assert found.notes[0].startswith("all runs here use fixed steps, rk4 with h = 0.004 s")
-    assert found.notes[1:] == stepped.notes
+    assert found.notes[0].startswith("runs here use fixed steps, rk4 with h = 0.004 s")
+    assert found.notes[0].endswith("simulation.tolerance = 1e-06; each chosen tuning is repeated at that tolerance")
+    confirmed = [note.replace("a step 4 times smaller", "a tolerance of 1e-06") for note in stepped.notes]
+    assert "MRAC: a tolerance of 1e-06 confirms it" in confirmed and list(found.notes[1:]) == confirmed
+    (one,) = found.entrants
+    assert one.step.as_json()["tolerance"] == 1e-6 and one.step.value == pytest.approx(
+        one.error, rel=1e-3
+    )  # a mean over 1001 instants
     for name in stepped.held_out:
         assert found.held_out[name].error.tolist() == stepped.held_out[name].error.tolist()
 

@@ -38,11 +38,11 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.kernel.costs import steps_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.finer_step import finer as finer_in_words
 from barbalat.study.finer_step import refined
 from barbalat.study.fixed_steps import fixed_steps
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
+from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Criterion
 from barbalat.targets import CONTEST, require_continuous_reading
 from barbalat.validate import InputError, Named, counted
@@ -97,11 +97,12 @@ def contest(
     entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=sample_time)
     if not entrants:
         raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
+    check = None if steps.tolerance is None else resolved(problem, whole.controllers, steps.tolerance)
     found = compete(
-        noisy, simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, threads=threads,
-        progress=progress,
+        noisy, simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, check=check,
+        threads=threads, progress=progress,
     )  # fmt: skip
-    said = filter(None, (steps.sentence, added_noise(problem, noisy, noise)))
+    said = filter(None, (steps.chosen_sentence, added_noise(problem, noisy, noise)))
     return replace(found, notes=(*said, *found.notes))
 
 
@@ -122,6 +123,7 @@ def compete(
     members: int = DEFAULT_MEMBERS,
     left_out: Sequence[str] = (),
     finer: bool = True,
+    check: Simulation | None = None,
     family: Sequence[Problem] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -131,6 +133,7 @@ def compete(
     judge     the criteria for the verdicts; by default derived from the model's motion
     left_out  sentences on schemes that do not take part, which are passed on
     finer     whether the first validation run of each command is repeated with a finer step
+    check     the simulation with which each chosen tuning is repeated; by default one with a finer step
     family    the plants for tuning, in place of those that the rule draws
 
     Raises InputError for a problem without a known set, and for entrants with the same name.
@@ -146,7 +149,9 @@ def compete(
     tuned = []
     for i, one in enumerate(entrants):
         part = part_of(progress, TUNING_SHARE * i / len(entrants), TUNING_SHARE / len(entrants))
-        tuned.append(qualify(one, rule, plants.read_by(one), simulation, judge=judge, threads=threads, progress=part))
+        tuned.append(
+            qualify(one, rule, plants.read_by(one), simulation, judge=judge, check=check, threads=threads, progress=part)
+        )
     qualified = [one for one in tuned if one.meets]
     rest = part_of(progress, TUNING_SHARE, 1 - TUNING_SHARE)
     held = measure(qualified, draws, rule, simulation, judge=judge, threads=threads, progress=rest)
@@ -164,7 +169,7 @@ def compete(
         held_out=Named.of("entrant that satisfies the rule", held),
         pairs=tuple(pairs),
         left_out=tuple(left_out),
-        notes=tuple(_notes(problem, simulation, ordered, again, rule)),
+        notes=tuple(_notes(problem, simulation, ordered, again, rule, check)),
         again=again,
         seconds=time.perf_counter() - started,
     )
@@ -242,21 +247,28 @@ def _rank(one: Qualified, held: dict[str, Validation]) -> tuple[bool, int, float
 
 
 def _notes(
-    problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Remeasured], rule: Rule
+    problem: Problem,
+    simulation: Simulation,
+    tuned: Sequence[Qualified],
+    again: Mapping[str, Remeasured],
+    rule: Rule,
+    check: Simulation | None,
 ) -> list[str]:
     """Return sentences on the limitations of the result."""
-    said, own = [], "the step" if simulation.tolerance is None else "the tolerance"
+    said = []
     for one in tuned:
         if not one.meets:
-            also = f" even at {finer_in_words(simulation)}" if one.refused else ""
+            also = f" even at {one.refused[0].how}" if one.refused else ""
             said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} satisfies the rule{also}")
         elif one.refused:
+            own = "the step of the case" if one.refused[0].simulation.tolerance is None else "fixed steps"
             said.append(
-                f"{one.name}: {len(one.refused)} better tunings satisfy the rule only at {own} of the case: "
+                f"{one.name}: {len(one.refused)} better tunings satisfy the rule only at {own}: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
-    said += [one.sentence(name, refined(simulation)) for name, one in again.items()]
+    remedy = "make simulation.dt smaller" if check is None else f"give a simulation.dt below {simulation.dt:g}"
+    said += [one.sentence(name, refined(simulation), remedy) for name, one in again.items()]
     if rule.until is Criterion.ONSET and problem.noise is not None:
         said.append(NOISE_SENTENCE)
     for one in tuned:

@@ -133,15 +133,17 @@ def qualify(
     simulation: Simulation,
     *,
     judge: Judge,
+    check: Simulation | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Qualified:
-    """Search under the rule. ``plants`` are the plants of the rule, in the form that this entrant accepts."""
+    """Search under the rule. ``plants`` are the plants of the rule, in the form that this entrant accepts; ``check`` as in
+    ``Trials``."""
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths, judge)
     together = not len(space) or in_one_kernel(varied, space)
-    trials = Trials(varied, 0, rule.aim, together=together, shared=plants, threads=threads)
+    trials = Trials(varied, 0, rule.aim, together=together, shared=plants, threads=threads, check=check)
     _try_tunings(trials, space, rule, progress)
     best = best_of(trials)
     found = best.nearest

@@ -178,15 +178,14 @@ class Remeasured:
     verdicts: int
     errors: int
 
-    def sentence(self, name: str, fine: Simulation) -> str:
-        """Return the finding as a sentence."""
+    def sentence(self, name: str, fine: Simulation, remedy: str) -> str:
+        """Return the finding as a sentence, with a remedy if something changes."""
         again = f"{name}: of {counted(self.runs, 'validation run')} repeated at {fine.step}"
         if not (self.verdicts or self.errors):
             return f"{again} none changes its verdict or its error"
         return (
             f"{again} the verdict changes on {self.verdicts}, and the error changes by more than "
-            f"{100 * EQUAL_FIGURES_SHARE:.0f} % on {self.errors}: some of these changes are due to the solver; make "
-            f"{fine.refined_by} smaller"
+            f"{100 * EQUAL_FIGURES_SHARE:.0f} % on {self.errors}: some of these changes are due to the solver; {remedy}"
         )
 
 

@@ -30,6 +30,7 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.study.fixed_steps import fixed_steps
+from barbalat.study.resolved import resolved
 from barbalat.sweeps.statistics import Share
 from barbalat.validate import Array, InputError, counted
 
@@ -318,6 +319,7 @@ def design(
     validate.instance("specification", asked, Specification)
     problem = posed(whole.problem)
     steps = fixed_steps(problem, whole.controllers, whole.simulation)
+    check = None if steps.tolerance is None else resolved(problem, whole.controllers, steps.tolerance)
     simulation, whole = steps.simulation, replace(whole, simulation=steps.simulation)
     held = _sample_time(whole, problem) if sample_time is None else sample_time
     rule = Rule(
@@ -343,8 +345,8 @@ def design(
         part = part_of(progress, begun, 1 - FIRST_ROUND_SHARE if round_ else FIRST_ROUND_SHARE)
         found = compete(
             noisy, simulation, entrants, replace(rule, plants=len(tuning)), judge=whole.judge, members=members,
-            left_out=[*filter(None, [steps.sentence]), *left_out],
-            finer=validated, family=tuning, threads=threads, progress=part_of(part, 0, SEARCH_SHARE),
+            left_out=[*filter(None, [steps.chosen_sentence]), *left_out],
+            finer=validated, check=check, family=tuning, threads=threads, progress=part_of(part, 0, SEARCH_SHARE),
         )  # fmt: skip
         tolerated = {}
         if validated:  # the command of the case, whose control demand the specification limits

@@ -19,7 +19,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import SCANNED_DELAYS, gains_scanned, longest_delay, scanned
-from barbalat.study.finer_step import PlainRun, finer
+from barbalat.study.finer_step import PlainRun
 from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
 
@@ -190,19 +190,23 @@ def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Id
 
 @dataclass(frozen=True, kw_only=True)
 class StepCheck:
-    """The results for a tuning with the ``refined`` simulation.
+    """The results for a tuning with the ``refined`` simulation, or with another one.
 
+    how      the simulation in words
     value    the aim's metric with the finer step; None if no run gives it
     broken   sentences on constraints that are violated with the finer step
     changed  sentences on metrics that differ with the finer step
     plain    the run of the tuning without a modelling error, at the step of the case
+    instead  why the simulation is not the one that was asked for, if it is not
     """
 
     simulation: Simulation
+    how: str
     value: float | None
     broken: tuple[str, ...]
     changed: tuple[str, ...]
     plain: PlainRun
+    instead: str | None = None
 
     @property
     def holds(self) -> bool:
@@ -214,8 +218,8 @@ class StepCheck:
         """Sentences on the limitations of the result. If nothing has changed, the first one says so."""
         said = [*self.broken, *self.changed]
         if not said and self.plain.settles:
-            said = [f"{finer(self.simulation)} confirms it"]
-        return [*said, *self.plain.sentences]
+            said = [f"{self.how} confirms it"]
+        return [*said, *filter(None, [self.instead]), *self.plain.sentences]
 
     def as_json(self) -> dict[str, Any]:
         return {

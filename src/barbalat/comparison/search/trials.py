@@ -19,7 +19,8 @@ from barbalat.open_numbers.probe import Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.study.finer_step import PlainRun, different, refined
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.finer_step import PlainRun, different, finer, refined
 from barbalat.study.ideal_benchmark import Judging, Undelayed
 from barbalat.study.verdicts import Member
 from barbalat.validate import Array, InputError
@@ -54,6 +55,7 @@ class Trials:
 
     together  whether the tunings run together
     shared    the plants, if the tuned settings change none of them
+    check     the simulation with which a chosen tuning is repeated; by default the ``refined`` one of its case
     """
 
     varied: Varied
@@ -62,6 +64,7 @@ class Trials:
     together: bool
     shared: Plants | None
     threads: int | None = None
+    check: Simulation | None = None
     all: list[Trial] = field(default_factory=list)
     runs: int = 0
 
@@ -131,12 +134,23 @@ class Trials:
         return np.asarray(found)
 
     def at_finer_step(self, trial: Trial) -> StepCheck:
-        """Return the metrics and requirements of a fully evaluated tuning with the ``refined`` simulation.
+        """Return the metrics and requirements of a fully evaluated tuning with the ``refined`` simulation, or with ``check``.
 
-        Certificates involve no simulation and stay the same.
+        If ``check`` cannot be used with the controller, the refined simulation is used, and the result says why.
         """
+        own = _case(trial).simulation
+        if self.check is None:
+            return self._checked(trial, refined(own), finer(own))
+        try:
+            return self._checked(trial, self.check, self.check.step)
+        except InputError as error:
+            found = self._checked(trial, refined(own), finer(own))
+            return replace(found, instead=f"it is not repeated at {self.check.step}: {error}")
+
+    def _checked(self, trial: Trial, simulation: Simulation, how: str) -> StepCheck:
+        """Repeat a tuning with this simulation. Certificates involve no simulation and stay the same."""
         given = _case(trial)
-        case, aim = replace(given, simulation=refined(given.simulation)), self.aim
+        case, aim = replace(given, simulation=simulation), self.aim
         asked: list[Asked] = [(one.quantity, one, one.requirement.limit, SAME_SHARE) for one in aim.constraints]
         if aim.quantity.origin is Origin.PROBE and trial.value is not None and trial.value > PROBES[aim.quantity.name].none:
             asked.append((aim.quantity, None, trial.value, EQUAL_FIGURES_SHARE))
@@ -151,8 +165,9 @@ class Trials:
         self.runs += others.runs
         plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation, given.judge)
         return StepCheck(
-            simulation=case.simulation, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed), plain=plain
-        )
+            simulation=simulation, how=how, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed),
+            plain=plain,
+        )  # fmt: skip
 
     def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
         """Return the runs of ``finer``, a tuning at a finer step, and their consequences for ``trial``."""
