@@ -114,7 +114,7 @@ def copied(tab: Page) -> str:
 
 
 def compared(tab: Page, when: str) -> Iterator[str]:
-    """Every metric on the page against a run of the copied case."""
+    """Compares every metric on the page with a run of the copied case."""
     text, rows = copied(tab), tab.evaluate(ROWS)
     if len(rows) != tab.locator("input[id^=shown-]:checked").count():
         yield f"{when}: rows for {', '.join(rows) or 'nothing'}"

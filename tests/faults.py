@@ -48,7 +48,7 @@ MIRRORS = {
     "problem": ["tests/problem", "tests/adaptation", "tests/test_validate.py"],
     "solvers": ["tests/solvers", "tests/contracts/test_solvers.py", "tests/test_validate.py"],
 }
-"""The first tests for a fault of a room. For a room without an entry they are in its mirror."""
+"""The tests that run first on a fault in a room. For a room without an entry they are in the folder of tests that mirrors it."""
 
 OTHER_WAY = {
     "up": "down", "upper": "lower", "floor": "ceil", "abs_upper": "abs_lower", "ROUND_CEILING": "ROUND_FLOOR",

@@ -138,7 +138,7 @@ def test_times_are_read_in_their_own_unit():
 class Size:
     """A number that determines a size, and its use.
 
-    huge    value that is rejected within the budget as it is
+    huge    value that is rejected within the budget, without a change
     said    in the rejection
     budget  within which ``small`` is rejected, and less is quickly done; none where a limit is no budget's
     """

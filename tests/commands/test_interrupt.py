@@ -83,7 +83,7 @@ def interrupts():
 
 @pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_while_processes_start_is_kept():
-    """They start with the signal blocked. A signal that arrives meanwhile takes effect once they have started."""
+    """These processes start with the signal blocked. A signal that arrives meanwhile takes effect once they have started."""
     with pytest.raises(KeyboardInterrupt):
         with deaf_children():
             os.kill(os.getpid(), signal.SIGINT)

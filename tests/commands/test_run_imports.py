@@ -1,4 +1,4 @@
-"""What ``run`` must not load: what it loads without need delays every run."""
+"""The modules that ``run`` must not load, because every unnecessary import delays every run."""
 
 import subprocess
 import sys

@@ -180,8 +180,8 @@ def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
 
 @pytest.mark.parametrize("gain", [None, 2.0])
 def test_a_known_set_without_zero_starts_in_its_middle(gain):
-    """With an unknown input gain every scheme used to be left out, and the page was empty. Without one, the scheme's own initial
-    estimates were rejected."""
+    """With an unknown input gain every scheme used to be left out, and the page was empty. Without an unknown gain, the scheme's
+    default initial estimates were rejected."""
     plant = SMALL.plant if gain is None else replace(SMALL.plant, input=PlantInput(gain=gain))
     known = None if gain is None else (1.5, 3.0)
     apart = replace(SMALL, plant=plant, uncertainty=ParameterBox(lower=[0.5], upper=[2.5]), input_gain=known)
@@ -252,7 +252,7 @@ def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):
 
 
 def test_forecast_is_refined_by_what_was_seen():
-    """With an expected time of 30 s, the estimates determine each part's share, and the pace determines its duration."""
+    """With an expected time of 30 s, the estimates determine the fraction of each part, and the pace determines its duration."""
     expected = forecast.Forecast({"a": 10.0, "b": 20.0})
     assert expected.total("a", 0.0, 0.0) == 30.0
     assert expected.total("a", 0.5, 10.0) == 60.0  # a sixth of it took 10 s

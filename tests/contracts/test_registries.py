@@ -310,7 +310,7 @@ class Branching(Ramp):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Half(Mrac):
-    """The MRAC with half its gain.
+    """The MRAC with half of its gain.
 
     share  of the gain
     """

@@ -105,7 +105,7 @@ def test_the_kernel_does_what_plain_stepping_does(example, solver):
 
 
 def with_setting(controller, **changes):
-    """The same settings with some replaced."""
+    """The given settings with some of them replaced."""
     return type(controller)(**({f.name: getattr(controller, f.name) for f in fields(controller)} | changes))
 
 

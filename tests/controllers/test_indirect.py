@@ -14,9 +14,9 @@ def test_mrac_with_an_unknown_gain_is_the_indirect_scheme_of_the_textbooks():
     """For x' = a x + b u with a = 1 and b = 3, the scheme estimates a and b and computes the gains from them.
 
     x_hat' = a_m (x_hat - x) + a_hat x + b_hat u, a series-parallel estimator, with a_hat' = gamma (x - x_hat) x and b_hat' =
-    gamma (x - x_hat) u; u = -k_x x + k_r r with k_x = (a_hat - a_m)/b_hat and k_r = b_m/b_hat. With that u x_hat is x_m, so the
-    law is that of ``mrac``, with P = 1/(2 |a_m|) in its gain, theta_hat = a_hat - a_m and omega_hat = b_hat, which stays inside
-    its interval here. At the ends ``mrac`` would project it. The tolerance 1e-8 is for RK4 at 1 ms.
+    gamma (x - x_hat) u; u = -k_x x + k_r r with k_x = (a_hat - a_m)/b_hat and k_r = b_m/b_hat. With that u, x_hat is x_m, so the
+    law is the law of ``mrac``, with P = 1/(2 |a_m|) in its gain, theta_hat = a_hat - a_m and omega_hat = b_hat, which stays
+    inside its interval here. At the ends ``mrac`` would project it. The tolerance 1e-8 is for RK4 at 1 ms.
     """
     case, gamma, a_m, b_m, until = load_case("first-order"), 0.25, -4.0, 4.0, 10.0
 

@@ -23,7 +23,7 @@ COMPARED = {  # ordered: false if one is NaN; unordered: the negation of the opp
 
 @dataclass
 class Run:
-    """Symbolic execution of functions of one text."""
+    """Symbolic execution of the functions of one text."""
 
     text: str
     terms: Terms

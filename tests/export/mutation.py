@@ -52,7 +52,7 @@ int main(int count, char **arguments)
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The results of the compiled self-test for the mutants, in their order."""
+    """The results of the compiled self-test for the mutants, in the order of the mutants."""
 
     vectors: Vectors
     killed: tuple[bool, ...]
@@ -124,7 +124,7 @@ def mutated(printed: Printed, mutants: tuple[Mutant, ...]) -> str:
 
 
 def found_in_c(printed: Printed, folder: Path) -> Found:
-    """Compile the mutants once and let the export's own self-test judge each of them."""
+    """Compile the mutants once and let the self-test of the export judge each of them."""
     vectors = chosen(printed.contents)
     write(folder, {"controller.h": header(printed), "controller.c": mutated(printed, vectors.mutants)})
     write(folder, {"selftest.c": selftest(printed), "main.c": _MAIN})

@@ -61,7 +61,7 @@ class Slave:
         return (self.fmu.getInteger if self.two else self.fmu.getInt32)([self.at[name]])[0]
 
     def saved(self) -> bytes:
-        """The state as bytes. Its copy is freed."""
+        """The state as bytes. The copy of the string is freed."""
         if self.two:
             state = self.fmu.getFMUstate()
             kept = bytes(self.fmu.serializeFMUstate(state))

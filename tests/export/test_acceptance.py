@@ -102,7 +102,7 @@ def on_a_sphere(conditions, values: np.ndarray) -> bool:
 
 
 def disagreements(problem, controller, simulation, draws: int) -> tuple[list[dict[str, float]], int, int]:
-    """Random values that only one of the two accepts, and how many both accept and both reject."""
+    """Random values that only one of the two accepts, and the numbers of values that both accept and that both reject."""
     problem = problem.nominal
     opened = Opened.of(problem, controller, simulation, tunable=True)
     case, random = CaseOf(opened, problem, controller, simulation), np.random.default_rng(5)

@@ -62,7 +62,7 @@ def test_the_baseline_alone_acts_after_the_longest_outage(kind, scheme) -> None:
     posed = problem(kind)
     run = simulate(posed, [SCHEMES[scheme]], RUN)[SCHEMES[scheme].name]
     t = np.arange(round(RUN.t_end / T)) * T
-    u = np.interp(t + T / 2, run.t, run.u.reshape(-1))  # if held from each sample on
+    u = np.interp(t + T / 2, run.t, run.u.reshape(-1))  # if the control is held from each sample on
     k = int(np.searchsorted(t, 1.0 - 1e-9))
     missed = round(OUT / T)
     assert np.ptp(u[k - 1 : k + missed]) == 0  # held up to the longest outage

@@ -114,7 +114,7 @@ def closed(paths, folder, ensemble: Ensemble, member: int) -> list[tuple[list[fl
 @pytest.mark.full
 @pytest.mark.parametrize("version", [2, 3])
 def test_all_functions_are_there_as_the_standard_declares_them(version, tmp_path) -> None:
-    """The sources compile without a warning with the standard's own headers, which check every signature."""
+    """The sources compile without a warning with the standard's headers, which check every signature."""
     import fmpy
 
     path = write_units(tmp_path, *EXAMPLES[CHOSEN[0]], SHORT, version)["loop"]

@@ -377,7 +377,7 @@ def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_tol
 
 
 def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
-    """Deviations of 10 and 100 ppm by a crystal and of a microsecond in 1 ms are accepted. 0.2 %, another rate and NaN are
+    """Deviations of 10 and 100 ppm by a crystal and of a microsecond in 1 ms are accepted. 0.2 %, a different rate and NaN are
     flagged. u is unchanged."""
     printed = exported(tmp_path, *EXAMPLES["Mrac-state-euler-0"])
     run = recorded(*EXAMPLES["Mrac-state-euler-0"], SIMULATION, 12)

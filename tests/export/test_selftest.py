@@ -227,9 +227,9 @@ FAULTS = [
 @pytest.mark.parametrize("name", [one("Mrac-state-euler"), one("RobustMrac-free-midpoint"), one("L1Adaptive-ball-midpoint")])
 @pytest.mark.short(kept=lambda name: name.startswith("Mrac"))
 def test_it_finds_planted_faults(name, tmp_path, exported, sample) -> None:
-    """Twenty mutants (every third in the short command), of which at most two (one) are missed. Two thirds are in the arithmetic,
-    down to one unit in the
-    last place of a constant, the rest in the surrounding code. A mutant in a branch that no vector reaches may be missed.
+    """Twenty mutants (every third in the short command), of which at most two (one) are missed. Two thirds of them are in the
+    arithmetic, down to one unit in the last place of a constant, and the rest are in the surrounding code. A mutant in a branch
+    that no vector reaches may be missed.
     """
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()

@@ -249,7 +249,7 @@ def test_an_unstable_plant_is_validated_by_predictions_over_its_fastest_growth()
 
 
 def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
-    """One recording is a growing oscillation with only one state as output, the other a growth that has ended before the
+    """One recording is a growing oscillation with only one state as output. The other is a growth that has ended before the
     validation samples."""
     t = 0.01 * np.arange(800)
     turned = np.exp(t) * (1 + 2 * np.sin(10 * t))

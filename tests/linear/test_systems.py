@@ -54,8 +54,7 @@ def test_realisation_has_the_frequency_response(order, relative_degree):
 
 
 def test_realisation_scales_by_powers_of_two_only():
-    """The unscaled controllable form has the Markov parameters C A^k B. With scaling by powers of two they are the same bit by
-    bit."""
+    """The unscaled controllable form has the Markov parameters C A^k B. With scaling by powers of two they are identical."""
     system = TransferFunction([3.0, 7.0], [1.0, 1e4, 1e7]).realise()
     A, B, C = np.array([[-1e4, -1e7], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([3.0, 7.0])
     for k in range(4):

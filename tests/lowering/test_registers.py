@@ -27,7 +27,7 @@ def side_by_side() -> Program:
 
 
 def alive(program: Program) -> int:
-    """The largest number of live values. Inputs are live from the start, constants never."""
+    """The largest number of live values. Inputs are live from the start, and constants are never live."""
     operations, last = program.operations, {}
     for i, op in enumerate(operations):
         last |= dict.fromkeys(op.operands, i)

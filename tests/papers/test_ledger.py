@@ -160,7 +160,7 @@ def lines_on_the_last_screen(claim: Claim) -> int:
     """The lines of ``reproduce`` at 80 columns with the row's name and its headline."""
     said = io.StringIO()
     overview(Screen(Console(file=said, width=80)), [], [claim])
-    return len(said.getvalue().splitlines()) - 3  # the finding's heading, its side's count, the figures
+    return len(said.getvalue().splitlines()) - 3  # the heading of the finding, the count of its side, and the figures
 
 
 def by_the_rules(claim: Claim) -> str:
@@ -421,7 +421,7 @@ def test_linear_loops_are_lost_where_mu_says(claims):
     limits = {row[0]: row[shown.columns.index("set may grow by 1/mu")] for row in shown.rows}
     plain, _ = claim.maps
     linear = [curve for curve in plain.curves if limits[curve.label] != "-"]
-    assert len(linear) >= 2  # four with the extra for the H-infinity synthesis
+    assert len(linear) >= 2  # four if the extra for the H-infinity synthesis is installed
     for curve in linear:
         last, limit = curve.x[-1], float(limits[curve.label])
         following = plain.x.values[plain.x.values > last][0]

@@ -1,4 +1,4 @@
-"""Files of figures: the same bytes for the same input, small, and with colours for a dark ground."""
+"""Files of figures: they are identical for identical input, small, and have colours for a dark background."""
 
 import io
 import re

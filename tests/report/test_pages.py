@@ -1,4 +1,4 @@
-"""Pages: what they contain, the files beside them, and how a phone shows a table."""
+"""Pages: their contents, the files beside them, and the display of a table on a phone."""
 
 import re
 import subprocess

@@ -192,8 +192,8 @@ def test_brackets_against_brute_force(section_v):
 
 
 def _swings(problem, controller, delay):
-    """Whether u still oscillates by 2.5 % of its range long after the command becomes constant, and no less at the end than
-    before."""
+    """Whether u still oscillates by 2.5 % of its range long after the command becomes constant, and whether the oscillation at
+    the end is no smaller than before."""
     longer = Simulation(t_end=60.0, dt=1e-3, record_points=60_000)
     (run,) = simulate(with_error(problem, DelayError(), float(delay)), [controller], longer).values()
     u = np.ravel(run.u)

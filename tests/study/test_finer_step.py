@@ -45,7 +45,7 @@ NUMBERS = np.zeros(1, dtype=int)
     ],
 )
 def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
-    """The delays are the true ones times these factors. The finer step says on which side the true delay is."""
+    """The delays are the true delays times these factors. The finer step says on which side the true delay is."""
     members = [(DRIVE, Mrac(gamma=100.0))]
     found = delay_margins_ensemble(members, SIMULATION)
     assert 0 < 2 * found.onset.tolerates[0] < found.loss.tolerates[0] < 1.0  # the factors keep the two apart

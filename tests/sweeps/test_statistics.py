@@ -1,4 +1,4 @@
-"""Shares and medians with their intervals, compared with formulas, tables, other code and repetition."""
+"""Fractions and medians with their intervals, compared with formulas, tables, other code and repetition."""
 
 import numpy as np
 import pytest

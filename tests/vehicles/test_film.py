@@ -91,7 +91,7 @@ def test_the_box_is_around_what_kept_control():
     kept = inside(scene(), scene().movers[0].path)
     assert np.isnan(kept[0]).all()
     only = scene(movers=scene().movers[:1], target=None)
-    assert only.box[1][0] > 2  # without others, the box is around the lost one
+    assert only.box[1][0] > 2  # without other flights, the box is around the lost one
 
 
 @pytest.mark.parametrize("equal", [True, False])

@@ -59,7 +59,7 @@ def test_it_ends_with_the_process_that_asked_and_leaves_no_folder(tmp_path):
     os.mkfifo(told)
     with (
         subprocess.Popen([sys.executable, "-c", KILLED], cwd=tmp_path, env=environment) as parent,
-        told.open("rb", buffering=0) as said,  # once the child has opened it too
+        told.open("rb", buffering=0) as said,  # returns when the child has opened it too
     ):
         assert said.read(1) == b"\n"
         assert any(own.iterdir())

@@ -93,7 +93,7 @@ class EnabledInFlight:
         if k < round(ENABLED_AT / SAMPLE_TIME):
             (self.u,) = self.by_feedback(y, r)
             if k < 100:
-                self.law(y, r)  # it was on for a second, and was disabled then
+                self.law(y, r)  # it was on for a second and was then disabled
         else:
             if self.started and k == round(ENABLED_AT / SAMPLE_TIME):
                 self.law.enable(y, self.u, 100, keep=False)

@@ -47,8 +47,8 @@ def axis():
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "hinf"])
 def test_the_f16_flies_the_same_flight_in_every_bit(axis, name):
-    """In the hard-over the surface is at its limit and the command beyond it, so integrals wind up and estimates reach their
-    bounds."""
+    """During the hard-over the surface is at its limit and the command is beyond it, so integrals wind up and estimates reach
+    their bounds."""
     problem, controller = of_axis(axis, name)
     by_list = fly_once(axis, SampledList.of(problem, controller).step(), FAILURES["hard-over"], timing=SHORT)
     by_c = fly_once(axis, exported_c(problem, controller).step(), FAILURES["hard-over"], timing=SHORT)

@@ -150,7 +150,7 @@ class DelayMargins(Plotted):
     ends: tuple[str, ...] = ()
 
     def of(self, chosen: Array) -> DelayMargins:
-        """The margins of the members ``chosen``, (J,); ``runs`` is still the total."""
+        """The margins of the members ``chosen``, (J,). ``runs`` remains the total over all members."""
         return DelayMargins(
             onset=Bracket(self.onset.tolerates[chosen], self.onset.loses[chosen]),
             loss=Bracket(self.loss.tolerates[chosen], self.loss.loses[chosen]),

@@ -93,7 +93,7 @@ def test_small_gain_against_the_h_infinity_norm_and_a_dense_grid(problems):
         loop = FrozenLoops(problem, scheme(0.05)).at_theta
         T = complementary_sensitivity(loop)
         norm = peak_gain(series(T, DERIVATIVE.shape.realise())).gain
-        assert small_gain(loop, DERIVATIVE) == pytest.approx(1 / norm, rel=1e-5)  # peak_gain's own precision is 1e-6
+        assert small_gain(loop, DERIVATIVE) == pytest.approx(1 / norm, rel=1e-5)  # the precision of peak_gain is 1e-6
         delay = small_gain(loop, DelayError())
         w = np.geomspace(1e-2, 1e3, 20_000)
         gain = np.abs(T.response(w))

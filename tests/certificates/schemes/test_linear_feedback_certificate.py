@@ -91,7 +91,7 @@ def test_input_dynamics_take_the_guarantee_away_and_sampling_gives_another():
     controller = pi_feedback(variant().known, unmodelled_delay=0.01)
     late = variant(input=PlantInput(delay=0.01))
     assert "error_bound" not in certify(late, (controller,), SIMULATION)["PI"].guaranteed
-    for given in (variant(), late):  # of the sampled loop with its delay: see test_sampled_response.py
+    for given in (variant(), late):  # the norm of the sampled loop with its delay; see test_sampled_response.py
         found = certify(given, (sampled(controller),), SIMULATION)["PI"]
         assert {"error_bound", "error_bound_held"} <= found.guaranteed
     left = certify(variant(input=PlantInput(delay=0.01)), (controller,), SIMULATION)["PI"].values["delay_margin"]

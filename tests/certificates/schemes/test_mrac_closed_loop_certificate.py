@@ -21,7 +21,7 @@ FEEDBACK = {n: -2.0 * np.eye(n) + 0.3 * np.eye(n, k=1) for n in (1, 2, 3)}
 """The gain L. A_m + L is faster than A_m, so its P is smaller, and nu_0 computed with the P of A_m would be too small."""
 QUADRATURE = {"rel": 1e-5}
 """Relative tolerance. Trapezoids of 2e-3 s have an error of (3 * 2e-3)^2/12 = 3e-6 for the fastest mode, of 3/s. The truncation
-is 1e-9, the width of the enclosures 1e-6."""
+is 1e-9, and the width of the enclosures is 1e-6."""
 
 
 def l1_norms(A, B):

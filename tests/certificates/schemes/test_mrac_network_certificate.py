@@ -60,7 +60,7 @@ def test_the_bounds_hold_beside_a_matched_disturbance(plant, leakage):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
     """Random points with lambda s^2 + 2 w omega^2 <= 2 mu'f are below the level. With one input the highest of 40 000 points is
-    within 2 % of it."""
+    within 2 % of this level."""
     random = np.random.default_rng(seed)
     gamma, gamma_v, lowest, value = 10 ** random.uniform(-1, 1, 4)
     F, p = 10 ** random.uniform(-1, 1, (2, inputs))

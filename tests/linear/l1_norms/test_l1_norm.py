@@ -52,7 +52,7 @@ def independent_norm(A, B, C, D, steps=4096):
     """A float64 estimate by differences of the step response on a grid with refined sign changes, and its error.
 
     It is independent of the module: it uses SciPy's matrix exponential and neither balls nor Taylor segments. A double sign
-    change within one cell is missed. It contributes at most (cell width)^3 max|h''| / 6 each.
+    change within one cell is missed. Each such cell contributes at most (cell width)^3 max|h''| / 6.
     """
     decay = -np.linalg.eigvals(A).real.max()
     horizon = 45.0 / decay
@@ -312,8 +312,8 @@ def test_extreme_time_scale(exponent):
 
 
 def test_rounding_noise_is_not_halved_for_ever():
-    # Found by hypothesis: at two limbs the sheared system's last segment is all rounding noise, whose sign no
-    # halving can resolve. It must be recognised, and the width still reached.
+    # Found by hypothesis: at two limbs the sheared system's last segment is all rounding noise, whose sign no halving can
+    # resolve. It must be recognised, and the width must still be reached.
     A = np.array([[-7.0, -1.0, -3.0], [2.0, -9.0, 1.0], [-2.0, 1.0, -2.0]])
     B, C = np.array([[2.0], [4.0], [3.0]]), np.array([[-4.0, -1.0, -4.0]])
     for shear in (3.0, 300.0, 2.0**13):

@@ -144,7 +144,7 @@ def words(text) -> set[str]:
 def test_no_line_is_longer_and_nothing_is_broken(name, width):
     narrow, wide = shown(width, SCREENS[name]), shown(WIDE, SCREENS[name])
     assert max(map(cell_len, narrow.splitlines())) <= width
-    shown_here = re.sub(r"\d+ more findings?: --full\s+shows\s+all\s+of\s+them", "", narrow)  # fewer columns fit in short lines
+    shown_here = re.sub(r"\d+ more findings?: --full\s+shows\s+all\s+of\s+them", "", narrow)  # fewer columns fit into short lines
     assert {re.sub(r"^[─-]+$", "", word) for word in words(shown_here)} <= words(wide) | {""}
     lines = narrow.splitlines()
     for line, following in pairwise(lines):

@@ -136,7 +136,7 @@ def test_progress_ends_at_one_and_never_falls():
 
 
 def test_a_burst_before_the_tail_is_judged_by_the_whole_run():
-    """The tail shows only roundings. The burst's error is two hundred times that at a finer step."""
+    """The tail shows only roundings. The burst's error is two hundred times the error at a finer step."""
     problem = Problem(
         plant=Plant(A_m=[[-50.0]], b=[1.0], theta=[3.0]),
         reference_model=ReferenceModel(k_0=50.0),

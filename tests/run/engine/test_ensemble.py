@@ -196,5 +196,5 @@ def test_nothing_of_a_member_is_kept_but_the_numbers_in_which_it_differs():
 
     read = Members.read(members(), SIMULATION)
     assert len(read) == 300 and read.parameters.shape == (1, 300)
-    assert max(most) <= 4  # the first one, those before and after, the present one
+    assert max(most) <= 4  # the first one, the ones before and after, and the present one
     np.testing.assert_array_equal(np.unique(read.states, axis=1), read.loop.initial()[:, None])

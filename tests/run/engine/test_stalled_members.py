@@ -43,5 +43,5 @@ def test_one_stalled_member_ends_alone() -> None:
 
 
 def test_the_first_member_may_stall() -> None:
-    """From it the cost of all is estimated."""
+    """The cost of all members is estimated from this run."""
     assert together((2.0, 1.0), (0.0, 1.0)).stalled.tolist() == [True, False]

@@ -67,7 +67,7 @@ def test_what_a_user_writes_with_numpy() -> None:
     found = written(t.view(Portable))
     assert same_bits(np.asarray(found), by_lists(t))
     assert isinstance(np.concatenate([t.view(Portable), t]), Portable)
-    assert set(LIST_NAMES.values()) == FUNCTIONS - {"ndtri"}  # of noise alone: NumPy has no such function
+    assert set(LIST_NAMES.values()) == FUNCTIONS - {"ndtri"}  # only for noise: NumPy has no such function
 
 
 def test_a_run_uses_them() -> None:

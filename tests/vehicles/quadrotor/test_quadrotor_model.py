@@ -239,7 +239,7 @@ def test_numbers_that_are_none_stay_so_and_leave_no_file(tmp_path, monkeypatch):
     """MuJoCo itself would reset the vehicle to its initial position and write MUJOCO_LOG.TXT into the user's folder."""
     monkeypatch.chdir(tmp_path)
     simulator = Simulator(Quadrotor())
-    simulator.data.qvel[2] = 1e11  # the drag, quadratic in it, overflows
+    simulator.data.qvel[2] = 1e11  # the drag, which is quadratic in it, overflows
     simulator.advance(np.full(4, np.nan), 3)
     assert np.isnan(simulator.motion.position).any()
     assert list(tmp_path.iterdir()) == []

@@ -243,7 +243,7 @@ def resting_parts(loop: ClosedLoop) -> list[StatePart]:
 
 
 def rows_of(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
-    """The rows of the parts in the flat state."""
+    """The indices of the parts in the flat state vector."""
     return np.concatenate([np.zeros(0, dtype=int), *(np.arange(loop.size)[part.rows] for part in parts)])
 
 

@@ -62,7 +62,7 @@ class StepTest:
 
     own        the simulation of the command of the case
     commands   the commands with these steps
-    component  the judged state, with ``name`` as its label; ``band`` is the judge's
+    component  the judged state, with ``name`` as its label; ``band`` is the band that the judge uses
     stages     the judged steps of that state
     """
 

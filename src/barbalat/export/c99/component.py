@@ -64,7 +64,7 @@ def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
 def require_apart(folder: Path, made: Iterable[str]) -> None:
     """Raise InputError if only one of the new export and the export in the folder has a name.
 
-    Both would write ``README.md``: the unnamed export its own, and the named one that of the component.
+    Both would write a ``README.md``: the unnamed export for itself, and the named export for the component.
     """
     joint, where = any(file.endswith(HEADER) for file in made), validate.show(str(folder))
     if not joint and (found := sorted(present(folder))):

@@ -139,7 +139,7 @@ class Members:
 
 
 class OtherRhythmError(InputError):
-    """The samples or the noise of a member have different periods than those of the first member."""
+    """The samples or the noise have different periods in different members."""
 
 
 TOLD_EVERY = 1000

@@ -107,7 +107,7 @@ class TauTradeOff:
 
     @property
     def literal(self) -> tuple[Reading, str]:
-        """The reading with Theorem 2's own setting, and a text with its results."""
+        """The reading with the setting of Theorem 2, and a text with its results."""
         tolerates, loses = self.normalised.tolerates, self.normalised.loses
         said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(tolerates, THEOREM_SIZES, strict=True))
         holds = bool(np.isfinite(tolerates).all() and (loses > 0).all() and (np.diff(tolerates) > 0).all())
