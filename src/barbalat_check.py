@@ -1263,8 +1263,8 @@ def followed(
 # --- A loop that is linear from sample to sample: docs/proofs.md, "A sampled linear loop" ---------------------------------------
 
 SAMPLES_BETWEEN_ROUNDINGS = 8
-PARTS = 16
-"""Number of parts of a sample. Within a part the motion is a straight line up to its curvature."""
+PARTS, TRAPEZOIDS = 16, 4
+"""Numbers of parts of a sample, for its motion and for the effect of disturbances."""
 
 
 class SampledLoop:
@@ -1285,8 +1285,7 @@ class SampledLoop:
         self.depth = self.whole + (1 if self.part > 0 else 0)
         self.size = s + self.m * self.depth
         self.x, self.x_m, self.r = (facts["rows"][name] for name in ("x", "x_m", "r"))
-        starts = {name: arb_mat(matrix(facts[name], s)) for name in ("N", "first", "free")}
-        self.N, self.first, self.free = starts["N"], starts["first"], starts["free"]
+        self.N, self.first, self.free = (arb_mat(matrix(facts[name], s)) for name in ("N", "first", "free"))
         self.B = arb_mat(matrix(facts["B"], s)) if facts["B"][0] else None
         (moved, pushed), (_, early) = self.over((1 - self.part) * self.T), self.over(self.part * self.T)
         u = [self.wide(self.C), *(self.unit(range(s + age * self.m, s + (age + 1) * self.m)) for age in range(self.depth))]
@@ -1315,16 +1314,19 @@ class SampledLoop:
 
     def bounds(self, r: list[arb], d: list[arb], witness: dict[str, Any]) -> tuple[arb, arb, arb]:
         """Bounds on x - x_m under the sampled command, on x and on u."""
-        times = sorted({fmpq(k, PARTS) * self.T for k in range(PARTS + 1)} | {self.part * self.T})
+        shared, switch = witness["bends"], self.part * self.T
+        require(isinstance(shared, int) and shared > 0, "the witness must give the number of parts that share a bound on x''")
+        times = sorted({fmpq(k, PARTS) * self.T for k in range(PARTS + 1)} | {switch})
         X, model, R = self.unit(range(self.s)), self.unit(self.x_m), self.unit(self.r)
-        blocks, lengths = [[X, model]], list[fmpq]()
-        for begin, end in pairwise(times):
-            v, h = self.before if end <= self.part * self.T else self.now, end - begin
-            bends = self.A * (self.A * X + self.E * v), self.A_m * (self.A_m * model + self.b_r * R)
+        blocks, parts = [[X, model]], list[tuple[fmpq, fmpq, bool]]()
+        for k, (begin, end) in enumerate(pairwise(times)):
+            v, h = self.before if end <= switch else self.now, end - begin
+            if starts := k % shared == 0 or begin == switch:  # x'' grows by at most e^(|A| t) while v is constant
+                since, bends = begin, (self.A * (self.A * X + self.E * v), self.A_m * (self.A_m * model + self.b_r * R))
             (moved, pushed), (of_model, of_r) = self.over(h), self.over(h, model=True)
             X, model = moved * X + pushed * v, of_model * model + of_r * R
-            blocks.append([X, model, *bends])
-            lengths.append(h)
+            blocks.append([X, model, *(bends if starts else ())])
+            parts.append((h, end - since, starts))
         rows = list[list[arb]]()
         for state, follows, *curving in blocks:
             ends = arb_mat([state.tolist()[i] for i in self.x])
@@ -1336,12 +1338,13 @@ class SampledLoop:
 
         away, far = [take(self.n)], [take(self.n)]
         held, x = list(away[0]), list(far[0])
-        for h in lengths:
+        for h, time, starts in parts:
             away.append(take(self.n))
             far.append(take(self.n))
-            bent, bent_model = column_of(take(self.s)), column_of(take(self.n))
-            curve = grown(self.A, h) * bent * (arb(h) ** 2 / 8)
-            curve_model = grown(self.A_m, h) * bent_model * (arb(h) ** 2 / 8)
+            if starts:
+                bent, bent_model = column_of(take(self.s)), column_of(take(self.n))
+            curve = grown(self.A, time) * bent * (arb(h) ** 2 / 8)
+            curve_model = grown(self.A_m, time) * bent_model * (arb(h) ** 2 / 8)
             for i, row in enumerate(self.x):
                 bend = curve[row, 0]
                 held[i] = held[i].max(away[-2][i].max(away[-1][i]) + bend + curve_model[i, 0])
@@ -1354,10 +1357,10 @@ class SampledLoop:
         return largest_of(held), largest_of(x), u
 
     def weights(self, d: list[arb]) -> list[arb]:
-        """Weights of the columns of ``reached`` for disturbances of these sizes; see G W in docs/proofs.md."""
+        """Weights of the columns of ``reached`` for disturbances of these sizes, by the trapezoidal rule."""
         assert self.B is not None
-        off = grown(self.A, self.T) * (grown(self.A, self.T / PARTS) - arb_mat(identity(self.s))) * absolute(self.B) * arb(self.T)
-        each = [one * arb(self.T) / PARTS for _ in range(PARTS) for one in d]
+        off = grown(self.A, self.T) * absolute(self.A * self.A * self.B) * (arb(self.T) ** 3 / (12 * TRAPEZOIDS**2))
+        each = [one * arb(self.T) / TRAPEZOIDS / (2 if k in (0, TRAPEZOIDS) else 1) for k in range(TRAPEZOIDS + 1) for one in d]
         return each + [sum((off[i, j] * one for j, one in enumerate(d)), arb(0)) for i in range(self.s)]
 
     def sizes(self, rows: arb_mat, r: list[arb], d: list[arb], witness: dict[str, Any]) -> list[arb]:
@@ -1366,19 +1369,17 @@ class SampledLoop:
         of_peaks, of_sums = [arb(1), *r], list(r)
         if d:
             assert self.B is not None
-            reached = [(self.over(fmpq(k, PARTS) * self.T)[0] * self.B).tolist() for k in range(PARTS)]
-            whole = [[one for part in reached for one in part[i]] for i in range(self.s)]
-            self.reached = arb_mat([row + [arb(int(i == j)) for j in range(self.s)] for i, row in enumerate(whole)])
-            sums.append(self.tall(self.J * self.reached))
-            of_sums += self.weights(d)
+            reached = [self.over(fmpq(k, TRAPEZOIDS) * self.T)[0] * self.B for k in range(TRAPEZOIDS + 1)]
+            self.reached, weights = side_by_side([*reached, arb_mat(identity(self.s))]), self.weights(d)
+            used = [k for k, weight in enumerate(weights) if k == 0 or weight.upper() > 0]
+            sums.append(self.tall(self.J * arb_mat([[row[k] for k in used] for row in self.reached.tolist()])))
+            of_sums += [weights[k] for k in used]
         P, share, samples = matrix(witness["P"], self.size, self.size), number(witness["share"]), witness["samples"]
-        require(
-            isinstance(samples, int) and samples > 0 and 0 < share < 1 and positive_definite(P),
-            "the witness must give P > 0, a share between 0 and 1, and a number of samples",
-        )
+        fits = isinstance(samples, int) and samples > 0 and 0 < share < 1 and positive_definite(P)
+        require(fits, "the witness must give P > 0, a share between 0 and 1, and a number of samples")
         form = arb_mat(P)
         gap = form * arb(1 - share) - self.M.transpose() * form * self.M
-        require(certainly_positive(gap), "M'PM must be below (1 - share) P")
+        require(has_positive_pivots((gap + gap.transpose()) * (arb(1) / 2)), "M'PM must be below (1 - share) P")
         left, inverse = 1 - (1 - arb(share)).sqrt(), arb_mat(P.inv())  # 1 - beta
         reach = [((arb_mat([row]) * inverse * column_of(row))[0, 0]).sqrt() / left for row in rows.tolist()]
         with ctx.workprec(LEAST_BITS):
@@ -1416,11 +1417,6 @@ def sizes_of(columns: arb_mat, P: arb_mat) -> list[arb]:
     moved = (P * columns).tolist()
     squares = [sum((a[j] * b[j] for a, b in zip(columns.tolist(), moved, strict=True)), arb(0)) for j in range(columns.ncols())]
     return [arb(max(one.upper(), arb(0))).sqrt().upper() for one in squares]
-
-
-def certainly_positive(M: arb_mat) -> bool:
-    """Whether all pivots of the symmetric part are positive, in ball arithmetic."""
-    return has_positive_pivots((M + M.transpose()) * (arb(1) / 2))
 
 
 def absolute(M: arb_mat) -> arb_mat:

@@ -23,7 +23,7 @@ MOST_SAMPLES = 4_000_000
 PROVEN_SHARE, CERTAIN_SHARE = 1e-4, 0.999
 """Approximate fraction of a sum that a proof omits, and fraction of the decay that it uses."""
 MOST_PROVEN = 12_000
-"""Largest number of samples that ``barbalat-check`` follows, which takes some minutes."""
+"""Largest number of samples that ``barbalat-check`` follows."""
 BLOCK_SAMPLES = 64
 """Number of samples that are summed together."""
 TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or its states differ too much in size, for a bound"
@@ -31,10 +31,11 @@ TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or
 
 @dataclass(frozen=True, eq=False)
 class SampledNorms:
-    """Norms of the sampled system with the matrices M (s, s) and C (p, s)."""
+    """Norms of the sampled system with the matrices M (s, s) and C (p, s); a tail is at most ``share`` of the largest norm."""
 
     M: Array
     C: Array
+    share: float = TAIL_SHARE
 
     def summed(self, s: Array) -> Array:
         """sum_k |C M^k s|, (p,), or (p, q) for q columns s: the largest effect of an input of size 1 on y, with s = N."""
@@ -73,7 +74,7 @@ class SampledNorms:
             found = np.linalg.norm([found, np.linalg.norm(block @ s, order, axis=0)], order, axis=0)
             s = jump @ s
             tail = np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
-            if (tail <= TAIL_SHARE * found.max(initial=0.0)).all():
+            if (tail <= self.share * found.max(initial=0.0)).all():
                 return np.asarray((found + tail) * OUTWARD_FACTOR), followed
         raise InputError("the loop's transients decay too slowly for a bound")
 

@@ -35,7 +35,7 @@ from barbalat.certificates.linear_loops.at_rest import estimates_of, rows_of, wi
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_norms import SampledNorms, contraction_witness, grown
+from barbalat.linear.sampled_norms import PROVEN_SHARE, TAIL_SHARE, SampledNorms, contraction_witness, grown
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
 from barbalat.problem.state_feedback import Problem
@@ -45,6 +45,10 @@ from barbalat.validate import Array, InputError
 
 PARTS = 16
 """Number of parts of a sample; the motion is exact at their ends."""
+BENDS = PARTS, 4, 1
+"""Numbers of parts that share a bound of x'' in a proof, which is checked the faster the fewer bounds there are."""
+TRAPEZOIDS = 4
+"""Number of parts of a sample in a proof's bound of the effect of a disturbance."""
 
 
 class Response(NamedTuple):
@@ -87,14 +91,21 @@ class _Whole:
 
 
 def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Response:
-    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``; raises InputError if the loop decays too
-    slowly."""
-    whole = _whole(problem, controller)
+    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``.
+
+    InputError if the loop decays too slowly.
+    """
+    return _response(problem, _whole(problem, controller), r, d)
+
+
+def _response(problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | None = None) -> Response:
+    """The bounds; with ``bends``, those that ``barbalat-check`` finds if so many parts share a bound of x''."""
     loop, M = whole.loop, whole.loop.closed(problem.delay)
-    reached, weights = _reached(loop.A, whole.B, loop.T)
+    reached, weights = (_reached if bends is None else _trapezoids)(loop.A, whole.B, loop.T)
+    share = TAIL_SHARE if bends is None else PROVEN_SHARE
 
     def largest(C: Array) -> Array:
-        norms, free = SampledNorms(M, C), _padded(whole.free[:, None], M)
+        norms, free = SampledNorms(M, C, share), _padded(whole.free[:, None], M)
         of_r = norms.summed(_padded(whole.N, M)) + norms.largest(_padded(whole.first, M))
         found = of_r @ r + norms.largest(free)[:, 0]
         if len(d):
@@ -102,7 +113,7 @@ def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Re
         return np.asarray(found * OUTWARD_FACTOR)
 
     within = (np.abs(reached[whole.rows["x"]]) @ weights @ d if len(d) else np.zeros(len(whole.A_m))) * 2
-    held, x, u = _at_all_times(whole, problem.delay, M, largest)
+    held, x, u = _at_all_times(whole, problem.delay, M, largest, bends or 1)
     return Response(*(float(one.max()) * OUTWARD_FACTOR for one in (held + within, x + within, u)))
 
 
@@ -127,14 +138,18 @@ def _padded(part: Array, M: Array) -> Array:
     return np.vstack([part, np.zeros((len(M) - len(part), part.shape[1]))])
 
 
-def _at_all_times(whole: _Whole, delay: float, M: Array, size_of: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+def _at_all_times(
+    whole: _Whole, delay: float, M: Array, size_of: Callable[[Array], Array], shared: int = 1
+) -> tuple[Array, Array, Array]:
     """Bounds on x - x_m, x (n,) and u (m,), including the time between samples, from the sizes (p,) of rows C (p, z) of the state
     at samples.
 
-    A size is a norm of the response of a row, so the norm of a sum is at most the sum of the norms.
+    A size is a norm of the response of a row, so the norm of a sum is at most the sum of the norms. ``shared`` parts of a sample
+    have one bound on x'', whose growth is at most e^(|A| t).
     """
     x, x_m = whole.rows["x"], whole.rows["x_m"]
-    at_ends, bends, lengths = _between(whole.loop, delay, M)
+    at_ends, bends, lengths, switched = _between(whole.loop, delay, M)
+    firsts = [max(k - k % shared, switched if k >= switched else 0) for k in range(len(lengths))]
     of_model, bends_of_model = _model_between(whole, M, lengths)
     start = np.eye(len(M))
     ends, models = [start[x], *(end[x] for end in at_ends)], [start[x_m], *of_model]
@@ -145,8 +160,10 @@ def _at_all_times(whole: _Whole, delay: float, M: Array, size_of: Callable[[Arra
     away, far, bent, bent_model, (u,) = ([next(found) for _ in group] for group in groups)
     held, of_x = away[0], far[0]
     for k, h in enumerate(lengths):
-        curved = h**2 / 8 * (grown(whole.loop.A, h) @ bent[k])[x]
-        curved_model = h**2 / 8 * (grown(whole.A_m, h) @ bent_model[k])
+        first = firsts[k]
+        since = sum(lengths[first : k + 1])
+        curved = h**2 / 8 * (grown(whole.loop.A, since) @ bent[first])[x]
+        curved_model = h**2 / 8 * (grown(whole.A_m, since) @ bent_model[first])
         held = np.maximum(held, np.maximum(away[k], away[k + 1]) + curved + curved_model)
         of_x = np.maximum(of_x, np.maximum(far[k], far[k + 1]) + curved)
     return held, of_x, u
@@ -204,9 +221,20 @@ def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
     return reached, weights
 
 
-def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], list[Array], list[float]]:
-    """At the ends of the parts of a sample, X as rows of z; in each part, A (A X + E v) at its start; and the lengths of the
-    parts."""
+def _trapezoids(A: Array, B: Array, T: float) -> tuple[Array, Array]:
+    """The same with fewer columns: by the trapezoidal rule for |e^(A s) B|, and h^2/12 times a bound of |e^(A s) A^2 B|."""
+    if B.shape[1] == 0:
+        return np.zeros((len(A), 0)), np.zeros((0, 0))
+    s, count = B.shape
+    system = SampledLoop(A, np.zeros((s, 1)), np.eye(s), np.zeros((1, s)), T)
+    reached = [*(system.over(j * T / TRAPEZOIDS)[0] @ B for j in range(TRAPEZOIDS + 1)), np.eye(s)]
+    each = [T / TRAPEZOIDS * (0.5 if j in (0, TRAPEZOIDS) else 1.0) * np.eye(count) for j in range(TRAPEZOIDS + 1)]
+    return np.hstack(reached), np.vstack([*each, T**3 / (12 * TRAPEZOIDS**2) * grown(A, T) @ np.abs(A @ A @ B)])
+
+
+def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], list[Array], list[float], int]:
+    """At the ends of the parts of a sample, X as rows of z; in each part, A (A X + E v) at its start; the lengths of the
+    parts; and the first part after the delayed input has switched."""
     s, size = len(loop.A), len(M)
     found = loop.effects(delay)
     whole, part = int(found.whole[0]), float(found.part[0])
@@ -223,7 +251,7 @@ def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], li
         X = after @ X + pushed @ v
         ends.append(X)
         lengths.append(float(end - begin))
-    return ends, bends, lengths
+    return ends, bends, lengths, int(np.searchsorted(times, switch))
 
 
 def _model_between(whole: _Whole, M: Array, lengths: list[float]) -> tuple[list[Array], list[Array]]:
@@ -305,10 +333,13 @@ def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str,
 
 
 def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
-    """P and the number of samples that bound the remainder of a sum; raises InputError if the loop decays too slowly."""
+    """P, the number of samples that bound the remainder of a sum, and the number of parts of a sample that share a bound on x''.
+
+    Raises InputError if the loop decays too slowly, or if the bounds do not follow.
+    """
     whole = _whole(problem, controller)
     M, counts = whole.loop.closed(problem.delay), list[int]()
-    reached = whole.loop.J @ _reached(whole.loop.A, whole.B, whole.loop.T)[0]
+    reached = whole.loop.J @ _trapezoids(whole.loop.A, whole.B, whole.loop.T)[0]
     starts = [whole.free[:, None], whole.first, whole.N, *([reached] if reached.size else [])]
 
     def followed(C: Array) -> Array:
@@ -316,4 +347,14 @@ def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
         return np.zeros(len(C))
 
     _at_all_times(whole, problem.delay, M, followed)
-    return contraction_witness(M, max(counts))
+    found, sizes = contraction_witness(M, max(counts)), (bounds_of(problem.commands), bounds_of(disturbances(problem)))
+    claimed = np.array(_response(problem, whole, *sizes))
+    for bends in BENDS:
+        if (np.array(_response(problem, whole, *sizes, bends)) <= claimed).all():
+            return found | {"bends": bends}
+    raise InputError("its bounds are not shown with a witness of this form")
+
+
+def disturbances(problem: Problem) -> tuple[Signal, ...]:
+    """The disturbances in the loop's order of signals."""
+    return (*(() if problem.disturbance is None else (problem.disturbance,)), *(one.signal for one in problem.unmatched))

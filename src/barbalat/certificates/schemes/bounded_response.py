@@ -14,7 +14,14 @@ from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry, NotApplicable
 from barbalat.certificates.linear_loops.margin_values import in_the_loop
-from barbalat.certificates.linear_loops.sampled_response import Response, bounds_of, missed, noise_deviation, response
+from barbalat.certificates.linear_loops.sampled_response import (
+    Response,
+    bounds_of,
+    disturbances,
+    missed,
+    noise_deviation,
+    response,
+)
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.rows import up
@@ -55,9 +62,8 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
         why = "no bound is known with a dynamic baseline, whose states are also sampled"
         draft.all_missing(KEYS, why, theorem=theorems.SAMPLED_BASELINE)
         return
-    acting = (*(() if problem.disturbance is None else (problem.disturbance,)), *(one.signal for one in problem.unmatched))
-    try:  # in the loop's order of signals
-        found = response(problem, controller, bounds_of(problem.commands), bounds_of(acting))
+    try:
+        found = response(problem, controller, bounds_of(problem.commands), bounds_of(disturbances(problem)))
     except InputError as error:
         draft.all_missing(KEYS, str(error), theorem=theorems.OUTPUT_LOOP)
         return
