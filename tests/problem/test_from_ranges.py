@@ -43,7 +43,7 @@ def by_least_squares(plant, A, b):
 
 
 def sampled(plant, count=4000):
-    """Extremes of all four over evenly drawn parameters and the corners of the ranges."""
+    """theta, omega and the two remainders at evenly drawn parameters and at the corners of the ranges."""
     physical, random = plant.physical, np.random.default_rng(5)
     names, ends = list(physical.ranges), np.array(list(physical.ranges.values()))
     corners = np.array(np.meshgrid(*ends)).reshape(len(names), -1).T

@@ -340,7 +340,7 @@ class Search:
 
     def __post_init__(self) -> None:
         self._numbers = np.array([number for number, _ in self.moves], dtype=int)
-        self._refused = self._numbers[:, None] == self._numbers  # whether two moves cannot be part of one setting
+        self._refused = self._numbers[:, None] == self._numbers  # True for two moves of the same number
         self._wanted = np.ones_like(self._refused)
         self._refused_sets: list[frozenset[int]] = []
         self._refuse_known()

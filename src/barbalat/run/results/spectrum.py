@@ -193,7 +193,7 @@ class FrozenSampledLaw:
         with np.errstate(all="ignore"):  # e^(T A) may overflow
             maps = evaluated(self.sample, states, signals) @ expm(T * different)[which]
         twins = evaluated(self.twin, states[:, :size], signals)
-        # matrices that overflow count as amplifying too much
+        # a matrix that overflows is taken to amplify too much
         finite = np.isfinite(maps).all(axis=(1, 2)) & np.isfinite(twins).all(axis=(1, 2))
         radius, amplified = np.full(len(states), np.inf), ~finite
         radius[finite] = np.abs(np.linalg.eigvals(maps[finite])).max(axis=1, initial=0.0)

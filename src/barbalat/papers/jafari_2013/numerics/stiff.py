@@ -134,8 +134,8 @@ def _avoiding(tried: StiffRuns) -> list[str]:
 
 
 def _shows_them(row: StiffRow, gain: StiffSetting) -> bool:
-    """Whether a run shows the phenomena of Figures 3 and 5: with projection, estimates that ring more than those of the
-    equations; without projection, unbounded signals."""
+    """Whether a run shows the phenomena of Figures 3 and 5: with projection, estimates that ring more than in the
+    solution of the equations; without projection, unbounded signals."""
     return row.free.lost or row.boxed.lost or rings_too_much(row.boxed, gain.right[1], row.span)
 
 
