@@ -303,7 +303,7 @@ class Attempts:
         given = self._switched(x, s, parts["choices"]).conditions  # after the change, some condition may have no choice left,
         old, chosen = ca.vertsplit(parts["choices"]), []
         for one, now, before, was in zip(conditions, given, old, ca.vertsplit(parts["margins"]), strict=True):
-            open_now = ca.logic_or(ca.fabs(now.margin) == np.inf, ca.fabs(was) == np.inf)  # no margin now, or none before
+            open_now = ca.logic_or(ca.fabs(now.margin) == np.inf, ca.fabs(was) == np.inf)  # or had no margin
             chosen.append(ca.if_else(everything, one.truth, ca.if_else(ca.logic_and(renew != 0, open_now), now.truth, before)))
         choices = ca.vertcat(ca.SX(0, 1), *chosen)
         after = self._switched(x, s, choices)
