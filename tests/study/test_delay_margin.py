@@ -37,8 +37,8 @@ from independent import refusal
 def test_linear_loop_against_the_exact_margin(section_v, kappa):
     """With known theta and no command, the state decays below the exact margin and grows above it, slowly near the margin.
 
-    The tolerance is 3 % for the loss. It is 6 % for the start of oscillation, because a tenth of the motion after 300 s is already
-    too much for this criterion.
+    The tolerance is 3 % for the loss. It is 6 % for the start of oscillation, because a tenth of the motion after 300 s is
+    already too much for this criterion.
     """
     problem = replace(section_v, reference=Constant(0.0))
     C = None if kappa == 0 else input_filter(kappa)
