@@ -237,7 +237,7 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
     idle = _two_gains(
         lambda gamma: Mrac(gamma=1e-9 * gamma)
     )  # x' = (-2 + 4.5) x + ...: it adapts too slowly to stabilise this plant
-    assert "none of the tunings that were tried (2 of MRAC) follows the model" in refusal(
+    assert "none of the tunings that were tried (2 of MRAC) tracks the model" in refusal(
         lambda: trade_off(still, BRIEF, knobs=idle, plants=1)
     )
 

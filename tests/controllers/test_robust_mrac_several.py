@@ -223,7 +223,7 @@ def test_what_does_not_fit_is_refused():
     known = two_inputs().known
     law = LAWS["gradient"]
     assert "c_0" in refusal(lambda: RobustMrac(tau=0.2, law=law, c_0=[1.0, 0.0, 0.0]).bind(known))
-    assert "regular" in refusal(lambda: NormalizedMrac(law=law, c_0=[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).bind(known))
+    assert "nonsingular" in refusal(lambda: NormalizedMrac(law=law, c_0=[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).bind(known))
     unstable_zero = [[-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     assert "zeros" in refusal(lambda: NormalizedMrac(law=law, c_0=unstable_zero).bind(known))
     leaking = Gradient(gamma=1.0, leakage=EpsilonModification(nu=1.0))

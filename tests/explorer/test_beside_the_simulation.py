@@ -160,7 +160,7 @@ def test_a_record_longer_than_a_page_is_refused_in_a_sentence():
     record = Recorded(times, np.sin(times))
     assert points_of(record, 1.0).keys() == {"times", "values"}
     said = refusal(lambda: points_of(record, 100.0))
-    assert f"recorded at {MOST_POINTS + 10} instants" in said and "barbalat run" in said
+    assert f"has {MOST_POINTS + 10} recorded points" in said and "barbalat run" in said
     assert points_of(Sine(1.0, 1.0), 1.0) is None and points_of(Square(1.0, 1.0), 1.0) is None
 
 

@@ -130,7 +130,7 @@ def test_what_does_not_follow_its_model_tolerates_nothing(section_v, gamma):
         certify(section_v, controllers, simulation), section_v, controllers, simulation, lost=Lost(share=0.5)
     )
     assert not {"delay_onset_simulated", "delay_margin_simulated"} & certificates["MRAC"].values.keys()
-    assert "does not follow its model" in certificates["MRAC"].findings[-1]
+    assert "does not track its model" in certificates["MRAC"].findings[-1]
 
 
 def test_simulated_margins_in_a_certificate(section_v):

@@ -113,7 +113,7 @@ class _Measured:
         said, verdict = f"{_run_of(problem, simulation)}: {self.plain.verdict}", self.plain.verdict.as_json()
         notes = [FILLED_SENTENCE] if self.delay.noisy and self.delay.fills[0] else []
         if not self.delay.tracks[0]:
-            simulated = Simulated(said, verdict, "no margin: it does not follow its model without a delay")
+            simulated = Simulated(said, verdict, "no margin: it does not track its model without a delay")
             return certificate.with_simulated(simulated).with_entries(certificate.entries, *notes, _not_tracking(self.delay))
         simulated = Simulated(said, verdict, self._in_words(simulation))
         entries = (*self._entries(problem, simulation).entries.values(), *certificate.entries)

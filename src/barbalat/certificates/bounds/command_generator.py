@@ -54,7 +54,7 @@ def _half_periods(signal: Square, t_end: float) -> tuple[list[arb], list[arb]]:
     phase, frequency = arb(signal.phase), arb(signal.frequency)
     first = (phase / arb.pi()).floor().unique_fmpz()
     if first is None:
-        raise InputError(f"the sign of the square wave at t = 0 is not certain with the phase {signal.phase:g}")
+        raise InputError(f"the sign of the square wave at t = 0 is not certain for the phase {signal.phase:g}")
     half, times = int(first), [arb(0)]
     levels = [arb(signal.constant) + (-1) ** half * arb(signal.amplitude)]
     while len(times) <= MOST_STEPS:

@@ -301,7 +301,7 @@ def standings(
     if not ours and not any(one.tuned for one in given):
         names = [name for name in names if name in {one.case for one in given}]
     if not names:
-        raise InputError("no submission is for one of the cases of --quick: " + ", ".join(suite.quick))
+        raise InputError("none of the submissions is for a case of --quick: " + ", ".join(suite.quick))
     if min(processes, len(names)) > 1 and not given:
         parts = _side_by_side(suite, names, schemes, min(processes, len(names)), progress)
     else:

@@ -247,7 +247,7 @@ def erratum_claim(runs: Runs) -> Claim:
         how="Section V over 60 s, RK4, h = 1e-4 s; a test confirms the swapping lemma's identity itself to rounding",
         listings=(
             table(
-                "The largest errors of the transient, with the sign of the swapping lemma and with the printed one",
+                "The largest errors of the transient, with the sign of the swapping lemma and with the printed sign",
                 {"tau [s]": (tau, half)}
                 | {f"|e_{i + 1}|, lemma": (derived[i], derived_half[i]) for i in range(2)}
                 | {f"|e_{i + 1}|, printed": (printed[i], printed_half[i]) for i in range(2)},
