@@ -11,12 +11,13 @@ from benchmarks.flight_cases import CASES
 
 from barbalat.cases.load import load_case
 from barbalat.commands.export import _show
-from barbalat.export.campaign import LOST_SHARES, TOLERATED, Campaign, Degradation, export_campaign
+from barbalat.export.campaign import LOST_SHARES, STARTS, TOLERATED, Campaign, Degradation, Search, export_campaign
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.plants import Dropout, Jitter, Shell, Spike
 from barbalat.report.terminal.layout import Screen
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import simulate, with_missed_samples
+from barbalat.signals import Square
 from barbalat.solvers.simulation import Simulation
 from export.examples import T
 from export.targets import needs_gcc
@@ -75,11 +76,36 @@ def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
     assert 0 < found.longest < found.most
 
     def tolerated(samples: int) -> bool:
-        outages = [Dropout(times=((start, start + samples * T),)) for start in found.starts]
+        outages = [Dropout(times=((start - T / 2, start + (samples - 0.5) * T),)) for start in found.starts]
         errors = [largest(replace(problem, faults=(each,)), controller) for each in outages]
         return bool((np.array(errors) <= TOLERATED * np.array(found.nominal)).all())
 
     assert tolerated(found.longest) and not tolerated(found.longest + 1)
+    assert found.worst in found.starts and len(found.starts) > STARTS
+
+
+@needs_gcc
+def test_outages_are_tried_where_they_do_harm() -> None:
+    """With a square command the worst outages begin just after its jump; evenly spread instants miss them."""
+    problem, controller = one("Mrac-state-midpoint")
+    found = export_campaign(replace(problem, reference=Square(amplitude=1.0, frequency=1.2)), controller, RUN, draws=1)
+    jump = np.pi / 1.2
+    assert found.worst is not None and any(-0.1 <= found.worst - k * jump <= 0.3 for k in (1, 2, 3))
+
+
+def test_the_search_finds_the_worst_neighbour_and_the_shortest_outage_everywhere() -> None:
+    """The tolerated length is 40 samples at most instants, and falls to 7 at sample 103."""
+    tried: list[tuple[int, int]] = []
+
+    def tolerates(k: int, samples: int) -> bool:
+        tried.append((k, samples))
+        return samples <= min(40, 7 + 3 * abs(k - 103))
+
+    search = Search(1000, tolerates)
+    assert search.longest([100, 500, 900]) == 7 and search.worst == 103
+    assert all((k, 7) in tried for k in search.tried) and (103, 8) in tried
+    assert Search(1000, lambda k, samples: True).longest([1, 2]) == 1000
+    assert Search(1000, lambda k, samples: False).longest([1, 2]) == 0
 
 
 @needs_gcc
@@ -113,6 +139,20 @@ def test_a_campaign_in_32_bits_flies_them() -> None:
     wide, narrow = (export_campaign(problem, controller, short, draws=1, float32=bits) for bits in (False, True))
     assert wide.nominal != narrow.nominal
     np.testing.assert_allclose(wide.nominal, narrow.nominal, rtol=1e-3)
+
+
+def test_what_the_longest_outage_is_worth_is_told(capsys) -> None:
+    row = Degradation(faults="15 of 16 lost", draws=1, missed=0.9375, beyond=0.996, worst=None, lost=1, classes={"lost": 1})
+    found = Campaign(
+        controller="c", names=("a",), units=(), sample_time=T, nominal=(1.0,), rows=(row,), starts=(T, 2 * T), longest=3, most=9,
+        worst=2 * T, allowed=5,
+    )  # fmt: skip
+    _show(Screen(), found)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "any of 2 instants tried: 3 samples, 0.03 s; one more sample did harm from t = 0.02 s on. This is an estimate" in said
+    assert "The shell's longest_outage is longer, 5 samples" in said and "94 % 100 %" in said
+    _show(Screen(), replace(found, allowed=3))
+    assert "longest_outage" not in capsys.readouterr().out
 
 
 def test_a_component_without_any_error_does_not_count() -> None:

@@ -128,6 +128,7 @@ def execute(options: argparse.Namespace) -> int:
 def _show(screen: Screen, found: Campaign) -> None:
     """Print the effect of faults, compared with the run without faults, and the longest tolerated outage."""
     from barbalat.export.campaign import TOLERATED
+    from barbalat.judge.verdict import percent
     from barbalat.validate import counted
 
     screen.title(f"{found.controller}: the compiled C run through faults")
@@ -135,21 +136,29 @@ def _show(screen: Screen, found: Campaign) -> None:
     all_errors = len(found.names) <= MOST_ERROR_COLUMNS
     errors = [f"max |e|\n{one}" for one in _components(found)] if all_errors else ["worst\nmax |e|"]
     unchanged = [f"{value:.4g}" for value in found.nominal] if all_errors else ["-"]
-    nominal = ["none", found.verdict, f"{100 * found.missed:.2g} %", "0 %", *unchanged, "1"]
+    nominal = ["none", found.verdict, percent(found.missed), "0 %", *unchanged, "1"]
     headings = ["faults", "verdict", "missed\nsamples", "time\nbeyond", *errors, "factor"]
     screen.table(headings, [nominal, *(_row(found, row, all_errors=all_errors) for row in found.rows)])
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
-    many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
-    screen.line(
-        f"Longest outage tolerated from each of {counted(len(found.starts), 'instant')}: {outage}{many}. An outage is "
-        f"tolerated if the largest |e_i| of every component i stays within {TOLERATED:g} times its fault-free value."
+    one_more = (
+        "it is the longest one tried" if found.worst is None else f"one more sample did harm from t = {found.worst:.6g} s on"
     )
+    screen.line(
+        f"The longest outage that did no harm from any of {counted(len(found.starts), 'instant')} tried: {outage}; {one_more}. "
+        f"This is an estimate: from another instant a shorter outage may do harm. An outage does harm if the largest |e_i| of "
+        f"some component i exceeds {TOLERATED:g} times its fault-free value."
+    )
+    if found.allowed is not None and found.allowed > found.longest:
+        screen.line(
+            f"The shell's longest_outage is longer, {counted(found.allowed, 'sample')}: its fallback acts only after that."
+        )
     fewest, most = min(row.draws for row in found.rows), max(row.draws for row in found.rows)
     draws = counted(most, "draw") if fewest == most else f"{fewest} to {most} draws"
     screen.line(
-        f"Each row is the worst of {draws}, but the number of missed samples is their mean. Time beyond: the fraction of time "
-        f"for which any |e_i| exceeds its fault-free maximum. Factor: the largest |e_i| divided by its fault-free maximum, for "
-        f"the worst component. The judge gives a verdict on each draw; a verdict without a count applies to all draws."
+        f"Each row is the worst of {draws}, but the number of missed samples is their mean, up to where a run diverges. Time "
+        f"beyond: the fraction of time for which any |e_i| exceeds its fault-free maximum. Factor: the largest |e_i| divided by "
+        f"its fault-free maximum, for the worst component. The judge gives a verdict on each draw; a verdict without a count "
+        f"applies to all draws."
     )
 
 
@@ -163,9 +172,11 @@ MOST_ERROR_COLUMNS = 3
 
 
 def _row(found: Campaign, row: Degradation, *, all_errors: bool) -> list[str]:
+    from barbalat.judge.verdict import percent
+
     i = found.worst_component(row)
     factor = "-" if i is None else f"{found.factor(row):.3g}"
-    shares = [f"{100 * share:.2g} %" for share in (row.missed, row.beyond)]
+    shares = [percent(row.missed), percent(row.beyond)]
     errors = ["-"] * (len(found.nominal) if all_errors else 1)
     if row.worst is not None and i is not None:
         errors = [f"{value:.4g}" for value in row.worst] if all_errors else [f"{row.worst[i]:.4g} in {_components(found)[i]}"]

@@ -13,19 +13,23 @@ from barbalat.export.in_the_loop import Exported
 from barbalat.judge.settings import Judge, component_names
 from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.faults import LARGEST_SEED, Dropout, Fault, uniform
+from barbalat.problem.faults import LARGEST_SEED, Dropout, Fault
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.protocols import BreakingSignal, Controller, Signal
 from barbalat.run.engine.engine import Batch
 from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
+from barbalat.run.engine.simulate import result_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
 
 DRAWS = 8
 """Number of draws for each kind of random faults, and largest number of phases of regular outages."""
-STARTS = 4
-"""Number of instants, drawn in the second quarter of the run, at which outages are tried."""
+STARTS = 13
+"""Number of instants at which outages are tried before the neighbours of the worst one: at peaks of the run, at and after jumps,
+and evenly spread."""
+JUMPS = 3
+"""Largest number of jumps and corners of commands and disturbances at and after which outages are tried."""
 TOLERATED = 2.0
 """An outage is tolerated if the largest error of every component is below this multiple of that in the run without faults."""
 LOST_SHARES = (0.01, 0.1, 0.5)
@@ -38,7 +42,7 @@ class Degradation:
 
     faults   in words
     draws    number of runs, each with different draws
-    missed   the mean fraction of samples that the C missed or rejected
+    missed   the mean fraction of samples that the C missed or rejected, of those until the run ended or diverged
     beyond   the largest fraction of the time for which any |e_i| exceeded its fault-free maximum
     worst    the largest |e| of each component over all runs; None if a run diverged
     lost     number of runs that diverged
@@ -68,9 +72,12 @@ class Campaign:
     nominal  the largest |e| of each component without faults
     verdict  the judge's class of the run without faults; ``sentence`` puts it in words
     missed   the fraction of samples in that run that the shell rejected
-    longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate, because it is found by bisection
-             and a longer outage may be tolerated too
+    starts   the instants [s] at which outages were tried, each at a sample
+    longest  the longest outage, in samples, that was tolerated from all ``starts``; an estimate: from another instant a shorter
+             outage may do harm
     most     the longest outage that was tried, in samples
+    worst    the instant at which one more sample did harm; None if the longest outage tried was tolerated
+    allowed  the longest outage that the shell accepts, in samples; None without a limit
     """
 
     controller: str
@@ -85,6 +92,8 @@ class Campaign:
     verdict: str = ""
     sentence: str = ""
     missed: float = 0.0
+    worst: float | None = None
+    allowed: int | None = None
 
     def as_json(self) -> dict[str, Any]:
         """The fields of the document of ``export --json``."""
@@ -140,10 +149,16 @@ def export_campaign(
     for words, faults in kinds.items():
         rows.append(flights.through(words, [_drawn(faults, k) for k in range(draws)]))
         told(draws)
-    starts = tuple((simulation.t_end / 4 * (1 + uniform(0, 0, np.arange(STARTS)))).tolist())
     most = int(simulation.t_end / 4 / T)
-    longest = flights.longest(starts, most, told)
-    if lost := longest if loop.around is None or loop.around.longest is None else int(loop.around.longest):
+
+    def tolerates(k: int, samples: int) -> bool:
+        told(1)
+        return flights.tolerates(k, samples)
+
+    search = Search(most, tolerates)
+    longest = search.longest(flights.instants(controller))
+    allowed = None if loop.around is None or loop.around.longest is None else int(loop.around.longest)
+    if lost := longest if allowed is None else allowed:
         phases = sorted({k * (lost + 1) // draws for k in range(draws)})
         regular = [(Regular(T=T, lost=lost, first=first),) for first in phases]
         rows.append(flights.through(f"{lost} of every {lost + 1} samples lost", regular))
@@ -156,9 +171,11 @@ def export_campaign(
         sample_time=T,
         nominal=tuple(flights.nominal.tolist()),
         rows=tuple(rows),
-        starts=starts,
+        starts=tuple(k * T for k in sorted(search.tried)),
         longest=longest,
         most=most,
+        worst=None if longest == most else search.worst * T,
+        allowed=allowed,
         verdict=str(flights.verdict.kind),
         sentence=str(flights.verdict),
         missed=flights.missed,
@@ -167,8 +184,8 @@ def export_campaign(
 
 EXPECTED_SECONDS = 5.0
 """Seconds of a campaign on one core, for a run of some 10,000 steps."""
-EXPECTED_FLIGHTS = 40
-"""Seconds of the search for the longest outage: a dozen lengths, with fewer starts for lengths that fail at once."""
+EXPECTED_FLIGHTS = 70
+"""Runs of the search for the longest outage: a dozen for the first instant, and some for those that shorten it."""
 
 
 def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
@@ -204,7 +221,8 @@ class _Flights:
         self.problem, self.exported, self.simulation, self.T, self.judge = problem, exported, exported.simulation, T, judge
         self.compiled: dict[tuple[tuple[str, str], ...], Exported] = {}
         batch, refused = self._fly(())
-        self.missed = float(refused / self._samples)
+        self.missed = self._missed(batch, refused)
+        self.quiet = batch
         found = self._errors(batch)
         if found is None:
             raise InputError(
@@ -213,16 +231,23 @@ class _Flights:
         self.nominal: Array = found
         self.verdict = self._judged(batch, problem)
 
-    def _fly(self, faults: tuple[Fault, ...]) -> tuple[Batch, int]:
+    def _fly(self, faults: tuple[Fault, ...]) -> tuple[Batch, Array]:
         kind = tuple((fault.kind, fault.channels) for fault in faults)
         if kind not in self.compiled:
             self.compiled[kind] = replace(self.exported, library=None)
         watched = watched_in_sweeps(self.judge)
         return self.compiled[kind].fly(replace(self.problem, faults=faults), watched=watched)  # type: ignore[type-var]
 
-    @property
-    def _samples(self) -> float:
-        return float(np.ceil(self.simulation.t_end / self.T * (1 - 1e-9)))
+    def _samples(self, batch: Batch) -> float:
+        """The number of samples until the run ended or diverged."""
+        end = batch.metrics(self.simulation).diverged_at[0]
+        end = self.simulation.t_end if np.isnan(end) else max(end, self.T)
+        return float(np.ceil(end / self.T * (1 - 1e-9)))
+
+    def _missed(self, batch: Batch, refused: Array) -> float:
+        """The fraction of the samples until the run ended or diverged at which the C ``refused`` something."""
+        samples = self._samples(batch)
+        return float(refused[: int(samples)].sum() / samples)
 
     def _judged(self, batch: Batch, problem: TrackingProblem) -> Verdict:
         return judged(batch, self.simulation, Terms.of(problem, self.simulation, self.judge)).verdict(0)
@@ -239,7 +264,7 @@ class _Flights:
         for faults in drawn:
             batch, refused = self._fly(faults)
             kinds.append(self._judged(batch, replace(self.problem, faults=faults)).kind)  # type: ignore[type-var]
-            missed += float(refused / self._samples / draws)
+            missed += self._missed(batch, refused) / draws
             beyond = max(beyond, self._beyond(batch))
             errors = self._errors(batch)
             lost += errors is None
@@ -255,25 +280,97 @@ class _Flights:
         within = (np.maximum(-low, high) <= self.nominal).all(axis=1)
         return 1.0 - float(blocks.lengths[: len(within)][within].sum()) / self.simulation.steps
 
-    def longest(self, starts: tuple[float, ...], most: int, told: Callable[[int], None]) -> int:
-        """The longest outage in samples that is tolerated from all starts, by doubling and bisection."""
-        low, high = 0, 1
-        while high <= most and self._tolerates(high, starts, told):
-            low, high = high, 2 * high
-        if high > most:
-            if low < most and self._tolerates(most, starts, told):
-                return most
-            high = min(high, most)
+    def instants(self, controller: Controller) -> list[int]:
+        """Samples from which an outage probably does harm, the likeliest first: after jumps and corners of commands and
+        disturbances and at the largest rate before the next one, at the largest |e|, |u| and rate of the run without faults,
+        and evenly spread."""
+        run = result_of(self.problem, controller, self.simulation, self.quiet)
+        t, last = run.t, int(self._samples(self.quiet)) - 1
+        rate = _sized(np.gradient(run.x.reshape(len(t), -1), t, axis=0))
+        jumps = _jumps(self.problem.signals, self.simulation.t_end)
+        ends = [*jumps, self.simulation.t_end][1:]
+        after = [within[int(rate[within].argmax())] for a, b in zip(jumps, ends, strict=True) if len(within := _inside(t, a, b))]
+        peaks = [int(size.argmax()) for size in (rate, _sized(run.e), _sized(run.u))]
+        found = [*jumps, *t[after], *t[peaks]]
+        count = max(STARTS - len(found), 1)
+        found += [self.simulation.t_end * (k + 0.5) / count for k in range(count)]
+        return list(dict.fromkeys(min(max(int(np.ceil(one / self.T - 1e-6)), 1), last) for one in found))
+
+    def tolerates(self, k: int, samples: int) -> bool:
+        """Whether no component's largest error exceeds its limit if the measurements from number ``k`` on are lost."""
+        batch, _ = self._fly((Dropout(times=(((k - 0.5) * self.T, (k + samples - 0.5) * self.T),)),))
+        errors = self._errors(batch)
+        return errors is not None and bool((errors <= TOLERATED * self.nominal).all())
+
+
+def _inside(t: Array, start: float, stop: float) -> Array:
+    return np.flatnonzero((t >= start) & (t < stop))
+
+
+def _sized(signal: Array) -> Array:
+    """(K,) the size of a signal whose components are each divided by their largest value."""
+    sizes = np.abs(signal.reshape(len(signal), -1))
+    return np.asarray((sizes / np.fmax(sizes.max(axis=0), np.finfo(float).tiny)).sum(axis=1))
+
+
+def _jumps(signals: Sequence[Signal], t_end: float) -> list[float]:
+    """At most JUMPS instants of jumps, or of corners without any jump, evenly chosen among those of at least half the largest
+    size of their signal; the first is among them."""
+    jumps, corners = set[float](), set[float]()
+    for signal in (one for one in signals if isinstance(one, BreakingSignal)):
+        at = np.asarray(signal.breaks(0.0, t_end), dtype=float)
+        size = np.abs(signal(at) - signal.before(at))
+        corners |= set(at.tolist())
+        jumps |= set(at[(size > 0) & (size >= size.max(initial=0.0) / 2)].tolist())
+    found = sorted(jumps or corners)
+    return [found[k * len(found) // JUMPS] for k in range(JUMPS)] if len(found) > JUMPS else found
+
+
+class Search:
+    """The longest outage that is tolerated from every instant tried, in samples.
+
+    most       the longest outage to try
+    tolerates  whether an outage from sample ``k`` on over some ``samples`` is tolerated
+    tried      for each k the longest outage that was found to be tolerated
+    worst      the instant at which one more sample did harm
+    """
+
+    def __init__(self, most: int, tolerates: Callable[[int, int], bool]) -> None:
+        self.most, self.tolerates = most, tolerates
+        self.tried: dict[int, int] = {}
+        self.worst = 0
+        self.found = most
+
+    def longest(self, instants: Sequence[int]) -> int:
+        """Shorten the outage at each of the ``instants``, then at neighbours of the worst, until all of them tolerate it."""
+        for k in instants:
+            self._shorten(k)
+        reach = self.found // 2 if self.found < self.most else 0
+        while reach:
+            near = [k for k in (self.worst - reach, self.worst + reach) if k >= 1 and k not in self.tried]
+            shorter = [self._shorten(k) for k in near]
+            reach = reach if any(shorter) else reach // 2
+        while open_ones := [k for k, samples in self.tried.items() if samples != self.found]:  # not tried at this length
+            for k in open_ones:
+                self._shorten(k)
+        return self.found
+
+    def _shorten(self, k: int) -> bool:
+        """Whether the longest outage so far does harm from sample ``k`` on, where it is then shortened: by doubling if nothing is
+        known of its length, and by bisection."""
+        self.tried[k] = self.found
+        if not self.found or self.tolerates(k, self.found):
+            return False
+        low, high = 0, self.found
+        trial = 1 if high == self.most else high
+        while trial < high:
+            if not self.tolerates(k, trial):
+                high = trial
+            else:
+                low, trial = trial, 2 * trial
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (middle, high) if self._tolerates(middle, starts, told) else (low, middle)
-        return low
-
-    def _tolerates(self, samples: int, starts: tuple[float, ...], told: Callable[[int], None]) -> bool:
-        for start in starts:
-            batch, _ = self._fly((Dropout(times=((start, start + samples * self.T),)),))
-            told(1)
-            errors = self._errors(batch)
-            if errors is None or (errors > TOLERATED * self.nominal).any():
-                return False
+            low, high = (middle, high) if self.tolerates(k, middle) else (low, middle)
+        self.tried[k] = self.found = low
+        self.worst = k
         return True

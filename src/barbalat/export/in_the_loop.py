@@ -27,6 +27,7 @@ from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def simulate_export(
     """
     simulation.require_steps("software in the loop")
     flown, refused = Exported.of(problem, controller, simulation, float32=float32).fly(problem, progress=progress)
-    return InTheLoop(result_of(problem, controller, simulation, flown), refused)
+    return InTheLoop(result_of(problem, controller, simulation, flown), int(refused.sum()))
 
 
 @dataclass(eq=False)
@@ -98,19 +99,23 @@ class Exported:
 
     def fly(
         self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None
-    ) -> tuple[Batch, int]:
-        """The batch of a recorded run, with or without a judge, and the number of samples that the export did not
-        fully accept."""
+    ) -> tuple[Batch, Array]:
+        """The batch of a recorded run, with or without a judge, and for each call whether the export did not
+        fully accept its sample."""
         members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows, watched=watched)
         if self.library is None:
             self.library = _compiled(self.printed, members.loop)
         outside = _outside(self.printed, members, self.library)
         members = replace(members, program=replace(members.program, outside=outside))
         batch = Batch.part(members, slice(0, 1), record=True, lanes=1)
-        refused = ctypes.c_uint64.in_dll(self.library, "barbalat_refused")
-        refused.value = ctypes.c_int.in_dll(self.library, "barbalat_in_a_row").value = 0
+        refused = np.zeros(self.simulation.steps + 1, dtype=np.uint8)  # at most one call in each step
+        ctypes.c_void_p.in_dll(self.library, "barbalat_refused").value = refused.ctypes.data
+        called, room = (ctypes.c_uint64.in_dll(self.library, f"barbalat_{name}") for name in ("called", "room"))
+        called.value, room.value = 0, len(refused)
+        ctypes.c_int.in_dll(self.library, "barbalat_in_a_row").value = 0
         run([batch], problem.signals, self.simulation, progress=progress)
-        return batch, int(refused.value)
+        room.value = 0  # the judge may continue the run later
+        return batch, refused[: called.value]
 
 
 def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> ExternalFunction:

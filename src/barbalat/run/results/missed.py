@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from barbalat.judge.verdict import percent
 from barbalat.validate import counted
 
 STEPS_OF_JITTER = 10
@@ -35,17 +36,16 @@ class MissedSamples:
     @property
     def sentence(self) -> str | None:
         """The finding as a sentence; None if no sample was missed."""
-        held = f"{100 * self.commands / self.samples:.2g} % of the"
+        held = f"{percent(self.commands / self.samples)} of the"
         if not self.missed:
             told = f"{held} {counted(self.samples, 'command')} were lost or rejected by the shell; the last good one was held"
             return told if self.commands else None
         share = (
-            f"{100 * self.missed / self.samples:.2g} % of the {counted(self.samples, 'sample')} were lost or rejected by the "
-            f"shell"
+            f"{percent(self.missed / self.samples)} of the {counted(self.samples, 'sample')} were lost or rejected by the shell"
         )
         longest = f"{share}, at most {self.in_a_row} in a row"
         if self.fallback:
-            longest += f"; at {100 * self.fallback / self.samples:.2g} % of the samples the fallback ({self.named}) acted"
+            longest += f"; at {percent(self.fallback / self.samples)} of the samples the fallback ({self.named}) acted"
         if self.commands:
             longest += f"; so were {held} commands"
         if 0 < self.jitter < STEPS_OF_JITTER:
