@@ -123,3 +123,43 @@ def test_every_kind_recovers_as_its_own_self_test_requires(name, tmp_path) -> No
     write(tmp_path, files(*EXAMPLES[name], SIMULATION))
     done = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O1")
     assert done.returncode == 0, done.stdout
+
+
+BOUNDED = Problem(
+    Plant(A_m=[[-2.0]], b=[1.0], theta=[0.5], x0=[10.0], input=PlantInput(saturation=[0, 40])),
+    ReferenceModel(k_0=2.0),
+    Sine(amplitude=2, constant=12, frequency=1),
+    uncertainty=ParameterBox(lower=[-1], upper=[1]),
+    shell=Shell(range={"x_1": [5, 20], "command": [9, 15]}, rate={"x_1": 50.0, "command": 100.0}, longest_outage=0.05),
+)
+"""With ranges and rates no state leads its first-order model out of range; only a bump does."""
+ADRC, ADRC_CONTROLLER = EXAMPLES[next(name for name in EXAMPLES if name.startswith("Adrc-state"))]
+WITH_ADRC = replace(ADRC, shell=Shell(longest_outage=0.05))
+"""A start of ADRC multiplies the measurement by 20, so that it may be out of range, too."""
+PLANTED = {
+    "no restart": (BOUNDED, "    if (c->outage > {M}_LONGEST_OUTAGE) {\n        int", "    if (0) {\n        int"),
+    "nothing is stored": (WITH_ADRC, "    before = *c;\n", ""),
+    "nothing is restored": (WITH_ADRC, "            *c = before;\n", ""),
+    "nothing is checked": (
+        WITH_ADRC,
+        "        if (!result_is_usable(c) || !in_range(c->bump, {M}_INPUTS)) {\n",
+        "        if (0) {\n",
+    ),
+}
+"""Cases whose self-test once did not find these faults in ``refuse``."""
+
+
+@needs_gcc
+@pytest.mark.parametrize("fault", PLANTED)
+def test_the_self_test_runs_every_part_of_a_restart(fault, tmp_path) -> None:
+    problem, *texts = PLANTED[fault]
+    controller = Sampled(Mrac(gamma=5.0), T) if problem is BOUNDED else ADRC_CONTROLLER
+    made = files(problem, controller, SIMULATION)
+    original, planted = (text.replace("{M}", controller.name.upper()) for text in texts)
+    begins = made["controller.c"].index("static void refuse(")
+    assert made["controller.c"].count(original, begins) == 1
+    write(tmp_path, made)
+    assert run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O1").returncode == 0
+    before, after = made["controller.c"][:begins], made["controller.c"][begins:]
+    (tmp_path / "controller.c").write_text(before + after.replace(original, planted))
+    assert run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w").returncode == 1

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from barbalat.export.recovery_selftest import leads_out_of_range, poked_parts
+from barbalat.export.recovery_selftest import bump_beyond, leads_out_of_range, poked_parts, pushed
 from barbalat.export.shell import counted_misses, counters, held_in_range, members
 from barbalat.export.shell_selftest import MOST_MADE_UP, jitter
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED
+from barbalat.validate import Array
 
 COMPARED = "age", "command_outage"
 """The counters that determine whether rates are checked against the last good measurement and command."""
@@ -24,7 +25,8 @@ def bounds_tests(printed: Printed) -> str:
     times = around is not None and around.band is not None
     lines += _CALLS if times and around is not None and 1 <= (around.longest or 0) <= MOST_MADE_UP else []
     if around is not None and around.longest is not None:
-        lines += [*_beyond_limits(printed), *_undone(printed)]
+        lines += _beyond_limits(printed)
+    lines += _undone(printed)
     off, reported = jitter(printed)
     given = {"n": printed.name, "M": printed.macro, "x": printed.measured, "off": off, "reported": reported, "real": printed.real}
     given |= {"y": f"in.{printed.measured}, " if contents.measures_state else "", "wrong": ""}
@@ -97,10 +99,12 @@ def _beyond_limits(printed: Printed) -> Iterator[str]:
     """Test that, after a result out of range beyond the longest outage, u is within the limits, however far the last u exceeded
     them."""
     poked = poked_parts(printed.contents, kept=True)
-    if not printed.limits() or not leads_out_of_range(printed.contents, [part.rows for part in poked])[0]:
+    rows = [part.rows for part in poked]
+    at, push = (4, "") if leads_out_of_range(printed.contents, rows)[0] else pushed(printed.contents, rows) or (0, "")
+    if not printed.limits() or not at:
         return
     for side, sign in ((0, "-"), (1, "+")):
-        yield "{n}_init(&c); (void)replay(&c, 4); in = sample(4); c.outage = {M}_LONGEST_OUTAGE;"
+        yield f"{{n}}_init(&c); (void)replay(&c, {at}); in = sample({at}); c.outage = {{M}}_LONGEST_OUTAGE; {push}"
         yield from (f"for (i = 0; i < {part.size}; ++i) {{{{ c.{part.name}[i] = {{M}}_RANGE; }}}}" for part in poked)
         yield "for (i = 0; i < {M}_INPUTS; ++i) {{"
         yield f"    const {{real}} limit = limits[i][{side}], size = limit > 0 ? limit : -limit;"
@@ -113,33 +117,53 @@ def _beyond_limits(printed: Printed) -> Iterator[str]:
 
 
 def _undone(printed: Printed) -> Iterator[str]:
-    """The test of a measurement for which even the result of the baseline is out of range: only the counters change."""
-    contents, around = printed.contents, printed.contents.around
-    assert around is not None
-    if around.baseline is None:
-        return
-    y, layout = contents.sizes[0], contents.layout
-    for row in around.baseline.K[:, :y]:
-        most = np.where(row > 0, -np.maximum(around.low, -contents.range), np.minimum(around.high, contents.range))
-        value = np.where(row > 0, -0.99 * most, 0.99 * most)
+    """The tests of measurements at which the controller cannot begin again, because the result of a start or of the baseline
+    would be out of range: only the counters change."""
+    contents, around, layout = printed.contents, printed.contents.around, printed.contents.layout
+    ends = around is not None and around.longest is not None
+    poked = poked_parts(contents, kept=True)
+    for value in _out_of_reach(printed):
         state, command = contents.vectors.states[3].copy(), contents.vectors.commands[4]
-        poked = poked_parts(contents, kept=True)
         for part in poked:
             state[part.rows] = contents.range
         state[list(layout.measured.rows)] = value
         with np.errstate(all="ignore"):
-            after = contents.evaluated(state, value, command)[layout.rows]
-        alone = float(-row @ value - np.abs(around.baseline.k_r).sum() * np.abs(command).max())
-        if alone <= 1.01 * contents.range or not (np.abs(after) > contents.range).any():
+            after = contents.evaluated(state, value, command)
+        out = bool((np.abs(after[layout.rows]) > contents.range).any())
+        push = "" if out else bump_beyond(contents, after[list(layout.u.rows)])
+        if not (out or push):
             continue
-        yield "{n}_init(&c); (void)replay(&c, 4); in = sample(4); c.outage = {M}_LONGEST_OUTAGE; c.refused = 1;"
+        outage = " c.outage = {M}_LONGEST_OUTAGE;" * ends
+        yield f"{{n}}_init(&c); (void)replay(&c, 4); in = sample(4); c.refused = 1;{outage} {push}"
         yield from (f"for (i = 0; i < {part.size}; ++i) {{{{ c.{part.name}[i] = {{M}}_RANGE; }}}}" for part in poked)
         for i, one in enumerate(value):
             yield f"in.{{x}}[{i}] = c.{layout.measured.name}[{i}] = {printed.number(float(one))};"
-        yield "other = c; other.outage = {M}_LONGEST_OUTAGE + 1L; other.refused = 2;"
+        yield "other = c; other.refused = 2;" + " other.outage = {M}_LONGEST_OUTAGE + 1L;" * ends
         yield from (f"other.{name} = 1L;" for name in counted_misses(around) if name != "outage")
-        yield "require({n}_step(&c, &in, &out) == ({M}_RESULT_REFUSED | {M}_FALLBACK) && same_state(&c, &other),"
-        yield '    "a state or an output changes although the result of the fallback is out of range, too");'
+        yield from ["other.paused = c.fade_left;"] if "paused" in members(around) else []
+        yield f"require({{n}}_step(&c, &in, &out) == ({{M}}_RESULT_REFUSED{' | {M}_FALLBACK' * ends}) && same_state(&c, &other),"
+        yield '    "a state or an output changes although the result of a new beginning is out of range, too");'
+
+
+def _out_of_reach(printed: Printed) -> Iterator[Array]:
+    """Accepted measurements at which a start, or the baseline if it acts as the fallback, gives a result out of range."""
+    contents, around = printed.contents, printed.contents.around
+    most, free = contents.range, np.full(contents.sizes[0], np.inf)
+    low, high = (-free, free) if around is None else (around.low, around.high)
+    low, high = np.maximum(low, -0.99 * most), np.minimum(high, 0.99 * most)
+    rest, of_x = contents.at_start
+    for row in np.flatnonzero(np.abs(of_x).sum(axis=1) > 1):
+        value = np.where(of_x[row] > 0, high, low)
+        if rest[row] + of_x[row] @ value > 1.01 * most:
+            yield value
+            break
+    if around is None or around.baseline is None:
+        return
+    commands = np.abs(contents.vectors.commands[4]).max()
+    for row, gains in zip(around.baseline.K[:, : contents.sizes[0]], around.baseline.k_r, strict=True):
+        value = np.where(row > 0, low, high)
+        if -row @ value - np.abs(gains).sum() * commands > 1.01 * most:
+            yield value
 
 
 _CALLS = [

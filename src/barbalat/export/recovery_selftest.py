@@ -10,6 +10,7 @@ from barbalat.export.shell import counted_misses, held_in_range
 from barbalat.export.shell_selftest import alone_of, fallen
 from barbalat.export.texts import Printed, indented
 from barbalat.loop.around import MOST_COUNTED, Around
+from barbalat.validate import Array
 
 
 def recovery_tests(printed: Printed) -> str:
@@ -69,6 +70,31 @@ def leads_out_of_range(contents: Contents, poked: list[range]) -> tuple[bool, bo
     return good, lost
 
 
+def pushed(contents: Contents, poked: list[range]) -> tuple[int, str] | None:
+    """If these entries are at the end of their range: a sample, and C that pushes its result out of range with a bump; None if
+    every u vanishes in the rounding of such a bump."""
+    u, vectors = list(contents.layout.u.rows), contents.vectors
+    large = 4 + int(np.argmax(np.abs(vectors.states[4:-1, u]).max(axis=1)))
+    for at in (4, large):
+        state = vectors.states[at - 1].copy()
+        for rows in poked:
+            state[rows] = contents.range
+        with np.errstate(all="ignore"):
+            text = bump_beyond(contents, contents.evaluated(state, vectors.measured[at], vectors.commands[at])[u])
+        if text:
+            return at, text
+    return None
+
+
+def bump_beyond(contents: Contents, u: Array) -> str:
+    """C for a fade that has just begun, with a bump that pushes this control out of range; empty if there is none."""
+    numbers, most = contents.real.numbers, contents.real.numbers(contents.range)
+    for i, one in enumerate(u):
+        if np.abs(numbers(one)) + most > most:
+            return f"c.bump[{i}] = {'-' if one < 0 else ''}{{M}}_RANGE; c.fade = 5L; c.fade_left = 5L; c.matching = 0;"
+    return ""
+
+
 def _without_measurement(printed: Printed) -> list[str]:
     """The test of a bad state without a measurement: u is held, and after the longest outage the fallback acts."""
     around, name, M = printed.contents.around, printed.name, printed.macro
@@ -126,23 +152,26 @@ def _refused(printed: Printed) -> list[str]:
 
 
 def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> list[str]:
-    """The test with the learnt values kept or reset; empty if no such state gives a result out of range.
+    """The test with the learnt values kept or reset; empty if no such state gives a result out of range, not even with a bump.
 
     beyond  the limit (0 for the lower one) that the held control exceeds; None for a control of the run
     """
     contents, layout, around = printed.contents, printed.contents.layout, printed.contents.around
     poked = poked_parts(contents, kept=bool(kept))
-    good, lost = leads_out_of_range(contents, [part.rows for part in poked])
+    own, rows = layout.part("held.baseline"), [part.rows for part in poked]
+    good, lost = leads_out_of_range(contents, rows)
+    at, fades = 4, "c.fade = 5L; c.fade_left = 3L; c.matching = 1;"
     if not good:
+        at, fades = pushed(contents, rows if kept or own is None else [*rows, own.rows]) or (0, "")
+    if not fades:
         return []
     ends, longest = _ends(around), None if around is None else around.longest
     aged = [name for name in counted_misses(around) if name != "outage"]
     status = "({M}_RESULT_REFUSED | {M}_FALLBACK)" if ends else "{M}_RESULT_REFUSED"
-    own = layout.part("held.baseline")
     others = [part for part in layout.parts if part != layout.u and (part != own or not kept)]
     same = "\n        && ".join(f"same(c.{part.name}, other.{part.name}, {part.size})" for part in others)
     at_rest = [
-        "c.fade = 5L; c.fade_left = 3L; c.matching = 1; before = c; before.refused = 1;"
+        f"{fades} before = c; before.refused = 1;"
         + " before.outage = 1L;" * ends
         + "".join(f" before.{name} = 1L;" for name in aged),
         "require({n}_step(&c, &in, &out) == {M}_RESULT_REFUSED && same_state(&c, &before),",
@@ -156,15 +185,11 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
     ]
     first = [*(at_rest if longest != 0 else []), *(tolerated if longest else [])]
     return [
-        "{n}_init(&c); (void)replay(&c, 4); in = sample(4);",
+        f"{{n}}_init(&c); (void)replay(&c, {at}); in = sample({at});",
         *(f"for (i = 0; i < {part.size}; ++i) {{{{ c.{part.name}[i] = {{M}}_RANGE; }}}}" for part in poked),
         *(first if kept else ["c.refused = {M}_REFUSALS - 1;"]),
         *([] if kept or own is None else [f"for (i = 0; i < {own.size}; ++i) {{{{ c.{own.name}[i] = {{M}}_RANGE; }}}}"]),
-        *(
-            ["c.outage = {M}_LONGEST_OUTAGE; c.fade = 0L; c.fade_left = 0L; c.matching = 0;"]
-            if ends
-            else ["c.matching = 1; c.fade = 5L; c.fade_left = 3L;"]
-        ),
+        "c.outage = {M}_LONGEST_OUTAGE;" * ends + ("c.fade = 0L; c.fade_left = 0L; c.matching = 0;" if ends and good else fades),
         *(_BEYOND[beyond] if beyond is not None and not ends else []),
         "other = c; before = c;",
         "memcpy(u, c.last_u, sizeof u);" if kept else "for (i = 0; i < {M}_INPUTS; ++i) {{ u[i] = 0; }}",
@@ -180,9 +205,9 @@ def _begun_again(printed: Printed, *, kept: int, beyond: int | None = None) -> l
         'require(same(out.u, u, {M}_INPUTS) && same(c.last_u, u, {M}_INPUTS), "u differs after results out of range");',
         *([] if ends else _NO_FADE),
         *(_COUNTED if kept else []),
-        *(_NOT_COUNTED if kept and lost else []),
+        *([*_NOT_COUNTED, f"in = sample({at});"] if kept and lost else []),
         *(_AT_WRONG_TIME if kept and lost and around is not None and around.band is not None else []),
-        "in = sample(5);",
+        f"in = sample({at + 1});",
         "require({n}_step(&c, &in, &out) == {M}_OK && c.refused == 0" + " && c.outage == 0L" * ends + ",",
         '    "the controller does not return after results out of range");',
         *(
@@ -216,7 +241,6 @@ _NOT_COUNTED = [
     "other = before; other.refused = 3; in.{x}[0] = nothing / nothing;",
     "require(({n}_step(&other, &in, &out) & {M}_RESULT_REFUSED) != 0u && other.refused == 3,",
     '    "a lost sample counts as a refused result");',
-    "in = sample(4);",
 ]
 """For a lost sample."""
 _AT_WRONG_TIME = [
