@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from barbalat.cases.load import parse_case
+from barbalat.export.c99.files import made_of
 from barbalat.export.contents import Contents
 from barbalat.export.equivalence import Interval, Prover
 from barbalat.export.evidence import readme_evidence
@@ -179,3 +181,37 @@ def test_a_fault_is_followed_no_farther_than_to_where_it_is_gone() -> None:
     program, within = Program(tuple(chain), ((len(chain) - 1,),)), {(0, 0): Interval(-10.0, 10.0)}
     moved = [Mutant(1, "another number", Operation("constant", (), value=float(c))) for c in (np.nextafter(1.6, 2), 1.7)]
     assert [bool(Prover(program, within, DOUBLE).proof(one)) for one in moved] == [True, False]
+
+
+FIRST_ORDER = """
+name = "first order"
+[plant]
+transfer_function = { num = [2.0], den = [1.0, 0.5] }
+[reference_model]
+transfer_function = { num = [3.0], den = [1.0, 3.0] }
+[reference]
+kind = "square"
+amplitude = 0.7
+frequency = 1.1
+[simulation]
+t_end = 8.0
+dt = 1e-3
+[[controller]]
+scheme = "mrac-output"
+order = 1
+relative_degree = 1
+sign = 1
+law = { kind = "lyapunov", gamma = 10.0 }
+lower = [-4.0, 0.2]
+upper = [4.0, 3.0]
+discretization = "euler"
+sample_time = 0.01
+"""
+
+
+def test_bounds_that_are_parameters_are_also_zero() -> None:
+    """At a bound of zero, four faults in the law's projection change the sign of a zero and nothing else."""
+    case = parse_case(FIRST_ORDER)
+    made = made_of(case.problem, case.controllers[0], case.simulation, DOUBLE, parameters=True)
+    count, killed, proven = chosen(made).counted(ties=False)
+    assert killed >= 0.97 * (count - proven)

@@ -322,6 +322,20 @@ class _Search:
         same = random.random(count) < 0.1
         columns[now] = np.where(same, columns[[self.place[row] for row in last.rows]], columns[now])
         columns[self.ends[2] : -1] = self._parameters(count)
+        return self._at_zero(columns)
+
+    def _at_zero(self, columns: Array) -> Array:
+        """The columns, in some of which parameters that bound others, and estimates that they bound, are zeros of either sign. At
+        a bound of zero a fault may change the sign of a zero only."""
+        order = (one for one in self.contents.conditions if isinstance(one, Order) and not one.strict)
+        bounds = sorted({i for one in order if numbers(one) == set(one.entries) for i in numbers(one)})
+        if not bounds or self.contents.opened is None:
+            return columns
+        random, count = self.random, columns.shape[1]
+        limited = zip(self.contents.layout.theta_hat.rows, self.contents.opened.open_limits.any(axis=0), strict=False)
+        at = [*(self.ends[2] + i for i in bounds), *(self.place[row] for row, is_open in limited if is_open)]
+        none = random.random((len(at), count)) < random.choice([0.0, 0.5, 1.0], p=[0.9, 0.05, 0.05], size=count)
+        columns[at] = np.where(none, np.where(random.random(none.shape) < 0.5, 0.0, -0.0), columns[at])
         return columns
 
     def _parameters(self, count: int) -> Array:
