@@ -20,8 +20,7 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     A complex pole is given once, as [real, imaginary], or as a complex number; a pole may be repeated as often as there are
     inputs; with one input, any number of times.
 
-    Source: Ackermann's formula for repeated poles with one input; otherwise Tits and Yang (1996), in SciPy's implementation,
-    which for one input only assembles the eigenvectors (``_of_one_input``).
+    Source: Ackermann's formula for repeated poles with one input; otherwise Tits and Yang (1996), in SciPy's implementation.
     """
     A = square_matrix("plant.A", A)
     b = np.asarray(b, dtype=float).reshape(len(A), -1)
@@ -97,50 +96,15 @@ def _ackermann(A: Array, b: Array, wanted: list[complex]) -> Array:
 
 
 def _robust(A: Array, b: Array, wanted: list[complex], field: str) -> Array:
-    try:
-        if b.shape[1] == 1 < len(A) and b.any():
-            return _of_one_input(A, b, wanted)
-        from scipy.signal import place_poles
+    from scipy.signal import place_poles
 
+    try:
         with warnings.catch_warnings():
             # every iterate has the requested poles; only the sensitivity has not converged
             warnings.filterwarnings("ignore", "Convergence was not reached", UserWarning)
             return np.asarray(place_poles(A, b, np.array(wanted)).gain_matrix.real)
     except ValueError as error:
         raise InputError(f"{field} can't be placed: {str(error).splitlines()[0]}") from None
-
-
-def _of_one_input(A: Array, b: Array, wanted: list[complex]) -> Array:
-    """K, (1, n), for one input and different poles; ValueError if they cannot be placed.
-
-    The poles then determine the closed loop's eigenvectors: each is in the null space of u'(A - p I), where the columns of u are
-    orthogonal to b (Kautsky, Nichols and Van Dooren, 1985). The operations are those of SciPy's ``place_poles``, so every bit is
-    the same, without ``scipy.signal``, whose import takes longer than loading a case.
-    """
-    from scipy.linalg import qr
-
-    real = sorted((p for p in wanted if p.imag == 0), key=lambda p: p.real)
-    below = sorted((p for p in wanted if p.imag < 0), key=lambda p: (p.real, p.imag))
-    poles = [*real, *(q for p in below for q in (p, p.conjugate()))]
-    u, z = qr(b, mode="full")
-    columns: list[Array] = []
-    for pole in poles:
-        if pole.imag > 0:  # the conjugate of the one before
-            continue
-        space = np.dot(u[:, 1:].T, A - pole * np.eye(len(A))).T
-        vector = np.sum(qr(space, mode="full")[0][:, space.shape[1] :], axis=1)[:, None]
-        vector = vector / np.linalg.norm(vector)
-        re, im = vector.real.astype(complex), vector.imag
-        columns += [vector] if pole.imag == 0 else [re - 1j * im, re + 1j * im]
-    vectors = np.hstack(columns)
-    try:
-        moved = np.linalg.solve(vectors.T, np.dot(np.diag(poles), vectors.T)).T
-        K = np.asarray((-np.linalg.solve(z[:1], np.dot(u[:, :1].T, moved - A))).real)
-    except np.linalg.LinAlgError as error:
-        raise ValueError("The poles you've chosen can't be placed. ") from error
-    if not np.isfinite(K).all():
-        raise ValueError("Array must not contain infs or NaNs")
-    return K
 
 
 def _text(pole: complex) -> str:
