@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import KnownParameters, LinearFeedback, Sampled, Simulation, TransferFunction, simulate
+from barbalat import KnownParameters, LinearFeedback, ReferenceModel, Sampled, Simulation, TransferFunction, simulate
 from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
 from barbalat.export.fmu.base_units import base_unit
@@ -53,6 +53,15 @@ def test_the_header_has_the_cases_names_and_units() -> None:
     text = header(Printed(Contents.of(labelled, CONTROLLER, SIMULATION, DOUBLE)))
     assert "double x[L1_MEASURED]; /* measured state: alpha [rad], q [rad/s] */" in text
     assert "double u[L1_INPUTS]; /* control [deg] before the actuator, as simulated */" in text
+
+
+def test_a_command_has_the_unit_of_the_labelled_state_that_follows_it() -> None:
+    labels = Labels(names=["alpha", "q"], units=["rad", "rad/s"], input_units=["deg"])
+    follows = replace(STATE, labels=labels, reference_model=ReferenceModel(follow="alpha"))
+    text = header(Printed(Contents.of(follows, CONTROLLER, SIMULATION, DOUBLE)))
+    assert "/* command of (2) [rad] */" in text and '"r [rad]"' in text
+    text = header(Printed(Contents.of(replace(STATE, labels=labels), CONTROLLER, SIMULATION, DOUBLE)))  # k_0: nothing is declared
+    assert "/* command of (2) */" in text and '"r",' in text
 
 
 def test_the_readme_has_the_cases_names_and_units() -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.export.layout import StatePart, distinct
-from barbalat.export.texts import Printed, comment, comments, indented
+from barbalat.export.texts import Printed, command_units, comment, comments, indented
 from barbalat.roles import column_names, entry_names
 from barbalat.run.results.result import SERIES
 from barbalat.validate import Array
@@ -66,12 +66,14 @@ def _signals(printed: Printed) -> Iterator[Logged]:
     y, q, m, _ = contents.sizes
     labels = contents.problem.labels
     names, units = _named(printed), () if labels is None else labels.input_units
+    commanded = command_units(contents.problem)
     measured = [layout.measured.start + i for i in range(y)]
     own = contents.problem.measured  # without controls that external code supplies
     for i, (name, row) in enumerate(zip(_numbered("measured", y), measured, strict=True)):
         yield Logged(name, row, names[i], "last good measurement")
     for i, name in enumerate(_numbered("r", q)):
-        yield Logged(name, layout.r.start + i, name, "command")
+        unit = commanded[i] if i < len(commanded) else ""
+        yield Logged(name, layout.r.start + i, f"{name} [{unit}]" if unit else name, "command")
     for which, meaning in (("u", "demanded control"), ("u_limited", "control within the limits")):
         for i, name in enumerate(_numbered(which, m)):
             label = f"{name} [{units[i]}]" if units and units[i] else name

@@ -333,7 +333,7 @@ def _limit(printed: Printed) -> str:
     given, told = f"{printed.real} *u", "Brings a control within the actuator's limits."
     if limits_vary(printed):
         given, told = f"const {printed.name}_controller *c, {given}", f"{told[:-1]}, unless these are corrupted."
-        lines = ["if (parameters_are_usable(c->parameter)) {", *(f"    {line}" for line in lines), "}"]
+        lines = ["if (parameters_are_usable(c->parameter) != 0) {", *(f"    {line}" for line in lines), "}"]
     return f"/* {told} */\nstatic void limit({given})\n{{\n{indented(lines)}}}\n\n" if lines else ""
 
 

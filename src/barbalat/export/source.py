@@ -14,7 +14,7 @@ from barbalat.export.log import log_body, log_header
 from barbalat.export.settable import settable
 from barbalat.export.shell import REFUSALS, in_own_range, in_ranges, limits_vary, shell
 from barbalat.export.shell import usable as shell_usable
-from barbalat.export.texts import Printed, comment, comments, filled, indented, readable
+from barbalat.export.texts import Printed, command_units, comment, comments, filled, indented, readable
 from barbalat.loop.around import LOST, MOST_COUNTED
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
@@ -237,6 +237,7 @@ def header(printed: Printed) -> str:
         refusals=REFUSALS,
         measured_meaning=_labelled(printed, "measured state" if printed.measured == "x" else "measured output"),
         units=comment(input_units(printed)),
+        command_units=comment(units_text(command_units(contents.problem))),
         **_wrong_time(contents),
         **_freezes(contents),
         start_range=", or outside its plausible range" if state and in_ranges(printed, printed.measured) else "",
@@ -322,7 +323,11 @@ def channels(printed: Printed) -> list[str]:
 def input_units(printed: Printed) -> str:
     """The units of the inputs after their meaning, if the case has some."""
     labels = printed.contents.problem.labels
-    units = () if labels is None else labels.input_units
+    return units_text(() if labels is None else labels.input_units)
+
+
+def units_text(units: Sequence[str]) -> str:
+    """Units in brackets; empty without any unit."""
     return readable(f" [{', '.join(one or '1' for one in units)}]") if any(units) else ""
 
 

@@ -20,9 +20,17 @@ from barbalat.export.contents import Contents
 from barbalat.export.layout import prefix_of
 from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
+from barbalat.problem.tracking import TrackingProblem
 
 SHORT_NUMBER_LENGTH = 8
 """Largest number of characters of a decimal number that is shown beside the exact constant; longer ones are hard to read."""
+
+
+def command_units(problem: TrackingProblem) -> tuple[str, ...]:
+    """For each command the unit of the labelled state that is declared to follow it, else ""; empty without any unit."""
+    labels, declared = problem.labels, problem.declared_followers
+    units = ["" if labels is None or not labels.units or i is None else labels.units[i] for i in declared]
+    return tuple(units) if any(units) else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from barbalat.export.plant_source import PrintedPlant, plant_header, plant_sourc
 from barbalat.export.selftest import selftest
 from barbalat.export.settable import parameters_readme
 from barbalat.export.shell import in_ranges, shell_readme
-from barbalat.export.source import channels, header, input_units, is_piecewise, shape, source
+from barbalat.export.source import channels, header, input_units, is_piecewise, shape, source, units_text
 from barbalat.export.target import require_case
-from barbalat.export.texts import Printed, filled, indented, readable
+from barbalat.export.texts import Printed, command_units, filled, indented, readable
 from barbalat.lowering import c99
 from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.problem.tracking import TrackingProblem
@@ -136,7 +136,7 @@ def readme(printed: Printed, *, closed_loop: bool = False, warning: str = "") ->
         units=_units(printed),
         u_baseline=_handed(printed),
         existing=EXISTING.format(macro=macro, measured=printed.measured) if contents.problem.handed_controls else "",
-        commands=f"{q} commands" if q > 1 else "the command",
+        commands=(f"{q} commands" if q > 1 else "the command") + units_text(command_units(contents.problem)),
         further=f" to [{m - 1}]" if m > 1 else "",
         input_units=input_units(printed),
         start=f"{printed.measured}, " if contents.measures_state else "",

@@ -13,7 +13,7 @@ from barbalat.export.layout import StatePart
 from barbalat.export.log import of_the_channels
 from barbalat.export.parameters import Parameter
 from barbalat.export.plant_source import PrintedPlant
-from barbalat.export.texts import Printed
+from barbalat.export.texts import Printed, command_units
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.problem.labels import Labels
 from barbalat.problem.state_feedback import Problem
@@ -67,7 +67,9 @@ class Unit:
             wanted |= {one: one in starts or wanted.get(one, False) for one in plant.parameters}
         opened = self.printed.contents.opened
         assert opened is not None
-        found += parameters(wanted, [one for one, fixed in wanted.items() if fixed], opened)
+        labels = self.printed.contents.problem.labels
+        units = () if labels is None else labels.input_units
+        found += parameters(wanted, [one for one, fixed in wanted.items() if fixed], opened, units)
         if self.controller:
             found += self._states()
         if self.made is not None:
@@ -119,7 +121,15 @@ class Unit:
             found += self._measured("input", vectors.measured[0].tolist())
         if self.controller:
             q = contents.sizes[1]
-            found += array("r", "input", "discrete", "command", vectors.commands[0].tolist(), scalar=q == 1)
+            found += array(
+                "r",
+                "input",
+                "discrete",
+                "command",
+                vectors.commands[0].tolist(),
+                scalar=q == 1,
+                units=command_units(contents.problem),
+            )
         else:
             found += self._of_inputs("u", "input", "control", [0.0] * contents.sizes[2])
         if self.made is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -100,15 +100,19 @@ def _same(count: int, *values: str) -> list[list[str]]:
     return [[value] * count for value in values]
 
 
-def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter], opened: Opened) -> list[Variable]:
-    """A variable for a parameter; initial values of states do not change after the start."""
+def parameters(
+    found: Iterable[Parameter], fixed: Iterable[Parameter], opened: Opened, units: Sequence[str] = ()
+) -> list[Variable]:
+    """A variable for each parameter; initial values of states do not change after the start. Limits of u have the ``units`` of
+    the inputs."""
     begun, made = set(fixed), []
     for one in found:
         i = opened.parameters.index(one)
         alone = (condition for condition in opened.conditions if numbers(condition) == {i})
         bounds = tuple(condition.of_number(i, lambda entry: f"{entry!r}" if entry else "0") for condition in alone)
         variability = "fixed" if one in begun else "tunable"
-        made.append(Variable(one.name, "parameter", variability, one.meaning, one.value, bounds=bounds))
+        unit = units[one.limit[0]] if one.limit is not None and units else ""
+        made.append(Variable(one.name, "parameter", variability, one.meaning, one.value, unit, bounds=bounds))
     return made
 
 
