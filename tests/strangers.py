@@ -1,4 +1,4 @@
-"""Three laws from outside that declare their state by roles: one with sixteen weights, one with two adaptive layers, and one
+"""Three user-defined laws that declare their state by roles: one with sixteen weights, one with two adaptive layers, and one
 without an estimate.
 
 None has a field ``theta_hat``. All are for two states and one input. The file is not imported under the package's name, because

@@ -47,7 +47,7 @@ def test_certificates(problems):
 
 
 def test_what_does_not_apply_says_why(problems):
-    """A controller without estimates has no adaptation, and no bound is known for a class from outside."""
+    """A controller without estimates has no adaptation, and no bound is known for a user-defined class."""
     from foreign import Plain
 
     values = certify(problems[2], [Plain(5.0)], SIMULATION)["plain"].values

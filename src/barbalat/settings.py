@@ -47,7 +47,7 @@ class Settings:
 
 @cache
 def _parameters(kind: type) -> dict[str, Parameter] | None:
-    """A constructor's parameters by name, in order; None for a constructor from outside that takes any."""
+    """A constructor's parameters by name, in order; None for a user-defined constructor that takes any."""
     _, *parameters = signature(getattr_static(kind, "__init__")).parameters.values()  # the first is self
     if any(one.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for one in parameters):
         return None

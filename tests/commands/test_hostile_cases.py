@@ -47,8 +47,8 @@ PLOTTED = {*drawn(HOSTILE, len(HOSTILE) // 6), *(case for case in HOSTILE if cas
 
 @pytest.mark.parametrize("case", HOSTILE, ids=lambda path: path.stem)
 def test_every_command_ends_well(case, tmp_path, capsys):
-    """The commit selects JSON or the terminal for the certificate, and the sixth of the cases for which there are pictures and a
-    page.
+    """The hash of the commit selects whether the certificate is tested as JSON or on the terminal, and which sixth of the cases
+    also get pictures and a page.
 
     For the names that must be shown, both the terminal and the pictures are tested.
     """

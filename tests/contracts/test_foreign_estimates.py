@@ -1,4 +1,4 @@
-"""Laws from outside whose estimates are not the problem's parameters: every command accepts them and states what is unknown about
+"""User-defined laws whose estimates are not the problem's parameters: every command accepts them and states what is unknown about
 them."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Laws from outside that declare their state by roles, without a field theta_hat. Every command accepts them."""
+"""User-defined laws that declare their state by roles, without a field theta_hat. Every command accepts them."""
 
 from __future__ import annotations
 

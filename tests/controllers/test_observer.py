@@ -313,7 +313,7 @@ class TestMargins:
         Cy = np.hstack([np.zeros((2, 4)), np.eye(2)]) if lag else C
         H = np.eye(4) if made.H is None else made.H
         D = np.zeros((4, 2)) if made.D is None else made.D
-        # s = [plant at this sample before u, z of the sample before, u[-1], ..., u[-1-d]]
+        # s = [plant at this sample before u, z of the previous sample, u[-1], ..., u[-1-d]]
         size = n + l + d + 1
         M = np.zeros((size, size))
         z = np.zeros((l, size))

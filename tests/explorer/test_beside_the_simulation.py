@@ -197,7 +197,7 @@ def test_a_signal_from_outside_that_knows_its_points_is_a_record_too(tmp_path):
 
 @dataclass(frozen=True)
 class Pulses:
-    """A class from outside with an array among its fields, which a tuple can't compare."""
+    """A user-defined class with an array field, for which comparing tuples of fields raises an error."""
 
     instants: np.ndarray
 

@@ -1,4 +1,4 @@
-"""``--parameters``: numbers of the case that can be set while the C runs, within their bounds, without a bump."""
+"""``--parameters``: numbers of the case that can be set while the exported C runs, within their bounds, without a bump."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Controllers from outside are checked before they run: a fault is reported in one sentence, and correct controllers pass."""
+"""User-defined controllers are checked before they run: a fault is reported in one sentence, and correct controllers pass."""
 
 from __future__ import annotations
 

@@ -54,4 +54,4 @@ def test_the_command_writes_it(tmp_path, capsys):
     assert main(["claims", FILTER, "--notebook", str(file)]) == 0
     assert file.read_text("utf-8") == notebook(FILTER)
     assert main(["claims", "--notebook", str(file)]) == 2
-    assert "needs the NAME of a row" in capsys.readouterr().err
+    assert "needs the NAME of a claim" in capsys.readouterr().err

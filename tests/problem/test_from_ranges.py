@@ -151,8 +151,8 @@ def test_formulas_are_written_as_numbers_are():
 
 
 def test_parameters_without_ranges_give_a_known_plant():
-    """The parameters are only names for numbers, so theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the
-    gain."""
+    """The parameters merely name numbers, so theta and the gain are known. By hand, theta is (-k/J + 12)/(1/J) and
+    (-d/J + 7)/(1/J)."""
     plant = PhysicalPlant(A=[[0, 1], ["-k/J", "-0.1"]], b=[0, "1/J"], parameters=[Parameter("k", 1.3), Parameter("J", 0.5)])
     found = derived(Plant(physical=plant, poles=[-3, -4]))
     assert found.theta.lower == pytest.approx([(12 - 2.6) / 2, (7 - 0.1) / 2]) and (found.theta.lower == found.theta.upper).all()

@@ -18,17 +18,17 @@ WHOLE = "was compiled on this machine and flown: u and the state are bit-identic
     ("agreements", "said"),
     [
         (None, []),
-        ({"a": EQUAL}, [f"the C of a {WHOLE} 6,000 samples of 2 flights"]),
-        ({"a": Agreement(samples=300)}, [f"the C of a {WHOLE} 300 samples of 1 flight"]),
-        ({"a": EQUAL, "b": EQUAL}, [f"the C of every controller {WHOLE} 12,000 samples of 4 flights"]),
+        ({"a": EQUAL}, [f"the exported C of a {WHOLE} 6,000 samples of 2 flights"]),
+        ({"a": Agreement(samples=300)}, [f"the exported C of a {WHOLE} 300 samples of 1 flight"]),
+        ({"a": EQUAL, "b": EQUAL}, [f"the exported C of every controller {WHOLE} 12,000 samples of 4 flights"]),
         (
             {"a": EQUAL, "b": WRONG, "c": EQUAL, "d": HELD, "e": BROKEN},
             [
-                f"the C of 2 of 5 controllers {WHOLE} 12,000 samples of 4 flights",
-                "the C of b does not equal the simulation: x_hat[1] differs from sample 3 of a flight on",
-                "the C of d does not equal the simulation: held_u[0] differs from sample 90 of a flight on, "
+                f"the exported C of 2 of 5 controllers {WHOLE} 12,000 samples of 4 flights",
+                "the exported C of b does not equal the simulation: x_hat[1] differs from sample 3 of a flight on",
+                "the exported C of d does not equal the simulation: held_u[0] differs from sample 90 of a flight on, "
                 "and it rejected 7 of 1,200 samples",
-                "nothing is known about the C of e: the simulator failed in every flight",
+                "nothing is known about the exported C of e: the simulator failed in every flight",
             ],
         ),
     ],

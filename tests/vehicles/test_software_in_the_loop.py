@@ -112,8 +112,8 @@ def test_the_command_says_so_everywhere(tmp_path, capsys):
     assert main([*arguments, "--out", str(tmp_path)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     sentence = (
-        "the C of every controller was compiled on this machine and flown: u and the state are bit-identical to those of the "
-        "simulation at all 6,000 samples of 2 flights"
+        "the exported C of every controller was compiled on this machine and flown: u and the state are bit-identical to those "
+        "of the simulation at all 6,000 samples of 2 flights"
     )
     assert sentence in said
     page = html.unescape(re.sub("<[^>]+>", "", (tmp_path / "report.html").read_text()))

@@ -1,6 +1,6 @@
 """The protocols of adaptive laws for the linear parametric model z = theta'phi. The registry is ``laws``.
 
-Every law implements ``AdaptiveLaw``. Further properties are separate protocols, which a law from outside may omit:
+Every law implements ``AdaptiveLaw``. Further properties are separate protocols, which a user-defined law may omit:
 ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
 """
 

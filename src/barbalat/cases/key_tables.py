@@ -53,7 +53,7 @@ WORDS: dict[Any, str] = {
     AdaptiveLaw: "law",
     OutputErrorLaw: "law",
 }
-"""The names of the types of fields on the page; other settings are a table."""
+"""The names under which docs/cases.md shows the types of fields; a setting of any other type is a TOML table."""
 
 PARTS = {
     "filter": LowPass,

@@ -386,7 +386,7 @@ def _path(path: PlantInput) -> dict[str, Any]:
 
 
 def _command(signal: Signal) -> dict[str, Any]:
-    """The numbers from which a command's bound follows; for a class from outside, the bound that it states."""
+    """The numbers from which a command's bound follows; for a user-defined class, the bound that it states."""
     if isinstance(signal, Constant):
         return {"kind": "constant", "amplitudes": [signal.amplitude]}
     if isinstance(signal, Chirp):

@@ -32,8 +32,8 @@ def add(commands: Commands) -> None:
         "--share",
         type=float,
         metavar="S",
-        help="with --simulate: the motion counts as lost when the added error reaches S times the model's range of motion; "
-        "default 1",
+        help="with --simulate: a run also counts as lost when the delay increases the largest |e| of the tail by S times the "
+        "largest |x_m|; default 1",
     )
     parser.add_argument(
         "--float32",
@@ -43,7 +43,11 @@ def add(commands: Commands) -> None:
     parser.add_argument("--out", metavar="DIR", help="folder for the page and the JSON")
     parser.add_argument("--pictures", action="store_true", help="with --out: also write the charts of the loops as PNG and SVG")
     parser.add_argument("--proof", metavar="FILE", help="write each guaranteed number with its witness, for barbalat-check FILE")
-    parser.add_argument("--full", action="store_true", help="print every value with its kind, all assumptions, and Table 1")
+    parser.add_argument(
+        "--full",
+        action="store_true",
+        help="print every value with its kind, all assumptions, and the comparison in the form of the paper's Table 1",
+    )
     conclude(parser, execute)
 
 

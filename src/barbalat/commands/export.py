@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--name", metavar="PREFIX", help="prefix of functions, types, macros and files")
     parser.add_argument(
-        "--parameters", action="store_true", help="make gains, limits and initial estimates settable while the C runs"
+        "--parameters", action="store_true", help="make gains, limits and initial estimates settable while the exported C runs"
     )
     parser.add_argument("--float32", action="store_true", help="use 32-bit instead of 64-bit numbers")
     which = parser.add_mutually_exclusive_group()

@@ -31,7 +31,7 @@ def default_knobs(
     model. The sentences name omitted tunings and the schemes that do not support the problem. Raises InputError if no scheme
     supports it.
 
-    own  controllers from outside; each takes part with the knobs that it declares, or otherwise unchanged, as one tuning
+    own  user-defined controllers; each takes part with the knobs that it declares, or otherwise unchanged, as one tuning
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain

@@ -105,7 +105,7 @@ ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
         key="kappa", title="Toward kappa = 0.05", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
         text=(
-            "The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. "
+            "The paper's condition on the filter, and with it the guarantee, holds only up to κ = 0.05 s. "
             "How the loop behaves beyond this limit is a different question."
         ),
         goal=(

@@ -86,7 +86,7 @@ class TextSource(Source):
             tables = self._tables()
             for i in toggled:
                 if i >= self._in_tables:
-                    raise InputError("a controller from a user's file has no projection that can be switched")
+                    raise InputError("a controller from a user's file has no projection that can be switched on or off")
                 tables["controller"][i]["projection"] = not self.projected(i)
             self._varied[key] = VariedCase(self.text, (), tables)
         return self._varied[key].with_numbers(numbers)
@@ -188,7 +188,7 @@ class ObjectSource(Source):
 
 def _switched(controller: Any, projection: bool) -> Any:
     if not is_dataclass(controller) or "projection" not in {one.name for one in fields(controller)}:
-        raise InputError(f"{validate_name(controller)} has no projection that can be switched")
+        raise InputError(f"{validate_name(controller)} has no projection that can be switched on or off")
     return replace(controller, projection=projection)  # type: ignore[type-var]
 
 

@@ -108,7 +108,7 @@ class Printed:
 
     @property
     def _scheme(self) -> str:
-        """The name of the scheme in case files; for a class from outside, the class name."""
+        """The name of the scheme in case files; for a user-defined class, the class name."""
         controller = self.contents.controller
         kind = type(controller.controller if isinstance(controller, Sampled) else controller)
         named = {settings: name for name, settings in (*SCHEMES.items(), *OUTPUT_SCHEMES.items())}

@@ -80,7 +80,7 @@ class Recording:
         return self.shifted(steps)
 
     def shifted(self, steps: int) -> Recording:
-        """The samples from number ``steps`` on, each with the input from that many samples before."""
+        """The samples from number ``steps`` on, each with the input from that many samples earlier."""
         N = len(self.times)
         return Recording(self.times[steps:], self.inputs[: N - steps], self.outputs[steps:], self.input_names, self.output_names)
 

@@ -62,7 +62,7 @@ class SampledNorms:
         M, (scale, _) = matrix_balance(self.M, permute=False, separate=True)  # by powers of two: exact
         C, s = self.C * scale, (s.T / scale).T
         if not np.abs(np.linalg.eigvals(M)).max() < 1:
-            raise InputError("the loop is unstable from sample to sample")
+            raise InputError("the discrete-time loop is unstable")
         root, lost = _contraction(M)
         reach = np.linalg.norm(np.linalg.solve(root.T, C.T), axis=0) / lost
         rows = [C]

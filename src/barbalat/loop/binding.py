@@ -36,7 +36,7 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
     """The controller's equations for this problem; raises InputError for an object that is not a controller, or for a controller
     that needs a different measurement.
 
-    Equations that involve a class from outside are checked once for each structure (see ``check_controller``). The tests of the
+    Equations that involve a user-defined class are checked once for each structure (see ``check_controller``). The tests of the
     package apply the same checks to its equations.
     """
     outside = comes_from_outside(controller)
@@ -63,7 +63,7 @@ class Bindings:
 
     def __init__(self) -> None:
         self._last: tuple[Controller, Any, Equations | SampledEquations] | None = None
-        self._outside = False  # whether the first member, and therefore every member, involves a class from outside
+        self._outside = False  # whether the first member, and therefore every member, involves a user-defined class
 
     def __call__(self, problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
         known = problem.known

@@ -180,7 +180,7 @@ class VariedCase(Varied):
         """The case with these numbers, checked like any other; raises InputError if the case can't be used."""
         if (moved := self._moved(numbers)) is not None:
             return moved
-        if not self._variants:  # the first numbers are in tables that the file lacks
+        if not self._variants:  # made with the first numbers, since the file may lack their tables
             self._variants.append(self.text.variants(self._with(numbers)))
         found = self._variants[0].at({path.keys: value for path, value in numbers.items()})
         return self.text.case(self._with(numbers)) if found is None else found

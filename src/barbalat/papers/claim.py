@@ -152,7 +152,7 @@ class Claim:
     measured      all measurements, in a sentence
     how           the plant, the solver, the step, and what was compared
     would_change  what would have to be measured, shown or assumed for a different finding
-    sharpened     what ``reproduce --full`` measures beyond the plain command; empty if it measures nothing more
+    sharpened     what ``reproduce --full`` measures beyond a run without it; empty if it measures nothing more
     code          the file and the function that measure it, which the measurement fills in
     """
 
@@ -241,7 +241,7 @@ class Measurement:
     place            the position of the rows among the rows of their paper
     quick            whether ``reproduce --quick`` measures them
     shares           a name shared by the measurements that use the same runs; one process performs them all
-    sharper          a function that measures the same rows more precisely than the plain command has time for, used by
+    sharper          a function that measures the same rows more precisely than there is time for without ``--full``, used by
         ``reproduce --full``; no finding depends on it
     sharper_seconds  its estimated duration
     """

@@ -177,7 +177,9 @@ def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
     """Return the dynamics of a truth for a plant whose states are called ``labels``. Raises InputError if the two do not fit."""
     values = _values(truth, plant)
     if plant.physical is None and truth.parameters:
-        raise InputError.of("truth.parameters", f"needs [parameters]; got {', '.join(truth.parameters)}")
+        raise InputError.of(
+            "truth.parameters", f"requires the table [parameters], which the case lacks; got {', '.join(truth.parameters)}"
+        )
     A, b = _matrices(truth, plant, values)
     N, n = len(A), plant.states
     if n != N and truth.states is None:

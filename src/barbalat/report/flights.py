@@ -141,18 +141,17 @@ def _in_the_loop(found: FlightComparison) -> list[str]:
     who, together = next(iter(equal)) if len(equal) == 1 else several, Agreement.together(equal.values())
     flights = counted(together.flights, "flight")
     said = (
-        f"the C of {who} was compiled on this machine and flown: u and the state are bit-identical to those of the simulation "
-        f"at all "
-        f"{together.samples:,} samples of {flights}"
+        f"the exported C of {who} was compiled on this machine and flown: u and the state are bit-identical to those of the "
+        f"simulation at all {together.samples:,} samples of {flights}"
     )
     return [*([said] if equal else []), *(_unequal(name, one) for name, one in agreements.items() if name not in equal)]
 
 
 def _unequal(name: str, one: Agreement) -> str:
     if one.equal is None:
-        return f"nothing is known about the C of {name}: the simulator failed in every flight"
+        return f"nothing is known about the exported C of {name}: the simulator failed in every flight"
     held = f", and it rejected {one.refused:,} of {one.samples:,} samples" if one.refused else ""
-    return f"the C of {name} does not equal the simulation{f': {one.difference}' if one.difference else ''}{held}"
+    return f"the exported C of {name} does not equal the simulation{f': {one.difference}' if one.difference else ''}{held}"
 
 
 def as_document(found: FlightComparison) -> dict[str, Any]:

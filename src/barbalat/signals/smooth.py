@@ -46,7 +46,7 @@ class Swinging:
 
 
 class Resting:
-    """A signal that is constant between its jumps and after the last one."""
+    """A piecewise-constant signal."""
 
     @property
     def slope(self) -> float:

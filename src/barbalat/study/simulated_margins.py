@@ -130,8 +130,8 @@ class _Measured:
         limit = _limit(self.delay.onset.tolerates[0], self.delay.onset.loses[0], simulation)
         loss = (
             "delay_margin_simulated was measured on the run of the case and is not a guarantee: the loop counts as lost when "
-            "the judge finds it lost, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so "
-            "a smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
+            f"the judge finds it lost, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so "
+            f"a smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
             f"{_limit(self.delay.loss.tolerates[0], self.delay.loss.loses[0], simulation)}"
         )
         drawn = Draft()

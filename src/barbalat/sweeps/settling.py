@@ -192,7 +192,7 @@ class Settling:
     def afforded(self) -> Afforded:
         """The limits for repeated members, chosen so that all repetitions together cost less than MOST_RERUN plain sweeps.
 
-        These limits are determined from the first members of the plan, so they do not depend on the members that run together.
+        These limits are determined from the first members of the plan, so they do not depend on which members run together.
         """
         within = max(MOST_RERUN, ALWAYS_RERUN / (len(self.study) * self.study.steps))
         tried = sorted({factor for factor, _ in self._needed})

@@ -47,7 +47,7 @@ def without_limits():
 
 
 def grows(problem, law, dt):
-    """Whether the last quarter of 40 s is larger than the one before. See below for the factor by which a mode near the margin
+    """Whether the last quarter of 40 s is larger than the preceding one. See below for the factor by which a mode near the margin
     changes."""
     run = simulate(problem, [law], Simulation(t_end=40.0, dt=dt))[law.name]
     x = np.abs(run.envelope.e_max[:, 0])
@@ -92,7 +92,7 @@ OF_TWO = L1PiecewiseConstant(sample_time=0.05, filter=input_filter(0.1))
 
 
 def grows_of_two(problem, law):
-    """Whether the last quarter of 60 s is larger than the one before, over all states."""
+    """Whether the last quarter of 60 s is larger than the preceding one, over all states."""
     run = simulate(problem, [law], Simulation(t_end=60.0, dt=0.01))[law.name]
     quarters = [np.abs(part).max() for part in np.array_split(run.envelope.e_max, 4)]
     return run.diverged_at is not None or quarters[3] > quarters[2]

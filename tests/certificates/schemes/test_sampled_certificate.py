@@ -14,7 +14,7 @@ def findings(controller, **settings):
 
 def test_a_sampled_mrac_names_the_delay_that_fast_adaptation_tolerates():
     """The delay is one sample without a filter. With a filter or Euler's method there is no such statement. With a gain matrix
-    the model is not matched during projection."""
+    the loop does not match the model while the projection acts."""
     assert "one sample, 0.002 s" in findings(Mrac(gamma=10.0))
     assert "one sample" in findings(L1Adaptive(gamma=10.0, filter=None))
     assert "one sample" not in findings(L1Adaptive(gamma=10.0, filter=input_filter(0.02)))

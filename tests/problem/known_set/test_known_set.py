@@ -49,7 +49,8 @@ def test_the_farthest_point_of_a_ball_is_on_its_surface(n):
     ids=["box", "ball"],
 )
 def test_points_are_drawn_evenly(known_set, shares):
-    """Each coordinate's fraction of a box, and the fraction of a disc's area within a point's radius, are uniform in [0, 1]."""
+    """Each coordinate's relative position in a box, and the share of a disc's area that lies inside a point's radius, are
+    uniformly distributed in [0, 1]."""
     points = known_set.drawn(np.random.default_rng(3), 4000)
     assert all(known_set.contains(point) for point in points)
     quarters = np.quantile(shares(points), [0.25, 0.5, 0.75], axis=0).T

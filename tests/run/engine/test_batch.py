@@ -138,7 +138,7 @@ def test_recorded_blocks_of_members_that_stop_at_different_times(problems):
 
 
 def test_a_step_is_traced_once_for_all_that_it_depends_on(problems):
-    """Other arguments of the kernel use the same program. A different constant, step or option, or a class from outside, has a
+    """Other arguments of the kernel use the same program. A different constant, step or option, or a user-defined class, has a
     separate program."""
 
     def program(members, dt=STEPS[0], **how):

@@ -512,7 +512,7 @@ PARTS = {
 
 @pytest.mark.parametrize("name", PARTS)
 def test_what_a_corner_or_a_jump_of_the_law_costs_is_said(name):
-    """A law of the package declares it. Equations from outside are examined."""
+    """A law of the package declares it. User-defined equations are examined."""
     controller, order, said = PARTS[name]
     given, simulation = problem(SMOOTH), Simulation(t_end=T_END, dt=0.02)
     lost = next(iter(simulate(given, [controller], simulation).values())).lost

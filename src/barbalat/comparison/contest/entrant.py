@@ -122,14 +122,14 @@ def entrants_of(
     """Return the registered schemes that declare tuned settings and support the problem, and sentences on the omitted schemes.
 
     schemes      names in case files; by default all
-    own          controllers from outside; those that declare tuned settings take part too
+    own          user-defined controllers; those that declare tuned settings take part too
     sample_time  sample time of all [s], in midpoint form, or with Euler steps if a scheme has no such form; by default,
                  continuous controllers stay continuous
     ours         whether the registered schemes take part
 
     All start with the same knowledge. Their estimates start in the middle of the known set, or at a baseline's parameters, which
     linear designs assume as well. A baseline also takes part without adaptation. If the input saturates, each scheme uses its
-    windup remedy. A controller from outside starts at the same estimates if its class has a field ``theta_hat0``, or if its
+    windup remedy. A user-defined controller starts at the same estimates if its class has a field ``theta_hat0``, or if its
     ``knobs`` pass on ``reach.theta_hat0``. For any other controller, ``starts.start_of`` reports the start.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
@@ -178,7 +178,7 @@ def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
 
 
 def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entrant:
-    """Return the entrant from outside with its estimates in the middle, or unchanged if its ``theta_hat0`` means something
+    """Return the user-defined entrant with its estimates in the middle, or unchanged if its ``theta_hat0`` means something
     else."""
     moved = entrant.starting_at(middle)
     try:

@@ -303,7 +303,7 @@ def design(
     schemes        registered schemes, by their names in case files; by default all
     baseline       whether the fixed loop without adaptation takes part in any case; this is [baseline] or, without one, the
                    nominal state feedback
-    own            controllers from outside that are tuned too, by their declared settings
+    own            user-defined controllers that are tuned too, by their declared settings
     as_set         controllers that take part without tuning
     ours           whether the registered schemes take part
     validated      whether extreme plants take part in the tuning, the specification must hold on validation plants too, and

@@ -144,7 +144,7 @@ function verdictLine({ run, label }) {
 function conditionText({ run, label }) {
   const { condition } = run;
   const value = condition === null ? "no estimate at this setting" : `${Number(condition.toPrecision(4))} (estimate, by the simulated impulse response)`;
-  const said = condition === null ? "" : condition < 1 ? ", below 1: holds by this estimate" : ", not below 1: by this estimate the condition fails, and so does the bound (10)";
+  const said = condition === null ? "" : condition < 1 ? ", which is below 1, so by this estimate the condition holds" : ", which is not below 1, so by this estimate the condition fails, and with it the bound (10)";
   const found = line(`${label}: condition ‖W_b (1 − C)‖₁ θ_max of Theorem 1 (ii): ${value}${said}.`, "note");
   found.dataset.condition = condition === null ? "" : String(condition);
   return found;

@@ -44,7 +44,7 @@ typedef struct {
 
 typedef struct {
     ${real} u[${macro}_INPUTS]; /* control${units} before the actuator, as simulated */
-    ${real} u_limited[${macro}_INPUTS]; /* u within the saturation limits of the case, if any; the actuator applies a rate limit */
+    ${real} u_limited[${macro}_INPUTS]; /* u clipped to the case's saturation limits, if any; a rate limit is left to the actuator */
 ${estimates}    unsigned status; /* the return value of ${name}_step */
 } ${name}_output;
 
@@ -61,7 +61,7 @@ void ${name}_reset(${name}_controller *c);
 /*
  * ${start_comment}
  * u_now is the current command to the actuator: the first control equals it, and the difference from the control that the
- * controller computes fades out over this number of samples, at most 1e9. keep_estimates: if nonzero, the estimates are kept.
+ * controller computes fades out over `samples` samples (at most 1e9). keep_estimates: if nonzero, the estimates are kept.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
 unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,

@@ -20,7 +20,7 @@ static const uint64_t digests[SAMPLES] = {
     ${digests} };
 static const ${real} limits[${macro}_INPUTS][2] = {
 ${limit_rows}};
-/* A run in which samples are lost: 1 the measurement, 2 the command; 4 frozen. */
+/* A run with lost samples. Flags: 1 measurement lost, 2 command lost, 4 estimates frozen. */
 static const int losses[] = { ${losses} };
 static const ${real} lossy_controls[][${macro}_INPUTS] = {
 ${lossy_rows}};

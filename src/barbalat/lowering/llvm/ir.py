@@ -229,7 +229,7 @@ def _require_fitting(
     if watch is not None and lanes > 1 and len(watch.operations) > LONGEST_INSIDE:
         raise ValueError(f"a quantity of {len(watch.operations)} operations needs exactly one member, got {lanes} lanes")
     if outside is not None and (sample is None or lanes > 1):
-        raise ValueError(f"a function from outside needs a sampled part and exactly one member, got {sample} and {lanes} lanes")
+        raise ValueError(f"a user-defined function needs a sampled part and exactly one member, got {sample} and {lanes} lanes")
 
 
 def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:

@@ -23,5 +23,5 @@ def loop(
     if any(op.name in ("fma", "fnma") for program in given for op in program.operations):
         raise ValueError("WebAssembly has no fused multiply-add: optimize(program, fused=False) makes a list without them")
     inputs = shape.states + shape.accumulators + shape.parameters + shape.signals + shape.delayed * TAPS_PER_CHANNEL + shape.noise
-    stack_bytes = 8 * inputs + ALIGNMENTS  # a long monitored quantity is called with the values that it reads
+    stack_bytes = 8 * inputs + ALIGNMENTS  # a long monitored quantity becomes a function of the values that it reads
     return module(ir.loop(step, shape, resets, 1, sample, watch), ENTRY, stack_bytes=stack_bytes)

@@ -111,8 +111,8 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         "names the figures"),
     ),
     "siso-any-relative-degree": (
-        _change(REFEREE, "holds", "holds", "the literal readings are measured with law (15), pure least squares; the plain "
-        "command had used the gradient law"),
+        _change(REFEREE, "holds", "holds", "the literal readings are measured with law (15), pure least squares; "
+        "without --full the program had used the gradient law"),
     ),
     "lemma-1-small": (
         _change(REFEREE, "holds if", "fails", "the condition, single runs of Section V, replaced one constant for all signals "

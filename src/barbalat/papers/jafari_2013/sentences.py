@@ -152,7 +152,8 @@ ABSTRACT = (
         "robust-mrac-better",
         "Abstract; Sections III.B, VI",
         "simple robust MRAC techniques can solve the same problem achieving much better properties",
-        "A robust MRAC can solve the problem of Section V with much better properties than L1-AC, both tuned by the same rule",
+        "A robust MRAC can solve the problem of Section V with much better properties than L1-AC if both are tuned by the same "
+        "rule",
         "one tuning of the robust MRAC beats every tuning of L1-AC: it is no worse in any of five objectives and better in at "
         "least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated "
         "delay",
@@ -341,8 +342,8 @@ SECTION_III_A = (
         "with Section V's sine the error in the tail is more than a hundredth of the largest error",
         "the remaining error is a bias: an error also remains with a constant command, larger than a thousandth of the error "
         "with a sine of the same size",
-        "with Section V's sine, starting from its kappa of 0.02 s: halving kappa halves the error, and doubling kappa doubles "
-        "it, to within a tenth",
+        "with Section V's sine, halving kappa from Section V's 0.02 s halves the error and doubling it doubles the error, to "
+        "within a tenth",
         equation="(5) to (8)",
     ),
     _row(

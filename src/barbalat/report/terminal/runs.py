@@ -170,7 +170,7 @@ def _responses(screen: Screen, results: Sequence[Result]) -> None:
     screen.table(headings if moving else headings[:6], grouped([row if moving else row[:6] for row in rows]), leads=2)
     if moving:
         screen.line(
-            "worst case over all steps of the command; settling time into the judge's band; -: does not settle before "
+            "worst case over all steps of the command; settling time: to within the judge's band; -: does not settle before "
             "the next step",
             "dim",
         )

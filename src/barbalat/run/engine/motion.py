@@ -68,7 +68,7 @@ class Delay:
 
 def _traced_by(attempts: Attempts) -> Hashable | None:
     """Everything on which the programs depend: the loop with all its numbers, and the formulas of signals."""
-    if comes_from_outside(attempts.loop):  # a function from outside may depend on anything
+    if comes_from_outside(attempts.loop):  # a user-defined function may depend on anything
         return None
     member = Member(attempts.loop, None)
     return "motion", *structure(member), Columns(member).first_numbers().tobytes(), attempts.fused, attempts.signals.formulas
@@ -155,7 +155,7 @@ class Motion:
         return again._before_its_start()
 
     def _before_its_start(self) -> Motion:
-        """The motion at t = 0, when the delay contains only the history."""
+        """The motion at t = 0, when the delay line contains only its initial history."""
         past = self.attempts.past
         assert (past is None) == (self.delay is None)
         return self if past is None or self.delay is None else replace(self, records=past.beginning(self.delay.history))

@@ -322,7 +322,7 @@ class Reader:
     def _traced_by(self, which: Array, how: dict[str, bool], *more: Hashable) -> Hashable | None:
         """Everything on which the step's program depends: the structure, and the numbers that are not arguments."""
         member: Member = self.columns.first
-        if comes_from_outside(member.loop):  # a function from outside may depend on anything
+        if comes_from_outside(member.loop):  # a user-defined function may depend on anything
             return None
         constants = self.columns.first_numbers()[~which].tobytes()
         times = self.simulation.dt, self.rhythm.sample_every, self.rhythm.noise_hold

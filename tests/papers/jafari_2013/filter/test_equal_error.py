@@ -30,7 +30,7 @@ def test_a_tuning_is_matched_by_one_with_no_larger_error_and_no_shorter_delay():
     assert list(found.drawbacks("onset")) == pytest.approx([np.inf, 1.25])  # no tuning of L1-AC has the error of the first one
     by_onset, by_loss = (reading([found], criterion) for criterion in ("onset", "loss"))
     assert not by_onset.holds and by_loss.holds and not by_onset.decides
-    assert "0 of 1 with (6) and 1 of 1 with two slopes are not matched by MRAC, 2 of 2 of MRAC's" in by_onset.measured
+    assert "0 of 1 L1-ACs with (6) and 1 of 1 with two slopes are not matched by MRAC; 2 of 2 MRACs" in by_onset.measured
     assert [row[-1] for row in listing([found]).rows] == ["1", "4", "0.5", "0.5"]
 
 

@@ -83,18 +83,18 @@ def mrac() -> list[Claim]:
         Claim(
             sentence=phase,
             readings=(
-                phase.reads(bool(effort[1] > (1 + UNCHANGED_SHARE) * effort[0]), f"{effort[0]:.3g} at the lowest gain, "
+                phase.reads(bool(effort[1] > (1 + UNCHANGED_SHARE) * effort[0]), f"{effort[0]:.3g} at the lowest gain and "
                 f"{effort[1]:.3g} at the highest"),
                 phase.reads(smaller[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the "
                 f"highest", 1),
             ),
-            shows=f"MRAC, lowest to highest gain: the control's peak rises from {effort[0]:.2g} to {effort[1]:.0f} times the "
-            f"disturbance, the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
+            shows=f"With the gain, the peak of MRAC's control rises from {effort[0]:.2g} to {effort[1]:.0f} times the "
+            f"disturbance, and the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
             measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to "
             f"{effort[1]:.4g}; MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over "
             f"{len(GAINS)} gains",
             how=HOW, listings=(_listing(),), would_change="a phase margin that is no smaller at the highest gain than at the "
-            "lowest, or a different measure of the control effort; the abstract does not define one",
+            "lowest, or a different measure of the control effort, which the abstract does not define",
         ),
         Claim(
             sentence=delay,
@@ -103,7 +103,7 @@ def mrac() -> list[Claim]:
                 f"damping ratio of {damping:.1g} at the highest gain"),
                 delay.reads(smaller[1], f"{found.delay[0]:.3g} s at the lowest gain, {found.delay[-1]:.2g} s at the highest", 1),
             ),
-            shows=f"MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to "
+            shows=f"MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s and its damping ratio to "
             f"{damping:.0e}.",
             measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of "
             f"{damping:.2g}, and tolerates a delay of {found.delay[-1]:.2g} s",
@@ -136,9 +136,9 @@ def _phase() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"On our first-order loop, kappa = {KAPPAS[0]:g} s: {phases[KAPPAS[0]][0]:.2g} rad down to "
-        f"{phases[KAPPAS[0]].min():.1g}, back to {phases[KAPPAS[0]][-1]:.3g}; within a tenth of that from Gamma = "
-        f"{fast[KAPPAS[0]]:.1e} on.",
+        shows=f"On our first-order loop with kappa = {KAPPAS[0]:g} s the phase margin falls from {phases[KAPPAS[0]][0]:.2g} rad "
+        f"to {phases[KAPPAS[0]].min():.1g} and returns to {phases[KAPPAS[0]][-1]:.3g}; from Gamma = {fast[KAPPAS[0]]:.1e} on it "
+        "stays within a tenth of that.",
         measured=f"the phase margin is {told}",
         how=HOW, listings=(_listing(),), would_change="a different break point of the loop, or the plant and gains of the "
         "paper, which are not available",
@@ -160,7 +160,7 @@ def _delay() -> Claim:
         values[late].min() > 0 and values[late].max() < values[late].min() * (1 + UNCHANGED_SHARE) for values in delays.values()
     )
     told = "; ".join(
-        f"{span(values[late])} s with kappa = {kappa:g} s, smallest at any gain {values.min():.2g} s"
+        f"{span(values[late])} s with kappa = {kappa:g} s; the smallest at any gain is {values.min():.2g} s"
         for kappa, values in delays.items()
     )
     return Claim(
@@ -181,8 +181,9 @@ def _inside() -> Claim:
         found, least = over_gains(kappa), int(over_gains(kappa).delay.argmin())
         if found.delay[-1] > found.delay[least] and found.phase[-1] > found.phase[least]:
             rises.append(
-                f"kappa = {kappa:g} s, Gamma from {GAINS[least]:.2g} to {GAINS[-1]:.2g}: delay margin {found.delay[least]:.2g} "
-                f"to {found.delay[-1]:.3g} s, phase margin {found.phase[least]:.2g} to {found.phase[-1]:.3g} rad"
+                f"with kappa = {kappa:g} s, from Gamma = {GAINS[least]:.2g} to {GAINS[-1]:.2g}, the delay margin rises from "
+                f"{found.delay[least]:.2g} to {found.delay[-1]:.3g} s and the phase margin from {found.phase[least]:.2g} to "
+                f"{found.phase[-1]:.3g} rad"
             )
     return Claim(
         sentence=sentence,
@@ -191,8 +192,8 @@ def _inside() -> Claim:
             Reading(
                 "both margins are larger at the highest gain than with the slowest adaptation tried, with each filter",
                 all(np.all([values[-1] > values[0] for values in (over_gains(kappa).phase, over_gains(kappa).delay)]) for kappa in KAPPAS),
-                "; ".join(f"kappa = {kappa:g} s: delay margin {over_gains(kappa).delay[0]:.3g} s at Gamma = {GAINS[0]:g}, "
-                f"{over_gains(kappa).delay[-1]:.3g} s at {GAINS[-1]:g}" for kappa in KAPPAS),
+                "; ".join(f"with kappa = {kappa:g} s the delay margin is {over_gains(kappa).delay[0]:.3g} s at Gamma = "
+                f"{GAINS[0]:g} and {over_gains(kappa).delay[-1]:.3g} s at {GAINS[-1]:g}" for kappa in KAPPAS),
                 "beside",
             ),
         ),

@@ -52,21 +52,20 @@ def mrac() -> Claim:
             sentence.reads(bool(control.max() > 1), f"the largest |u| is at most {control.max():.2f} of it, over {MEMBERS} "
             f"runs", 1),
             Reading(
-                "no bound like (9) holds for u - u*, with u* = -theta'x_m + k_0 r the input with known theta: |u - u*| "
+                "no bound like (9) holds for u - u*, where u* = -theta'x_m + k_0 r is the input for known theta: |u - u*| "
                 "sqrt(Gamma) grows with each decade of the gain from 1e2 to 1e4",
                 bool((np.diff(scaled) > 0).all()),
-                f"|u - u*| falls from {away[0]:.3g} to {away[-1]:.3g}, times sqrt(Gamma) it grows from {scaled[0]:.3g} to "
-                f"{scaled[-1]:.3g}; the largest |u*| is {_largest_ideal_control():.3g}",
+                f"|u - u*| falls from {away[0]:.3g} to {away[-1]:.3g}; multiplied by sqrt(Gamma) it grows from {scaled[0]:.3g} "
+                f"to {scaled[-1]:.3g}; the largest |u*| is {_largest_ideal_control():.3g}",
                 "beside",
             ),
         ),
         shows=f"In {MEMBERS} runs |e| stays below {error.max():.2f} of (9), and |u|, with the projection, below "
         f"{control.max():.2f} of the bound that follows. |u - u*| does not fall as 1/sqrt(Gamma).",
-        measured=f"largest |e| / bound {error.max():.2f}, median {np.median(error):.2f}; largest |u| / bound "
-        f"{control.max():.2f}, median {np.median(control):.2f}; local exponents of |u - u*| over the gain "
-        f"{span(local_exponents(away, gains))}. "
-        "(9) needs e(0) = 0: x_m(0) = x(0), as in (2), which the designer chooses; for any other e(0) V(0) still bounds e, but "
-        "not by a constant that the gain makes small",
+        measured=f"the largest |e| / bound is {error.max():.2f} (median {np.median(error):.2f}) and the largest |u| / bound is "
+        f"{control.max():.2f} (median {np.median(control):.2f}); the local exponents of |u - u*| over the gain are "
+        f"{span(local_exponents(away, gains))}. (9) needs e(0) = 0, that is x_m(0) = x(0), which the designer can choose, as in "
+        "(2). For any other e(0), V(0) still bounds e, but not by a constant that the gain makes small",
         how=f"Section V, without modelling error, every step; bounds: theta drawn from the box, Gamma from 0.1 to 100, RK4, h = "
         f"1e-4 s, 20 s, rounded outward; over the gain: h = {span(list(l1_reference.STEPS.values()))} s, {l1_reference.T_END:g} "
         f"s, {l1_reference.COMPARED_INSTANTS} instants",
@@ -117,9 +116,9 @@ def l1() -> list[Claim]:
             sentence.reads(falls[1], f"{span(found.control)}", 1),
         ),
         shows=f"From Gamma = {found.gains[0]:g} to {found.gains[-1]:g} the largest |x - x_ref| falls from {found.state[0]:.2g} "
-        f"to {found.state[-1]:.2g}, |u - u_ref| from {found.control[0]:.2g} to {found.control[-1]:.2g}.",
-        measured=f"|x - x_ref| {span(found.state)}, |u - u_ref| {span(found.control)}; the reference system itself is up to "
-        f"{found.model:.3g} away from the model x_m, at every gain",
+        f"to {found.state[-1]:.2g} and the largest |u - u_ref| from {found.control[0]:.2g} to {found.control[-1]:.2g}.",
+        measured=f"|x - x_ref| is {span(found.state)} and |u - u_ref| is {span(found.control)}; at every gain the reference "
+        f"system itself is up to {found.model:.3g} away from the model x_m",
         how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(l1_reference.STEPS.values()))} s, "
         f"{l1_reference.T_END:g} s",
         listings=(table("The largest distances from the reference "
@@ -139,13 +138,13 @@ def _asymptotic() -> Claim:
     return Claim(
         sentence=sentence,
         readings=tuple(
-            sentence.reads(bool(found[-1] < LATE_SHARE * found[0]), f"{found[0]:.3g} in the first quarter, {found[-1]:.2g} in "
-            f"the last", part)
+            sentence.reads(bool(found[-1] < LATE_SHARE * found[0]), f"{found[0]:.3g} in the first quarter and {found[-1]:.2g} in "
+            "the last", part)
             for part, found in enumerate(quarters.values())
         ),
         shows=f"At Gamma = {gamma:g}, from the first quarter of {t_end:g} s to the last: "
         f"{', '.join(f'{name} {said}' for name, said in told.items())}.",
-        measured=f"the largest of the first and of the last quarter: "
+        measured="the largest values of the first and of the last quarter: "
         f"{'; '.join(f'{name} {said}' for name, said in told.items())}",
         how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {l1_reference.STEPS[gamma]:g} s, {t_end:g} s, "
         f"{l1_reference.COMPARED_INSTANTS} instants",

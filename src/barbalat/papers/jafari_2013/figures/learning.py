@@ -32,17 +32,16 @@ def loss_of_learning(runs: Runs) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(spread[0] > 5 and spread[2] < 0.01, f"at h = 1e-4 s the estimates are up to {spread[0]:.2g} away "
-            f"from theta, the robust MRAC's up to {spread[2]:.2g}"),
+            sentence.reads(spread[0] > 5 and spread[2] < 0.01, f"at h = 1e-4 s the estimates are up to {spread[0]:.2g} away from "
+            f"theta, and those of the robust MRAC up to {spread[2]:.2g}"),
             sentence.reads(nearest < 0.5, f"at h = 1e-5 s, without numerical instability, the estimates stay at least "
             f"{nearest:.2g} away during all 60 s", 1),
         ),
         shows=f"At Figure 3's step the estimates end up to {spread[0]:.2g} away from theta; at a step without instability they "
         f"still stay at least {distances[1]:.2g} away.",
         measured=        f"|theta_hat - theta*| over the last 15 s: {distances[0]:.2g} to {spread[0]:.2g} at h = 1e-4 s, "
-        f"{distances[1]:.2g} to {spread[1]:.2g} at "
-        f"h = 1e-5 s, {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC"
-        ": with this gain the estimates do not converge in 60 s, with or without oscillation",
+        f"{distances[1]:.2g} to {spread[1]:.2g} at h = 1e-5 s, and {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC. "
+        "With this gain the estimates do not converge in 60 s, with or without oscillation",
         how=f"recorded instants of Figures 2, 3, 4; Figure 2 has {MENDED}",
         listings=(_over_time({"L1-AC, h = 1e-4 s": coarse, "L1-AC, h = 1e-5 s": fine, "robust MRAC, h = 1e-4 s": robust}),),
         would_change="estimates that converge in 60 s with a step that resolves the gain, or at Figure 3's step",
@@ -89,12 +88,10 @@ def exponential() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"Pure least squares (15) converges as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t).",
-        measured=        f"|theta_hat - theta*| with pure least squares (15) falls as t^{power:.2f}: not exponential; with the "
-        f"normalised gradient "
-        "law "
-        f"it falls exponentially, by {rate:.3f} per s; for MRAC with Gamma = 1 it is still {distance['MRAC'][at][-1]:.3g} after "
-        f"{TOLD_INSTANTS[-1]:g} s",
+        shows=f"The error of pure least squares (15) falls as t^{power:.2f} and that of the gradient law as exp(-{rate:.3f} t).",
+        measured=        f"|theta_hat - theta*| with pure least squares (15) falls as t^{power:.2f}, which is not exponential. "
+        f"With the normalised gradient law it falls exponentially, at {rate:.3f} per s. For MRAC with Gamma = 1 it is still "
+        f"{distance['MRAC'][at][-1]:.3g} after {TOLD_INSTANTS[-1]:g} s",
         how=f"Section V with r = 10 sin 0.5t + 10 sin 1.7t, robust MRAC, {MENDED}, RK4, h = 1e-3 s, 480 s",
         listings=(_distances({name: values[at] for name, values in distance.items()}),),
         would_change="for (15): forgetting or resetting, which keep the covariance away from zero; for the gradient law: too "

@@ -37,7 +37,7 @@ def _figure_2(runs: Runs) -> PaperFigure:
         Check(
             "the auxiliary input improves the transient",
             bool((transient < without).all()),
-            f"max |e| {numbers(transient)}, without an auxiliary input {numbers(without)}",
+            f"max |e| is {numbers(transient)}, and {numbers(without)} without an auxiliary input",
         ),
         Check(
             "the estimates converge to the true values",
@@ -91,7 +91,7 @@ def _figure_4(runs: Runs) -> PaperFigure:
         Check(
             "the high-frequency oscillation of the estimates disappears at the smaller step",
             bool((factor > 1e3).all()),  # from kilohertz sweeps to one slow wave with the command's period
-            f"total variation {numbers(rate)} per s in the tail, {numbers(factor)} times smaller than at h = 1e-4 s",
+            f"the total variation is {numbers(rate)} per s in the tail, {numbers(factor)} times smaller than at h = 1e-4 s",
             row="numerical-oscillation",
         ),
     )
@@ -123,8 +123,8 @@ def _added(runs: Runs) -> PaperFigure:
         Check(
             "with a moderate gain the standard MRAC tracks better than L1-AC at the same step",
             bool((peaks[0] < peaks[2]).all() and (tails[0] < tails[2]).all()),
-            f"max |e| {numbers(peaks[0])} against {numbers(peaks[2])}; in the tail {numbers(tails[0])} against "
-            f"{numbers(tails[2])}",
+            f"max |e| is {numbers(peaks[0])} with MRAC and {numbers(peaks[2])} with L1-AC; in the tail it is {numbers(tails[0])} "
+            f"and {numbers(tails[2])}",
         ),
     )
     return PaperFigure(
@@ -155,13 +155,13 @@ def as_described(runs: Runs) -> Claim:
             Reading(
                 "Figure 2 with (14) as printed: the auxiliary input improves the transient",
                 bool((printed < without).all()),
-                f"max |e_i| {numbers(printed)} as printed, {numbers(without)} without an auxiliary input",
+                f"max |e_i| is {numbers(printed)} with (14) as printed and {numbers(without)} without an auxiliary input",
                 "beside",
             ),
         ),
         shows=f"{holding} of {len(own)} statements hold for {MENDED}. Figure 2's peak error is "
-        f"{of_run(shown[0].shown[0], 'max_abs_e')[0]:.3g}, as printed {printed[0]:.3g}, without u_a {without[0]:.3g}. No curve "
-        f"is compared.",
+        f"{of_run(shown[0].shown[0], 'max_abs_e')[0]:.3g}; it is {printed[0]:.3g} as printed and {without[0]:.3g} without u_a. "
+        "No curve is compared.",
         measured=f"{holding} of {len(own)} statements of the captions and the text hold. Other rows decide the remaining "
         f"statements about these figures: {', '.join((*elsewhere, 'loss-of-learning, any-command'))}",
         how=f"each statement is a measured check, and its number is shown beside the figure; {MENDED}, Section V's command. No "
@@ -187,9 +187,8 @@ def without_projection(runs: Runs) -> Claim:
         shows=f"Without projection L1-AC {latest} at the settings of Figures 3 and 5; at a tenth of the step it "
         f"{'stays bounded' if smooth.diverged_at is None else 'diverges too'}.",
         measured=        f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays "
-        f"bounded at those of Figure 4, max |e| "
-        f"{numbers(of_run(smooth, 'max_abs_e'))}; {_one_step_before(ends[0])}; the robust MRAC of Figure 2 stays bounded too, "
-        f"{numbers(of_run(robust, 'max_abs_e'))}",
+        f"bounded at those of Figure 4, with max |e| {numbers(of_run(smooth, 'max_abs_e'))}; {_one_step_before(ends[0])}; the "
+        f"robust MRAC of Figure 2 stays bounded too, with max |e| {numbers(of_run(robust, 'max_abs_e'))}",
         how=f"RK4, 60 s; the robust MRAC has {MENDED}; the same equations are bounded at a tenth of the step (see the numerics "
         f"below the figures)",
         listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
@@ -207,8 +206,8 @@ def _one_step_before(lost: float | None) -> str:
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", gamma, projection=False)], until).values()
     u, theta_hat, x = float(np.abs(run.u[-1]).max()), float(np.abs(run.theta_hat[-1]).max()), np.abs(run.x[-1])
     return (
-        f"one step before Figure 3's run is lost, |u| is {u:.1g}, the larger |theta_hat_i| {theta_hat:.1g} and |x_2| "
-        f"{x[1]:.1g}; x_1, the integral of x_2, is the last to grow, {x[0]:.3g}"
+        f"one step before Figure 3's run is lost, |u| is {u:.1g}, the larger |theta_hat_i| {theta_hat:.1g} and |x_2| {x[1]:.1g}; "
+        f"x_1, the integral of x_2, grows last and is {x[0]:.3g}"
     )
 
 
@@ -227,22 +226,22 @@ def erratum_claim(runs: Runs) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(as_printed, f"max |e_i| {numbers(printed)} at tau = {tau:g} s, {numbers(printed_half)} at {half:g} s"),
+            sentence.reads(as_printed, f"max |e_i| is {numbers(printed)} at tau = {tau:g} s and {numbers(printed_half)} at "
+            f"{half:g} s"),
             Reading("with the sign of the swapping lemma", halved, f"{numbers(derived)} at tau = {tau:g} s, "
             f"{numbers(derived_half)} at {half:g} s", "mended"),
             Reading(
                 "with the printed sign, the auxiliary input reduces the largest error compared with no auxiliary input",
                 bool((np.minimum(printed, printed_half) < without).all()),
-                f"{numbers(printed)} and {numbers(printed_half)} as printed, {numbers(without)} without u_a",
+                f"{numbers(printed)} and {numbers(printed_half)} with the printed sign, and {numbers(without)} without u_a",
                 "beside",
             ),
         ),
-        shows=f"Halving tau should halve the error: as printed it goes from {printed[0]:.3g} to {printed_half[0]:.3g}, with the "
-        f"other sign from {derived[0]:.2g} to {derived_half[0]:.2g}.",
+        shows=f"Halving tau should halve the error: with the printed sign it goes from {printed[0]:.3g} to "
+        f"{printed_half[0]:.3g}, and with the other sign from {derived[0]:.2g} to {derived_half[0]:.2g}.",
         measured=(
             f"from tau = {tau:g} s to {half:g} s max |e_1| goes from {derived[0]:.3g} to {derived_half[0]:.3g} with the sign of "
-            "the swapping "
-            f"lemma, from {printed[0]:.3g} to {printed_half[0]:.3g} as printed"
+            f"the swapping lemma, and from {printed[0]:.3g} to {printed_half[0]:.3g} as printed"
         ),
         how="Section V over 60 s, RK4, h = 1e-4 s; a test confirms the swapping lemma's identity itself to rounding",
         listings=(
@@ -309,7 +308,7 @@ def error_converges(early: Array, tail: Array) -> Check:
     return Check(
         "with Section V's command the tracking error converges to zero",
         bool((tail < early / 100).all()),
-        f"max |e| {numbers(early)} in the first quarter, {numbers(tail)} in the last",
+        f"max |e| is {numbers(early)} in the first quarter and {numbers(tail)} in the last",
     )
 
 
@@ -319,7 +318,7 @@ def error_stays(result: Result) -> Check:
     return Check(
         "the tracking error does not converge to zero",
         bool((tail > peak / 2).all()),  # in the last quarter the error is still of the size of its largest value
-        f"max |e| {numbers(peak)}, in the last quarter still {numbers(tail)}",
+        f"max |e| is {numbers(peak)}, and still {numbers(tail)} in the last quarter",
     )
 
 
@@ -342,7 +341,8 @@ def _sweep_rate(result: Result) -> Array:
 def _swept(result: Result) -> str:
     least, most = of_run(result, "theta_hat_tail_min"), of_run(result, "theta_hat_tail_max")
     return (
-        f"tail from {numbers(least)} to {numbers(most)}, total variation worth {numbers(_sweep_rate(result))} full sweeps per s"
+        f"the tail ranges from {numbers(least)} to {numbers(most)}; the total variation amounts to "
+        f"{numbers(_sweep_rate(result))} full sweeps per s"
     )
 
 

@@ -103,11 +103,10 @@ def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
     return Reading(
         f"the filter lowers the {UPWARDS} of the adapting loop: exact, around constant commands",
         bool(moderate.max() < 1),
-        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; this holds in all "
-        f"{moderate.size} cells with "
-        f"kappa <= {MODERATE_KAPPA:g} s, twice the limit of Theorem 1's condition; there k - 1 falls to {moderate.min():.2g} to "
-        f"{moderate.max():.2g} "
-        f"of its value without the filter. Slower filters: {_slower(ratios)}",
+        f"k goes from {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; this holds in "
+        f"all {moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s, twice the limit of Theorem 1's condition; there k - 1 "
+        f"falls to {moderate.min():.2g} to {moderate.max():.2g} of its value without the filter. Slower filters: "
+        f"{_slower(ratios)}",
         "beside",
     )
 
@@ -188,9 +187,9 @@ def _gain_map(ratios: Array) -> Map:
         key="filter-gain-margin",
         title="The filter's effect on the gain margin of the adapting loop",
         caption=(
-            "As before, but for the gain margin k: k - 1 with the filter divided by k - 1 without it. The filter increases the "
-            "loop's "
-            "relative degree, so the resonance of the adaptation tolerates less gain, however fast the adaptation is."
+            "The same for the gain margin k: the map shows k - 1 with the filter divided by k - 1 without it. The filter "
+            "increases the loop's relative degree, so the resonance of the adaptation tolerates less gain, however fast the "
+            "adaptation is."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),

@@ -66,14 +66,14 @@ def bias_is_proportional() -> Claim:
         f"{KAPPAS[own]:g} s"),
         sentence.reads(
             bool(held > LASTING_SHARE * size),
-            f"max |e_1| in the tail of 120 s is {held:.1g} with r = 50; with Section V's sine of the same size it is "
-            f"{size:.3g}, and this error is itself a sine",
+            f"with r = 50 max |e_1| in the tail of 120 s is {held:.1g}; with Section V's sine of the same size it is {size:.3g}, "
+            "and this error is itself a sine",
             1,
         ),
         sentence.reads(
             bool(doubled[own - 1 : own + 1].all()),
-            f"from {KAPPAS[own + 1]:g} to {KAPPAS[own]:g} s the error grows {ratios[own]:.3g} times, from there to "
-            f"{KAPPAS[own - 1]:g} s {ratios[own - 1]:.3g} times",
+            f"the error grows {ratios[own]:.3g} times from {KAPPAS[own + 1]:g} to {KAPPAS[own]:g} s and {ratios[own - 1]:.3g} "
+            f"times from there to {KAPPAS[own - 1]:g} s",
             2,
         ),
         Reading(
@@ -89,12 +89,11 @@ def bias_is_proportional() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With a sine, doubling kappa multiplies the error by {ratios[own]:.3g}; to within a tenth it is proportional up "
-        f"to {ends:.4f} s. With a constant command the error is {held:.0e}.",
+        shows=f"With a sine, doubling kappa multiplies the error by {ratios[own]:.3g}; it is proportional within a tenth up to "
+        f"{ends:.4f} s. With a constant command the error is {held:.0e}.",
         measured=f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {KAPPAS[0]:g} s to {tail[-1]:.3g} at {KAPPAS[-1]:g} "
-        f"s; the local exponent goes "
-        f"from {exponents[0]:.3g} to {exponents[-1]:.3g} and tends to 1 as kappa falls. With a constant command an error of "
-        f"{held:.1g} remains, as Theorem 1 (iii) of the paper says",
+        f"s; its local exponent goes from {exponents[0]:.3g} to {exponents[-1]:.3g} and tends to 1 as kappa falls. With a "
+        f"constant command an error of {held:.1g} remains, as Theorem 1 (iii) of the paper says",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; constant command: Gamma = 1, h = 1e-3 s, 120 s",
         listings=(
             table(

@@ -50,9 +50,8 @@ def condition() -> Claim:
         shows=f"The condition holds up to kappa = {proved:.4f} s, which the paper rounds up: at {PRINTED_KAPPA:g} s the left "
         f"side is {value:.4f}, but must be less than 1.",
         measured=f"holds for every kappa up to {proved:.6f} s" + ("" if largest >= PRINTED_KAPPA else _refuted(known, least)),
-        how="certified enclosures of the norm, the limit to 1e-6; between the points, N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - "
-        "k1/k2) N(k2) for "
-        "k1 < k2, where N(k) = ||W_b (C - 1)||_1; near zero, N(k) <= k ||s W_b||_1",
+        how="certified enclosures of the norm; the limit is known to 1e-6; between the points, N(k2)/k2 <= N(k1)/k1 and N(k1) "
+        "<= (2 - k1/k2) N(k2) for k1 < k2, where N(k) = ||W_b (C - 1)||_1; near zero, N(k) <= k ||s W_b||_1",
         listings=(_over_kappa(known, proved),),
         would_change="nothing that a simulation can show: the range is proved from both sides",
     )  # fmt: skip

@@ -105,13 +105,12 @@ def claim(*, full: bool = False) -> Claim:
         sentence=SENTENCES["filter-control-frequency"],
         readings=_readings(shown, numerical, resolved),
         shows=f"In Figure 3 the filter changes the mean frequency of u from {shown.without.mean:.0f} to "
-        f"{shown.filtered.mean:.0f} rad/s, "
-        f"its strongest frequency from {shown.without.peak:.0f} to {shown.filtered.peak:.0f}.",
+        f"{shown.filtered.mean:.0f} rad/s and its strongest frequency from {shown.without.peak:.0f} to "
+        f"{shown.filtered.peak:.0f}.",
         measured=f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from "
-        f"{shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls "
-        f"by more than a "
-        f"tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is {shown.without.rms:.3g} without "
-        f"the filter and {shown.filtered.rms:.3g} with it",
+        f"{shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor of {shown.frequency:.2f}; it "
+        f"falls by more than a tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is "
+        f"{shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
         how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, "
         f"Welch's method; h and Gamma as listed; a "
         f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
@@ -130,7 +129,7 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
     ringing, ringing_size = [pair.frequency for pair in resolved], [pair.size for pair in resolved]
     peak = shown.filtered.peak / shown.without.peak
     mean_falls = shown.frequency < 1 - EQUAL_FREQUENCY_SHARE
-    mean = f"mean from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor {shown.frequency:.2f}"
+    mean = f"the mean goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor of {shown.frequency:.2f}"
     return (
         SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; strongest times "
         f"{peak:.2f}"),

@@ -23,7 +23,7 @@ from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.validate import Array
 
 BUDGET, MORE = 8, 64
-"""Number of tunings of each side in the plain command and with ``--full``. Sobol's sequence is balanced for powers of two."""
+"""Number of tunings of each side without and with ``--full``. Sobol's sequence is balanced for powers of two."""
 GAINS = (1e-4, 100.0)
 """The range of gains for both sides, from gains with little adaptation to the largest decade that the step resolves at r = 50."""
 MRAC_KNOBS = {"Gamma": GAINS}
@@ -32,8 +32,9 @@ RESOLUTION = 0.05
 """Relative resolution of the bisection of delays."""
 CRITERIA = {"onset": "up to the beginning of an oscillation", "loss": "up to the loss of the motion"}
 RULE = (
-    f"Equal error by one rule: Sobol's points over {ranges(MRAC_KNOBS)} of MRAC and {ranges(L1_KNOBS)} of L1-AC, one half with (6) and "
-    "one half with (2 kappa s + 1)/(kappa s + 1)^2; a tuning matches one of the other side if its RMS error is no larger and its delay no shorter"
+    f"Equal error by one rule: both sides are tuned with Sobol's points over {ranges(MRAC_KNOBS)} for MRAC and over "
+    f"{ranges(L1_KNOBS)} for L1-AC, half of them with (6) and half with (2 kappa s + 1)/(kappa s + 1)^2; a tuning matches one of "
+    "the other side if its RMS error is no larger and its delay no shorter"
 )
 
 
@@ -93,8 +94,8 @@ def reading(found: Sequence[Fronts], criterion: str) -> Reading:
         behind = one.drawbacks(criterion) > 1
         matched &= not ahead.any()
         said.append(
-            f"{one.command}: {int(ahead[:half].sum())} of {half} with (6) and {int(ahead[half:].sum())} of {half} with two slopes are not matched by MRAC, "
-            f"{int(behind.sum())} of {len(behind)} of MRAC's are not matched by L1-AC"
+            f"{one.command}: {int(ahead[:half].sum())} of {half} L1-ACs with (6) and {int(ahead[half:].sum())} of {half} with "
+            f"two slopes are not matched by MRAC; {int(behind.sum())} of {len(behind)} MRACs are not matched by L1-AC"
         )
     return Reading(
         f"at equal error, with both tuned by one rule, some tuning of MRAC matches every tuning of L1-AC, {CRITERIA[criterion]}",
@@ -117,7 +118,8 @@ def listing(found: Sequence[Fronts]) -> Listing:
                 error, delay = one.l1.reached[best, 0], -one.l1.reached[best, 1 + list(CRITERIA).index(criterion)]
                 rows.append((one.command, criterion, one.l1.tunings[best], short(error), short(delay), short(ratios[best])))
     return Listing(
-        "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay [s] divided by theirs; below 1 MRAC matches every tuning with that filter",
+        "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay "
+        "[s] divided by theirs. Below 1, MRAC matches every tuning with that filter",
         ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over MRAC's"),
         tuple(rows),
     )

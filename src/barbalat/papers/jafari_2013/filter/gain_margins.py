@@ -75,22 +75,21 @@ def gain_reduces_margins() -> Claim:
         shows=f"From Gamma = {section_v.MODERATE_GAIN:g} to {HIGH_GAIN:g} MRAC's delay margin goes from {of_plain[0]:.2g} to "
         f"{of_plain[1]:.2g} s; L1-AC's is {'unchanged' if _unchanged(of_filtered) else 'changed'}, {of_filtered[0]:.4g} to "
         f"{of_filtered[1]:.4g} s, and {filtered[0]:.2g} s with slow adaptation.",
-        measured=f"these fall with every increase of the gain: of MRAC's margins the {_listed(falls_of_mrac)}; of L1-AC's the "
-        f"{_listed(falls_of_l1)}. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} MRAC's delay margin "
-        f"goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, in the end as "
-        f"Gamma^{slope:.2f}. L1-AC's (kappa = {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to "
-        f"{filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
-        f"is at least {filtered[back:].min():.3g} s from {GAINS[back]:.2g} on, and tends to {limit:.3g} s",
+        measured=f"with every increase of the gain these margins fall: the {_listed(falls_of_mrac)} of MRAC; the "
+        f"{_listed(falls_of_l1)} of L1-AC. Over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} MRAC's delay "
+        f"margin goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, at the end in proportion to Gamma^{slope:.2f}. L1-AC's (kappa "
+        f"= {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to {filtered[lowest]:.2g} s at Gamma r^2 = "
+        f"{GAINS[lowest]:.2g}, is at least {filtered[back:].min():.3g} s from {GAINS[back]:.2g} on, and tends to {limit:.3g} s",
         how=f"{METHOD}; literal readings: Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, around r "
         f"= {COMMAND_CREST:g}, the crest of Section V's command; a margin that changes by less than a tenth counts as unchanged",
         maps=(chart,),
-        would_change="an MRAC with one of the two margins not smaller at a high gain. L1-AC's are smaller too if the lowest "
-        "gain of the sweep is the moderate one",
+        would_change="an MRAC for which one of the two margins is not smaller at a high gain. L1-AC's margins are smaller too "
+        "if the lowest gain of the sweep is the moderate one",
     )  # fmt: skip
 
 
 UNCHANGED_SHARE = 0.1
-"""A margin that changes by less than this fraction of itself counts as unchanged."""
+"""A margin whose relative change is less than this counts as unchanged."""
 HIGH_GAIN = 1e4
 """Section V's "very large adaptive gain"."""
 
@@ -154,10 +153,9 @@ def l1_margins() -> Claim:
         shows=f"L1-AC's delay margin goes from {delay[0]:.2g} s down to {delay.min():.3g} s and back up to {delay[-1]:.4f} s "
         f"(MRAC: {plain[-1]:.0e} s), its phase margin "
         f"from {' to '.join(f'{phase[i]:.2g}' for i in at)} rad.",
-        measured=f"over Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} L1-AC's delay margin is {span(delay)} s, from "
-        f"{GAINS[int(delay.argmin())]:.2g} (the smallest) on it rises again to "
-        f"{delay[-1]:.4g} s; its phase margin is {phase[at[0]]:.3g} rad at the lowest gain, {phase[at[1]]:.3g} rad at "
-        f"{GAINS[at[1]]:.2g}, {phase[-1]:.3g} rad at the highest",
+        measured=f"over Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g} L1-AC's delay margin is {span(delay)} s. It is smallest at "
+        f"{GAINS[int(delay.argmin())]:.2g} and then rises again to {delay[-1]:.4g} s. Its phase margin is {phase[at[0]]:.3g} rad "
+        f"at the lowest gain, {phase[at[1]]:.3g} rad at {GAINS[at[1]]:.2g} and {phase[-1]:.3g} rad at the highest",
         how=f"{METHOD}; kappa = {section_v.KAPPA:g} s. L1's authors treat a linear plant under a constant disturbance, which "
         f"reproduce cao_2006 measures",
         listings=(
@@ -175,7 +173,7 @@ def _told(found: Mapping[str, Array]) -> str:
     for name, values in found.items():
         least = int(values.argmin())
         between = f", least {values[least]:.2g} at Gamma r^2 = {GAINS[least]:.2g}" if 0 < least < len(values) - 1 else ""
-        said.append(f"{name} {values[0]:.3g} at the smallest gain{between}, {values[-1]:.2g} at the largest")
+        said.append(f"{name} {values[0]:.3g} at the smallest gain{between} and {values[-1]:.2g} at the largest")
     return "; ".join(said)
 
 
@@ -191,7 +189,7 @@ def _falls(values: Array) -> bool:
 def _reading(who: str, name: str, values: Array) -> Reading:
     """Return the supplementary reading that a margin falls with every increase of the gain, which the sentence does not
     say."""
-    of_k = "; stated as the distance of the factor k from 1" if name in (UPWARDS, DOWNWARDS) else ""
+    of_k = "; the gain margins are stated as the distance of the factor k from 1" if name in (UPWARDS, DOWNWARDS) else ""
     return Reading(
         f"{who}: the {name} falls with every increase of the gain", _falls(values), _told({name: values}) + of_k, "beside"
     )

@@ -39,8 +39,8 @@ def in_flight(every: Sequence[Flights]) -> Claim:
         readings=(
             sentence.reads(
                 lost < of_linear and 1 in apart and -1 not in apart,
-                f"out of {flown} flights the adaptive schemes lose {lost}, the linear designs {of_linear}; of {len(apart)} "
-                f"failures {apart.count(1)} show this order beyond chance, {apart.count(-1)} the opposite order",
+                f"out of {flown} flights the adaptive schemes lose {lost} and the linear designs {of_linear}; of {len(apart)} "
+                f"failures {apart.count(1)} show this order beyond chance and {apart.count(-1)} show the opposite order",
             ),
             sentence.reads(len(ahead) > len(behind), f"for {len(ahead)} failures ({_joined(ahead)}); a linear design is ahead "
             f"of every adaptive scheme for {len(behind)} ({_joined(behind)})", 1),
@@ -49,8 +49,8 @@ def in_flight(every: Sequence[Flights]) -> Claim:
             _supplementary(every, "L1 with the piecewise-constant law, a linear controller, tracks better than robust MRAC for "
             "more failures than the reverse", "L1 piecewise, as flown", "Robust MRAC"),
         ),
-        shows=f"Flights lost, without those with reversed surfaces: adaptive {lost}, linear {of_linear} of {flown}. "
-        f"Significantly smaller error: adaptive for {len(ahead)} failures, linear for {len(behind)}.",
+        shows=f"Flights lost, without those with reversed surfaces: adaptive {lost}, linear {of_linear} of {flown}. Adaptive "
+        f"errors are significantly smaller for {len(ahead)} failures, linear ones for {len(behind)}.",
         measured="; ".join(
             f"{flights.name}: lost {flights.sum_lost(one)} ({one}) and {flights.sum_lost(other)} ({other}) of "
             f"{flights.members * len(flights.failures)}" for flights, one, other in sides
@@ -60,10 +60,10 @@ def in_flight(every: Sequence[Flights]) -> Claim:
         "MuJoCo's quadrotor flies a figure of eight with motor lag. "
         "The robust MRAC has " + MENDED + ". The vehicle, its initial state, its sensors and the air vary randomly. All schemes "
         "of a vehicle were tuned by one rule on its linearised nominal model: least RMS error with the same delay and gain "
-        "margins. L1 with the piecewise-constant law counts as linear, "
-        "by the finding of l1-piecewise-is-lti. The counts exclude reversed control surfaces, which lose nearly every flight, "
-        "and include flights without a failure (none). Beyond chance refers to the exact sign test on the same draws, at 95 % "
-        "for all comparisons of a vehicle together (Holm). Tests repeat some of the flights if the simulators are installed",
+        "margins. L1 with the piecewise-constant law counts as linear, by the finding of l1-piecewise-is-lti. The counts "
+        "exclude reversed control surfaces, which lose nearly every flight, and include flights without a failure (none). "
+        "'Beyond chance' refers to the exact sign test on the same draws, at 95 % for all comparisons of a vehicle together "
+        "(Holm). Tests repeat some of the flights if the simulators are installed",
         listings=tuple(_table(one) for one in every),
         would_change="a different vehicle, margin, command or rule; linear designs made with knowledge of the faults",
     )  # fmt: skip
@@ -82,12 +82,11 @@ def l1_and_mrac(every: Sequence[Flights]) -> Claim:
             sentence.reads(len(better) > len(worse), f"less error for {_joined(better)}; more for {_joined(worse)}", part)
             for part, (better, worse) in enumerate(found)
         ),
-        shows=f"L1-AC's error is smaller than MRAC's for {len(ahead)} failures and larger for {len(behind)} on the quadrotor, "
-        f"{len(f16_ahead)} and {len(f16_behind)} on the F-16.",
-        measured=f"median RMS error on the quadrotor without a failure: L1-AC {nominal[0]:.3g}, MRAC {nominal[1]:.3g} "
-        f"{quadrotor.unit}; "
-        f"of {sum(len(one.failures) for one in every)} failures L1-AC has less error beyond chance for "
-        f"{len(ahead) + len(f16_ahead)}, more for {len(behind) + len(f16_behind)}",
+        shows=f"L1-AC's error is smaller than MRAC's for {len(ahead)} failures and larger for {len(behind)} on the quadrotor; on "
+        f"the F-16 these numbers are {len(f16_ahead)} and {len(f16_behind)}.",
+        measured=f"median RMS error on the quadrotor without a failure: L1-AC {nominal[0]:.3g} and MRAC {nominal[1]:.3g} "
+        f"{quadrotor.unit}; of {sum(len(one.failures) for one in every)} failures L1-AC has less error beyond chance for "
+        f"{len(ahead) + len(f16_ahead)}, and more for {len(behind) + len(f16_behind)}",
         how="read from stored documents, not measured by this command: " + "; ".join(_provenance(one) for one in every) + ". "
         "Flights without a failure (none) are counted too; reversed surfaces are not. L1-AC is state feedback with the filter "
         "(6), "

@@ -107,8 +107,8 @@ def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
                 {"theta": [f"[{a:g}, {b:g}]" for a, b in THETAS]} | {name: 100 * found for name, found in shares.items()},
             ),
         ),
-        would_change="an uncertainty for which no fixed design tracks the model; adaptive-against-linear states how large an "
-        "uncertainty each design tolerates",
+        would_change="an uncertainty for which no fixed design tracks the model; adaptive-against-linear states the size of "
+        "uncertainty that each design tolerates",
     )  # fmt: skip
 
 
@@ -169,20 +169,20 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
     return Claim(
         sentence=sentence,
         readings=(*literal, *beside["plain"], *beside["delayed"]),
-        shows=f"Settings chosen, not tuned. Smallest tail error at size 1: adaptive {least['plain']:.2g}, linear "
-        f"{best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
+        shows=f"The settings were chosen, not tuned. Smallest tail error at size 1: adaptive {least['plain']:.2g}, linear "
+        f"{best['plain']:.2g}; with a delay of {1e3 * DELAY:g} ms these are {least['delayed']:.2g} and {best['delayed']:.2g}.",
         measured=        f"Tail error at the paper's theta, at the set's corner (5, 5), and there with an input delay of "
         f"{1e3 * DELAY:g} ms: {'; '.join(sentences)}. The model's amplitude is {amplitude():.0f}{missing}",
         how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; "
         f"halving the step changes the errors by "
-        f"{_step_effect(contestants, measured):.1g} of themselves (size 1, with the delay). PI and H∞ are designed to L1-AC's "
-        f"delay margin, H∞ for 10 ms to that delay. The adaptive schemes' settings are chosen, not tuned by a rule, and the "
+        f"a fraction of at most {_step_effect(contestants, measured):.1g} (size 1, with the delay). PI and H∞ are designed for "
+        f"the delay margin of L1-AC; 'H∞, for 10 ms' is designed for a delay of 10 ms. The adaptive schemes' settings are chosen, not tuned by a rule, and the "
         f"robust MRAC has {MENDED}: "
         "kappa and tau = 0.5 s are the paper's, tau = 0.02 s equals kappa, and the step resolves the gains",
         maps=(_chart("linear-design", contestants, measured, "plain"), _chart("linear-design-delay", contestants, measured, "delayed")),
         listings=(_table(contestants, measured),),
-        would_change="a linear design with more knowledge of the family, settings tuned to each size, a different command or "
-        "delay; here all settings are fixed",
+        would_change="a linear design that uses more knowledge of the family, settings that are tuned to each size, or a "
+        "different command or delay; here all settings are fixed",
     )  # fmt: skip
 
 
@@ -223,10 +223,9 @@ def _chart(key: str, contestants: list[ComparedController], measured: dict[str, 
     return Chart(
         key=key,
         title="Section V's family as its parameters grow" + (f", with an input delay of {1e3 * DELAY:g} ms" if delayed else ""),
-        caption="Set and true parameters scaled together, the parameters in the set's corner (5, 5)"
-        ", the direction in which, by mu, the linear loops are weakest; all controllers have fixed settings. " + ("An exact "
-        "delay "
-        "at the input, unknown to all controllers" if delayed else "Without modelling errors"),
+        caption="The set and the true parameters are scaled together. The parameters are in the set's corner (5, 5), the "
+        "direction in which the linear loops are weakest by mu; all controllers have fixed settings. " + ("There is an exact "
+        "delay at the input, which no controller knows" if delayed else "Without modelling errors"),
         x=ChartAxis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
         lost=f"last size with |e| below {UNSTABLE_ERROR_FACTOR:g} amplitudes",
@@ -324,15 +323,14 @@ def claim(l1: Array, pi: Array) -> Claim:
         sentence=sentence,
         readings=readings,
         shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is "
-        f"{at_one(l1 / pi):.2g} times the PI's with (6), {at_one(second / pi):.2g} times with two slopes.",
+        f"{at_one(l1 / pi):.2g} times the PI's with (6) and {at_one(second / pi):.2g} times with two slopes.",
         measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast "
-        "adaptation L1-AC is a linear loop with "
-        f"S = 1 - C: one slope of rejection with (6), and two, as many as the PI, with C'(0) = 0; for this filter the left side "
-        f"of Theorem 1's condition is {condition:.2f}",
-        how=f"as in adaptive-against-linear, without a delay; all have a delay margin of {1e3 * margin:.0f} ms at Section V's "
-        f"theta",
+        "adaptation L1-AC is a linear loop with S = 1 - C. It rejects disturbances with one slope if C is (6), and with two, as "
+        f"many as the PI, if C'(0) = 0; for this second filter the left side of Theorem 1's condition is {condition:.2f}",
+        how=f"as in adaptive-against-linear, without a delay; all designs have a delay margin of {1e3 * margin:.0f} ms at "
+        "Section V's theta",
         listings=(_over_sizes(l1, second, pi),),
-        would_change="a different C, as the readings show; a different design of the PI, a different delay margin or command",
+        would_change="a different C, as the readings show, a different design of the PI, or a different delay margin or command",
     )  # fmt: skip
 
 
@@ -355,7 +353,7 @@ def _compared(l1: Array, pi: Array) -> tuple[bool, str]:
     ratio = l1[both] / pi[both]
     return (
         bool((ratio < 1).all()),
-        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both tolerate, "
+        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both tolerate, and "
         f"{at_one(l1 / pi):.2g} times at size 1",
     )
 

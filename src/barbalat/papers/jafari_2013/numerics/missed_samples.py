@@ -121,15 +121,14 @@ def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
             _in_the_tail(tail),
             _no_merit(whole),
         ),
-        shows=f"Losing a tenth one by one makes |e| up to {short(max(factors[0].values()))} times as large, in bursts "
-        f"{short(max(factors[1].values()))} times; {said}, in {draws} draws.",
-        measured=f"the largest |e| over that without losses: one by one at most {one_by_one}, in bursts of {BURST_SAMPLES} "
-        f"samples at most "
-        f"{in_bursts}; {said}. Each factor is relative to the same scheme's error without losses",
+        shows=f"If a tenth of the samples is lost one by one, |e| becomes up to {short(max(factors[0].values()))} times as "
+        f"large; in bursts, {short(max(factors[1].values()))} times; {said}, in {draws} draws.",
+        measured=f"the largest |e| divided by that without losses is at most {one_by_one} if samples are lost one by one and at "
+        f"most {in_bursts} if they are lost in bursts of {BURST_SAMPLES} samples; {said}. Each factor is relative to the same "
+        "scheme's error without losses",
         how=f"Section V, T = {SAMPLE_TIME:g} s, no shell, {T_END:g} s, RK4, one step per sample; {draws} draws of each kind, "
-        f"common to all schemes; MRAC Gamma = 1, "
-        f"L1-AC Gamma = 1e4, robust MRAC as in Figure 2, {MENDED}, kappa = {section_v.KAPPA:g} s, ADRC 1/kappa, PI as in "
-        f"l1-against-pi",
+        f"common to all schemes; MRAC with Gamma = 1, L1-AC with Gamma = 1e4, the robust MRAC of Figure 2 with {MENDED}, kappa = "
+        f"{section_v.KAPPA:g} s, ADRC with the bandwidth 1/kappa, and the PI of l1-against-pi",
         listings=(_listing(whole, tail),),
         would_change="fails: an error that more than doubles when samples are lost one by one; holds: no error that more than "
         "doubles with bursts",
@@ -164,8 +163,8 @@ def _no_merit(whole: Mapping[str, Losses]) -> Reading:
     return Reading(
         "the scheme with the smallest factor also has the smallest error when samples are lost",
         not smaller,
-        f"{least}: |e| up to {short(whole[least].largest)} with losses; {len(smaller)} of the {len(whole) - 1} others have a "
-        f"smaller one",
+        f"{least}: |e| is up to {short(whole[least].largest)} with losses; {len(smaller)} of the {len(whole) - 1} others have a "
+        "smaller error",
         "beside",
     )
 

@@ -30,7 +30,7 @@ def come_and_go(runs: Runs) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(gone, f"{numbers(rates[0])} per s at Figure 3's step, {numbers(rates[1])} at Figure 4's"),
+            sentence.reads(gone, f"{numbers(rates[0])} per s at Figure 3's step and {numbers(rates[1])} at Figure 4's"),
             sentence.reads(back, f"{numbers(rates[2])} per s at Figure 5's gain", 1),
         ),
         shows=f"The estimates vary by {rates[0][0]:.3g} per s in Figure 3, by {rates[1][0]:.2g} at a tenth of the step, by "
@@ -69,7 +69,7 @@ def without_filter() -> Claim:
     sentence, least = SENTENCES["oscillation-without-filter"], min(float(rate.min()), float(filtered.min()))
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(least > 1e3, f"{span(filtered)} per s with the filters, {numbers(rate)} without one"),),
+        readings=(sentence.reads(least > 1e3, f"{span(filtered)} per s with the filters and {numbers(rate)} without one"),),
         shows=f"With every filter (6) tried, kappa = {span(FILTERS_TRIED)} s, the estimates vary by at least "
         f"{short(filtered.min())} per s; without a filter by {short(rate.min())}.",
         measured=f"variation of the estimates per s: {numbers(rate)} without a filter, {span(filtered)} with "
@@ -106,26 +106,25 @@ def smaller_gain() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(smooth, f"{numbers(mrac.theta_hat_variation_rate[0])} per s"),
-            sentence.reads(better, f"largest |e| {numbers(mrac.max_abs_e[0])} against {numbers(l1.max_abs_e[0])}, in the tail "
-            f"{numbers(mrac.tail_max_abs_e[0])} against {numbers(l1.tail_max_abs_e[0])}", 1),
+            sentence.reads(better, f"the largest |e| is {numbers(mrac.max_abs_e[0])} with MRAC and {numbers(l1.max_abs_e[0])} "
+            f"with L1-AC, and in the tail {numbers(mrac.tail_max_abs_e[0])} and {numbers(l1.tail_max_abs_e[0])}", 1),
             Reading(
                 f"its errors are also smaller than those of L1-AC at h = {RESOLVING_STEP:g} s, which is small enough for its "
                 f"gain",
                 bool((mrac.max_abs_e < resolved.max_abs_e).all() and (mrac.tail_max_abs_e < resolved.tail_max_abs_e).all()),
-                f"largest |e| {numbers(resolved.max_abs_e[0])}, in the tail {numbers(resolved.tail_max_abs_e[0])}",
+                f"the largest |e| of L1-AC is then {numbers(resolved.max_abs_e[0])}, and in the tail "
+                f"{numbers(resolved.tail_max_abs_e[0])}",
                 "beside",
             ),
         ),
-        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}, that of Figure 3's L1-AC "
-        f"{l1.tail_max_abs_e.max():.3g}, {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 "
+        shows=f"Without modelling error MRAC's tail error is {mrac.tail_max_abs_e.max():.1g}; that of Figure 3's L1-AC is "
+        f"{l1.tail_max_abs_e.max():.3g}, or {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 "
         f"is {tolerated:.1e} s.",
         measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most "
-        f"{mrac.tail_max_abs_e.max():.3g} and "
-        "estimates that vary by at most "
-        f"{mrac.theta_hat_variation_rate.max():.3g} per s, L1-AC with Gamma = 1e4 a tail error of at most "
-        f"{l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = {CREST:g}, that MRAC loop has an exact delay "
-        f"margin of {tolerated:.2g} s: a delay makes its estimates oscillate; gain-reduces-margins has the margins of both "
-        f"schemes",
+        f"{mrac.tail_max_abs_e.max():.3g} and estimates that vary by at most {mrac.theta_hat_variation_rate.max():.3g} per s, "
+        f"L1-AC with Gamma = 1e4 has a tail error of at most {l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = "
+        f"{CREST:g}, that MRAC loop has an exact delay margin of {tolerated:.2g} s: a delay makes its estimates oscillate; "
+        "gain-reduces-margins has the margins of both schemes",
         how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin by exact linearisation, with the law, "
         "around a constant command",
         listings=(
@@ -173,7 +172,7 @@ def small_tau() -> list[Claim]:
     return [may_fail, _no_problems(taus, diverged, observed)]
 
 
-SMALL_TAUS = f"Section V, robust MRAC, {MENDED}, RK4, h = 1e-4 s, 10 s, 41 values of tau from 1e-5 to 1e-4 s, and 0.5 s"
+SMALL_TAUS = f"Section V, robust MRAC, {MENDED}, RK4, h = 1e-4 s, 10 s; 41 values of tau from 1e-5 to 1e-4 s, and 0.5 s"
 UNCHANGED_SHARE = 1e-3
 """The step counts as harmless if a tenth of it changes no error and no control by more than this fraction."""
 
@@ -196,21 +195,21 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
         readings=(
             sentence.reads(
                 not lost and rate < 1 and changed < UNCHANGED_SHARE,
-                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s; reducing the step to a tenth "
-                f"changes errors and control by at most {changed:.0e} of themselves",
+                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s; a tenth of the step changes errors "
+                f"and control by a fraction of at most {changed:.0e}",
             ),
             Reading("when it is sampled at 10 kHz with explicit Euler steps and the control is held between samples, its errors "
-            "change by less than a hundredth", _changed(euler, fine) < 0.01, f"by at most {_changed(euler, fine):.1g} of "
-            f"themselves", "beside"),
+            "change by less than a hundredth", _changed(euler, fine) < 0.01, "by a fraction of at most "
+            f"{_changed(euler, fine):.1g}", "beside"),
             Reading("at any tau, without modelling error, RK4 at that step does not diverge within 10 "
             "s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; above "
             f"that {above.sum()} of {len(above)} are tolerated", "beside"),
         ),
-        shows=f"At Section V's tau = {section_v.TAU:g} s reducing the step to a tenth changes no result by more than "
-        f"{changed:.0e} of itself; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
+        shows=f"At Section V's tau = {section_v.TAU:g} s a tenth of the step changes every result by a fraction of at most "
+        f"{changed:.0e}; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
         measured=f"at Section V's settings the estimates vary by {rate:.1g} per s in the tail, and a tenth of the step changes "
-        f"the largest errors and the largest control by {changed:.1g} of themselves; {diverged.sum()} of {len(taus)} values of "
-        f"tau diverge, up to {observed:.3g} s, see small-tau-numerics",
+        f"the largest errors and the largest control by a fraction of {changed:.1g}; {diverged.sum()} of {len(taus)} values of "
+        f"tau diverge, up to {observed:.3g} s (see small-tau-numerics)",
         how=f"Section V, robust MRAC, {MENDED}, RK4, h = {section_v.COARSE_STEP:g} and {section_v.FINE_STEP:g} s, "
         f"{section_v.T_END:g} s, every step; small tau: {SMALL_TAUS}",
         listings=(
@@ -224,8 +223,8 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
                 },
             ),
         ),
-        would_change="fails: a run at Section V's tau that is lost, oscillates or depends on the step. The sentence does not "
-        "mention other values of tau",
+        would_change="fails: a run at Section V's tau that diverges or leaves its limits, oscillates or depends on the step. "
+        "The sentence does not mention other values of tau",
     )  # fmt: skip
 
 

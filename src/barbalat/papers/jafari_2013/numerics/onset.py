@@ -43,19 +43,19 @@ def boundary(runs: Runs) -> Claim:
     sentence = SENTENCES["boundary"]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(as_predicted, f"L1-AC {span(ratios[0])}, MRAC {span(ratios[1])} times; as h^{exponent:.2f}"),),
+        readings=(sentence.reads(as_predicted, f"L1-AC {span(ratios[0])} and MRAC {span(ratios[1])} times the predicted gain; "
+        f"the gain varies as h^{exponent:.2f}"),),
         shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, at {len(steps)} "
         f"steps of RK4, with and without the filter.",
-        measured=        f"observed gain / predicted: L1-AC {span(ratios[0])}, MRAC {span(ratios[1])}, at {len(steps)} steps; "
-        f"the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as predicted. The prediction is "
-        f"a little early: at the crest of |x| the loop has some damping",
-        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary "
-        f"by more than "
-        f"{SWEEP_RATE:g} per s, one sweep of the box there and back",
+        measured=        f"the observed gain is {span(ratios[0])} (L1-AC) and {span(ratios[1])} (MRAC) times the predicted one, "
+        f"at {len(steps)} steps; the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as "
+        "predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
+        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; the onset is the gain from "
+        f"which the estimates vary by more than {SWEEP_RATE:g} per s, which is one sweep of the box there and back",
         maps=(shown,),
         listings=(
             table(
-                "The gain at which the oscillations were predicted to begin, and the observed one over it",
+                "The gain at which the oscillations were predicted to begin, and the observed gain divided by it",
                 {
                     "h [s]": steps,
                     "L1-AC, predicted Gamma": expected[0], "L1-AC, observed": ratios[0],

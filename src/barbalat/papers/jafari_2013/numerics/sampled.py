@@ -43,10 +43,10 @@ def claim() -> Claim:
         ),
         shows=f"Over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the variation of the estimates changes by a factor of {spread:.3f}.",
         measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
-        f"{span(smooth['MRAC'][:, 0])} per s, "
-        f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the smallest; by explicit Euler "
-        f"{span(rough[:, 0])} per s",
-        how="the controller sampled every 1e-4 s, closed form of cost O(n^2) for each sample; Section V, RK4, h = 1e-4 s, 20 s, first estimate",
+        f"{span(smooth['MRAC'][:, 0])} per s, L1-AC {span(smooth['L1'][:, 0])} per s; the largest is {spread:.3f} times the "
+        f"smallest; by explicit Euler {span(rough[:, 0])} per s",
+        how="the controller is sampled every 1e-4 s, and its step has a closed form that costs O(n^2) per sample; Section V, "
+        "RK4, h = 1e-4 s, 20 s, first estimate",
         listings=(
             table(
                 "The variation of the first estimate in the tail [1/s]",
@@ -90,24 +90,26 @@ def delays() -> Claim:
     larger = np.array(DELAYS)[errors[-1, 1:] > filtered_errors[-1, 1:]]
     sentence = SENTENCES["sampled-delay"]
     readings = (
-        sentence.reads(tolerated_by_l1 > tolerated, f"{tolerated:g} T without the filter, {tolerated_by_l1:g} T with it"),
+        sentence.reads(tolerated_by_l1 > tolerated, f"{tolerated:g} T without the filter and {tolerated_by_l1:g} T with it"),
         Reading(
             "the tracking error is larger without the filter under every delay",
             len(larger) == len(DELAYS),
             f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to "
-            f"{errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} with it",
+            f"{errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms without the filter, and from {filtered_errors[-1, 1]:.3g} to "
+            f"{filtered_errors[-1, -1]:.3g} with it",
             "beside",
         ),
     )
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {counted(round(tolerated), 'sample')} of {SAMPLE_TIME:g} s without the filter, {tolerated_by_l1:g} with it.",
-        measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {tolerated:g} T with MRAC by the midpoint "
-        f"form, {tolerated_by_l1:g} T with L1-AC; beyond it those of MRAC swing between their bounds, and |e| is at most {ratio:.2f} times that "
-        "of the Euler form, at any gain and delay",
-        how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
-        f"{CHATTER_FACTOR:g} times that without a delay",
+        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {counted(round(tolerated), 'sample')} "
+        f"of {SAMPLE_TIME:g} s without the filter and of {tolerated_by_l1:g} with it.",
+        measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {tolerated:g} T with MRAC in its "
+        f"midpoint form and up to {tolerated_by_l1:g} T with L1-AC. Beyond {tolerated:g} T the estimates of MRAC swing between "
+        f"their bounds. At every gain and delay |e| is at most {ratio:.2f} times that of the Euler form",
+        how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; estimates are quiet if they vary by at "
+        f"most {CHATTER_FACTOR:g} times as much as without a delay",
         listings=(_listing(found, quiet),),
         would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help under such a delay",
     )

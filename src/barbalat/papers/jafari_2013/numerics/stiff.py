@@ -66,9 +66,9 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
         sentence=SENTENCES["stiff-solvers"],
         readings=(*_literal(tried), *_automatic(tried), *_supplementary(tried), _giving_up(tried), *more),
         shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the "
-        f"equations, up to Gamma = {GAINS[-1].gamma:g} (RK4 in Figure 3 up to {rk4:.2g} times); no singularity.",
-        measured="ringing of the estimates over that of the converged solution, smallest and largest in any second, without / "
-        "with projection: "
+        f"equations, up to Gamma = {GAINS[-1].gamma:g} (RK4 in Figure 3: up to {rk4:.2g} times). No singularity occurs.",
+        measured="the ringing of the estimates divided by that of the converged solution, smallest and largest in any second, "
+        "without / with projection: "
         + "; "
         "".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / "
         f"{cell(row, 1, right)}" for row in (*tried.explicit, *at_paper))
@@ -79,17 +79,15 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
             for row in (*tried.tight, *tried.loose)
         )
         + f". {NO_SINGULARITY}",
-        how=f"ringing: half the largest swing within {RINGING_WINDOW:g} s, the drift of its middle removed, in each second from "
-        f"{RINGING_START:g} to {RINGING_END:g} s; right: within a factor {AGREEMENT_FACTOR:g} in each of that of RK4 at "
-        f"h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to "
-        f"{numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
-        f"the estimate limited at the step's "
-        f"end. Automatic steps: with projection, exact Jacobian. In that time no converged estimate is beyond "
-        f"{_highest(RINGING_END):.2g}, and the projection is at rest; RK4 at the paper's step leaves the solution at "
-        f"{tried.explicit[0].free.reached:.1f} s",
+        how=f"The ringing is half the largest swing within {RINGING_WINDOW:g} s, without the drift of its middle, in each second "
+        f"from {RINGING_START:g} to {RINGING_END:g} s. A result is right if in each second it is within a factor of "
+        f"{AGREEMENT_FACTOR:g} of that of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to "
+        f"{numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps use {NEWTON_STEPS} Newton steps with the exact "
+        "Jacobian, and the estimate is limited at the end of each step. Automatic steps use the projection and the exact "
+        f"Jacobian. In that time no converged estimate is beyond {_highest(RINGING_END):.2g}, and the projection does not act; "
+        f"RK4 at the paper's step leaves the solution at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing([*tried.explicit, *at_paper, *tried.tight, *tried.loose], right, PAPER_SETTING.gamma), *tables, *listings),
-        would_change="holds: implicit steps that ring more than the equations at some gain, with either method and at either "
-        "step",
+        would_change="holds: for both methods and both steps, implicit steps that ring more than the equations at some gain",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
 
@@ -113,7 +111,7 @@ def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
         ),
         sentence.reads(
             any(path.lost for path in PAPER_SETTING.right),
-            f"the converged solution reaches {ends:g} s, its estimates at most {_highest(T_END):.2g}. {NO_SINGULARITY}",
+            f"the converged solution reaches {ends:g} s, and its estimates are at most {_highest(T_END):.2g}. {NO_SINGULARITY}",
             1,
         ),
     )  # fmt: skip
@@ -264,7 +262,7 @@ LOOSE_TOLERANCES = (1e-3, 1e-6)
 """Loose tolerances. The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a
 tolerance."""
 LOOSE_END, RADAU_END = 4.0, 1.5
-"""Horizons [s] of the plain command at the loose tolerances. ``--full`` runs all four codes to ``LONG_AUTOMATIC_END``, which
+"""Horizons [s] at the loose tolerances without ``--full``, which runs all four codes to ``LONG_AUTOMATIC_END``, which
 takes a minute or more."""
 RADAU_BUDGET: dict[SciPyMethod, int] = {"Radau": 1_000_000}
 """Largest number of evaluations, ten times the steps that the code needs to ``RADAU_END``. SciPy's BDF and Radau are written in
@@ -280,7 +278,7 @@ PAPER_SETTING = StiffSetting(1e4, T_END, CONVERGED_STEPS[0])
 FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7)
 """Figure 3's setting. At its converged step the ringing is within 0.2 % of the ringing at 1e-7 s."""
 GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5e-7), FIGURE_5)
-"""Settings at which RK4 fails with the paper's step of 1e-4 s, with the horizons for which the plain command has time."""
+"""Settings at which RK4 fails with the paper's step of 1e-4 s, with the horizons for which there is time without ``--full``."""
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))
 """The settings of ``reproduce --full``. The last run is as long as its converged step allows within a quarter of a minute."""
 FULL_COMMAND = (
@@ -308,7 +306,7 @@ class StiffRuns:
 
     @staticmethod
     def now(*, full: bool = False) -> StiffRuns:
-        """Simulate the runs of the plain command, or with ``full`` all codes to the end at the loose tolerance."""
+        """Simulate the runs without ``full``, or with it all codes to the end at the loose tolerance."""
         loosely = [(RADAU_BUDGET, RADAU_END), ({}, LOOSE_END)] if not full else [(FULL_BUDGETS, LONG_AUTOMATIC_END)]
         tightly = ((TOLERANCE, AUTOMATIC_END), (LOOSE_TOLERANCES[1], LONG_AUTOMATIC_END))
         return StiffRuns(

@@ -41,13 +41,15 @@ def stiffness() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"Over four decades of gain the fastest decay goes from {decay[0]:.3g} to {decay[-1]:.3g} 1/s, the frequency from {size[0]:.1e} to {size[-1]:.1e} rad/s.",
-        measured=f"at the crest of |x| the fastest decay rate of the loop varies as Gamma^{exponents[0]:.2f}, the largest |lambda| as Gamma^{exponents[1]:.2f}: the fast modes oscillate",
+        shows=f"Over four decades of gain the fastest decay goes from {decay[0]:.3g} to {decay[-1]:.3g} 1/s and the frequency "
+        f"from {size[0]:.1e} to {size[-1]:.1e} rad/s.",
+        measured=f"at the crest of |x| the fastest decay rate of the loop varies as Gamma^{exponents[0]:.2f} and the largest "
+        f"|lambda| as Gamma^{exponents[1]:.2f}: the fast modes oscillate",
         how=f"L1-AC of Section V, kappa = {section_v.KAPPA:g} s, exact Jacobian at the state of a run with Gamma = {SMOOTH_GAIN:g} at the largest |x|, with the projection inactive",
         listings=(
             table("The loop's eigenvalues at the crest of |x|", {"Gamma": GAINS, "fastest decay [1/s]": decay, "largest |lambda| [rad/s]": size}),
         ),
-        would_change="a loop with decay rates that grow apart as the gain rises",
+        would_change="a loop whose decay rates grow apart as the gain rises",
     )  # fmt: skip
 
 

@@ -99,18 +99,18 @@ def claim() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; one of first "
-        f"order stabilises at most {most[FIRST]} of them.",
-        measured=f"number of the {len(family)} plants for which H is stable, at the best bandwidth: "
-        f"{', '.join(f'{name} {count}' for name, count in most.items())}; (20) is satisfied for all: {told or 'by none'}. Ref. "
-        f"15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
+        shows=f"A C {best} with w = {short(w)} rad/s satisfies (20) for all {len(family)} plants of Section V's set; a C of "
+        f"first order stabilises at most {most[FIRST]} of them.",
+        measured=f"of the {len(family)} plants, the number for which H is stable at the best bandwidth: "
+        f"{', '.join(f'{name} {count}' for name, count in most.items())}. (20) is satisfied for all plants: {told or 'by none'}. "
+        "Ref. 15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
         how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = "
         f"{M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of "
         f"H, certified L1 norms; a grid says nothing about the plants between its points",
         listings=(table("For how many plants H of (20) is stable, by the bandwidth of "
         "C", {"w [rad/s]": BANDWIDTHS} | {name: [str(count) for count in values] for name, values in counts.items()}),),
-        would_change="fails: a set for which no C of these forms is found. The lead was found because every plant of the set "
-        "behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
+        would_change="fails: a set for which no C of these forms satisfies (20). The lead was found because every plant of the "
+        "set behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
     )  # fmt: skip
 
 

@@ -46,16 +46,21 @@ def l1_is_linear() -> Claim:
         readings=(
             sentence.reads(difference < 1e-9, f"it differs by {difference:.1g} of the largest |u|"),
             sentence.reads(left < 1e-9, f"|e| = {left:.1g} is left", 1),
-            sentence.reads(late[0] < 0.5 * late[1], f"mean |e| after saturation {late[0]:.2g} with it, {late[1]:.2g} without", 2),
+            sentence.reads(
+                late[0] < 0.5 * late[1],
+                f"after saturation the mean |e| is {late[0]:.2g} with the projection and {late[1]:.2g} without it",
+                2,
+            ),
         ),
         shows=f"Inside its bounds it differs from a linear controller by {difference:.0e} of the largest |u|.",
         measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is inside "
         f"its bounds; a constant disturbance leaves |e| = {left:.1g}; after 5 s of saturation the mean |e| of the next 8 s is "
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
-        how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation)"
-        ", RK4; the equivalent is multiplied out and integrated in a separate realisation",
+        how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the linear "
+        "equivalent is multiplied out and integrated as a separate realisation",
         listings=(_compared_with_equivalent(runs[controller.name], runs["equivalent"]),),
-        would_change="an input for which the two differ while sigma is inside its bounds; the row does not concern other L1 controllers",
+        would_change="an input for which the two controls differ while sigma is inside its bounds; the row does not concern "
+        "other L1 controllers",
     )
 
 
@@ -120,14 +125,15 @@ def rohrs() -> Claim:
             ),
         ),
         shows=f"The classical law {falls}; of {len(runs)} modified ones {len(bounded)} stay bounded.",
-        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other laws over {case.simulation.t_end:g} s is {span(heights)}, "
-        f"without adaptation {resting.figures['max_abs_y']:.3g}. The dead zone keeps the loop bounded by stopping the adaptation: of {len(DEAD_ZONES)} further ones, g_0 = {span(DEAD_ZONES)}, "
-        f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
+        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other "
+        f"laws over {case.simulation.t_end:g} s is {span(heights)}, without adaptation {resting.figures['max_abs_y']:.3g}. The "
+        f"dead zone keeps the loop bounded by stopping the adaptation. Of {len(DEAD_ZONES)} further dead zones, g_0 = "
+        f"{span(DEAD_ZONES)}, {len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
             _motions(bounded, case.simulation.t_end),
             table(
-                "Narrower and wider dead zones: the time at which the run diverges; -: it does not",
+                "Narrower and wider dead zones: the time at which the run diverges, or - if it does not",
                 {"g_0": DEAD_ZONES, "diverges at [s]": ended},
             ),
         ),

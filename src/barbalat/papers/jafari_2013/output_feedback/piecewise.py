@@ -40,21 +40,18 @@ def is_linear() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(difference < ROUNDING_SHARE, f"it differs by {difference:.1g} of the largest |u|, in both forms"),
-            sentence.reads(max(left) < ROUNDING_SHARE, f"|e_1| = {left[1]:.2g} remains with a = {TRIED_POLES[1]:g}/s, "
+            sentence.reads(max(left) < ROUNDING_SHARE, f"|e_1| = {left[1]:.2g} remains with a = {TRIED_POLES[1]:g}/s, and "
             f"{left[-1]:.1g} with a = 0", 1),
         ),
         shows=f"It differs from a linear controller by {difference:.0e} of the largest |u|; a constant disturbance leaves |e_1| "
-        f"= {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.0e} with a = 0.",
+        f"= {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s and {left[-1]:.0e} with a = 0.",
         measured=f"its control differs from that of its realisation by {difference:.1g} of the largest |u|. Its estimate is a "
-        f"difference of "
-        f"two measurements; {100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance are never "
-        f"estimated with "
-        f"a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz, none with a = 0. Its margins are exact, as for any linear "
-        f"controller: it tolerates "
+        f"difference of two measurements; {100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance "
+        f"are never estimated with a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz; with a = 0 all of it is estimated. "
+        "Its margins are exact, as for any linear controller: it tolerates "
         f"{' and '.join(f'{1e3 * margin:.1f} ms' for margin in margins)} of further delay",
-        how="bundled case quadrotor-pitch without its limits: motor lag 0.04 s, delay 2.5 ms"
-        "; exact form, and as flown; RK4, two steps per sample; the realisation is multiplied out and run on the same "
-        "measurements",
+        how="bundled case quadrotor-pitch without its limits: motor lag 0.04 s, delay 2.5 ms; the law is used in its exact form "
+        "and as flown; RK4, two steps per sample; the linear realisation is multiplied out and runs on the same measurements",
         listings=(
             table(
                 "As flown, for each predictor pole: the remaining effect of a constant disturbance of 0.05 N m",

@@ -38,10 +38,10 @@ DEGREES = {
 """A plant and a model for each relative degree. The second plant is unstable. The last plant has the poles -0.5, -1, -1.5 and -2,
 and its model has the poles -1, -1, -1.5 and -2."""
 USUAL_DEGREES = (1, 2, 3)
-"""The relative degrees that the plain command tries. ``--full`` tries all."""
+"""The relative degrees that are tried without ``--full``, which tries all."""
 LEAST_SQUARES = "least squares (15)"
 LAWS: dict[str, AdaptiveLaw] = {LEAST_SQUARES: LeastSquares(covariance0=5.0), "gradient": Gradient(gamma=5.0)}
-"""The laws. The plain command tries only the first one, which the literal readings name."""
+"""The laws. Without ``--full`` only the first one is tried, which the literal readings name."""
 
 DISTURBANCE_AND_LAG: tuple[Sine, float] = (Sine(amplitude=0.2, frequency=2.0), 0.05)
 """The size of a bounded disturbance, a fifth of the command, and an actuator lag [s] that is unknown to the designer."""
@@ -68,7 +68,8 @@ def claim(*, full: bool = False) -> Claim:
         if not full
         else (
             Reading(
-                "the same holds with the gradient law, which has a switching sigma-modification under disturbance and lag",
+                "the same holds with the gradient law, to which a switching sigma-modification is added under disturbance and "
+                "lag",
                 min(float(found.min()) for found in exponents.values()) > LEAST_EXPONENT and _bounded(leaking),
                 f"{_powers({name: found for name, found in exponents.items() if name not in own})}; {_told(leaking)}",
                 "beside",
@@ -86,13 +87,11 @@ def claim(*, full: bool = False) -> Claim:
         f"with disturbance and lag it is at most {largest:.2g} in the last quarter.",
         measured=f"{shrinks}; with disturbance and lag {stays}",
         how=f"one plant for each relative degree, r = sin 1.3t, law (15) with P(0) = 5, RK4, h = 1e-3 s, tau = {span(taus)} s, "
-        f"20 s"
-        f"; with disturbance and lag: 0.2 sin 2t, lag {DISTURBANCE_AND_LAG[1]:g} s, (16) with alpha_0 = 0.1, delta_0 = 0.5, tau "
-        f"= 0.1 s, h = 2e-3 s, 240 s",
+        f"20 s; with disturbance and lag: d = 0.2 sin 2t, a lag of {DISTURBANCE_AND_LAG[1]:g} s, (16) with alpha_0 = 0.1, "
+        "delta_0 = 0.5, tau = 0.1 s, h = 2e-3 s, 240 s",
         listings=(table("The largest |y - y_m| against tau, by relative degree n* and law", {"tau [s]": taus, **errors}),),
-        would_change=""
-        "a relative degree at which the transient error does not shrink with tau, or at which the error grows with the "
-        "disturbance and the lag; a run shows only one relative degree, and the paper gives no proof",
+        would_change="a relative degree at which the transient error does not shrink with tau, or at which the error grows in "
+        "time with the disturbance and the lag; a run shows only one relative degree, and the paper gives no proof",
         sharpened=f"relative degree {max(DEGREES)}, and the gradient law as well as pure least squares",
     )  # fmt: skip
 

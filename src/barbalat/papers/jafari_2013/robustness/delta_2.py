@@ -35,7 +35,7 @@ SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
 STEP = 1e-3
 """Step [s], a sixtieth of the smallest tau."""
 T_END, LONGER_T_END = 200.0, 800.0
-"""Horizons [s] of the plain command and of ``--full``. The last quarter of the shorter run contains four periods of the slower
+"""Horizons [s] without and with ``--full``. The last quarter of the shorter run contains four periods of the slower
 sine."""
 COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
 DERIVATIVE_POLE = 2e-3
@@ -125,10 +125,8 @@ def claim(*, full: bool = False) -> Claim:
         f"nu = {nu.max():.3g} is sufficient for every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With the command of Section V, a single sine, {_one_frequency()}",
         how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, {MENDED}, RK4, h = {STEP:g} s, {t_end:g} s, tau = "
-        f"{span(TAUS)} s, mu = "
-        f"{span(SIZES)} s, as Delta_m = -mu s and as "
-        f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: "
-        f"the last quarter",
+        f"{span(TAUS)} s, mu = {span(SIZES)} s, as Delta_m = -mu s and as a delay; with Section V's alpha_0 = 0 and with (16), "
+        f"alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; errors are taken over every step, and the tail is the last quarter",
         listings=_listings(found, nu),
         would_change="fails: a nu that grows as tau falls, or an unbounded run",
         sharpened=f"runs of {LONGER_T_END:g} s, in which learning has further reduced the remaining error",

@@ -62,13 +62,11 @@ def bounded(runs: dict[float, Along]) -> Claim:
         shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.2f} times those of "
         f"the first.",
         measured=        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
-        f"{halves['error'].max():.3g}, "
-        f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
-        "the suprema are at most "
-        f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
-        "(the others) times those of the first",
-        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second "
-        "half"),
+        f"{halves['error'].max():.3g}, |theta_hat_i| {halves['theta_hat'].max():.3g} and |theta_hat'| "
+        f"{halves['rate'].max():.3g}; in the second half of a run the suprema are at most {growth['theta_hat']:.3g} (theta_hat) "
+        f"and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} (the others) times those of the first",
+        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; the reading is that none of the suprema grows in the "
+        "second half"),
         listings=(_suprema(tuple(runs), halves),),
         would_change="a supremum that keeps growing along a run, which is all that a finite run can show",
     )  # fmt: skip
@@ -84,14 +82,13 @@ def without_error(run: Along) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(falls, f"V from {V[0]:.3g} to {V[-1]:.2g}; the integral of (epsilon m_s)^2 is {spent[-1]:.4g}; "
-        f"the last quarter adds at most {max(late.values()):.0e} of each integral"),),
+        f"the last quarter adds at most a fraction {max(late.values()):.0e} of each integral"),),
         shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V within "
         f"{gap:.0e}.",
         measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) "
-        f"within {gap:.0e} of it; the integrals "
-        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, "
-        f"{run.integrals['rate'][-1]:.3g}"
-        f", and the last quarter adds at most {max(late.values()):.0e} of each",
+        f"within {gap:.0e} of it; the integrals of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach "
+        f"{run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g} and {run.integrals['rate'][-1]:.3g}, and the last quarter adds at "
+        f"most a fraction {max(late.values()):.0e} of each",
         how=METHOD.format("Delta_m = 0", "the integrals are computed with the loop; V at 3000 instants"),
         listings=(
             table(
@@ -136,7 +133,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
         f"of V(0), so V may rise, by up to {risen.max():.3g} V(0). For any signals: see the readings",
         how=METHOD.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
-            "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
+            "nu is the smallest number for which the integral over [t, t + T] is at most nu (mu T + 1), or at most nu (the "
+            "integral of eta^2/m_s^2 + 1), for every pair of 3000 instants",
         )
         + "; for arbitrary signals: one parameter, piecewise constant phi and eta, closed form",
         listings=(

@@ -26,7 +26,7 @@ def tau_and_error() -> Claim:
     readings = (
         sentence.reads(
             bool(nu.max() < nu[-1] * EQUAL_NU_FACTOR),
-            f"the smallest nu is {nu[0]:.3g} at {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s, {nu[-1]:.3g} at {taus[-1]:g} s",
+            f"the smallest nu is {nu[0]:.3g} at {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s and {nu[-1]:.3g} at {taus[-1]:g} s",
         ),
         Reading(
             f"in exact proportion, not just at most proportional, for tau from {taus[1]:g} s down to {taus[-1]:g} s",
@@ -38,9 +38,11 @@ def tau_and_error() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"From runs with {MENDED}: max |e|/tau is {nu[0]:.3g} 1/s at tau = {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s, {nu[-1]:.3g} at {taus[-1]:g} s.",
-        measured=        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of "
-        f"{span(below)} below {taus[1]:g} s (proportional) and of {exponents[0]:.3g} up to {taus[0]:g} s, less than proportional",
+        shows=f"From runs with {MENDED}: max |e|/tau is {nu[0]:.3g} 1/s at tau = {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s and "
+        f"{nu[-1]:.3g} at {taus[-1]:g} s.",
+        measured=        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with "
+        f"local exponents of {span(below)} below {taus[1]:g} s, which is proportional, and of {exponents[0]:.3g} up to "
+        f"{taus[0]:g} s, which is less than proportional",
         how=f"Section V, {MENDED}, RK4, h = 1e-4 s, 60 s. The paper says that the bound is quantifiable but does not give nu; the smallest nu of these runs is not a bound derived beforehand, and with (14) as printed there is none (erratum-14)",
         listings=(
             table(

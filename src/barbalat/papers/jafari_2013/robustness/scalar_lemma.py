@@ -122,8 +122,9 @@ def readings() -> tuple[Reading, Reading]:
     return (
         SENTENCES["lemma-1-small"].reads(
             _bounded(taught[0]),
-            f"a bias of {LEARNT_BIAS:g} learnt with phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = 1: pure least squares (15) "
-            f"needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, the gradient law {span(taught[1])}",
+            f"a bias of {LEARNT_BIAS:g} is learnt with phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, and then "
+            f"phi = 1: pure least squares (15) needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, and the "
+            f"gradient law needs {span(taught[1])}",
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, for any signals of (13)",

@@ -123,8 +123,7 @@ class TauTradeOff:
         doubled = (along[1] / along[0])[np.isfinite(along[:2]).all(axis=0)]
         literal, said = self.literal
         beside = Reading(
-            f"with Section V's alpha_0 = 0, over {len(sizes)} sizes: it rises with every size, and by more than a factor of two "
-            f"in all",
+            f"with Section V's alpha_0 = 0 it rises with each of {len(sizes)} sizes, and by more than a factor of two in all",
             bool((np.diff(taus) > 0).all()) and bool(taus[-1] > 2 * taus[0]),
             f"{taus[0]:.3g} to {taus[-1]:.3g} s",
             "beside",
@@ -134,14 +133,12 @@ class TauTradeOff:
             readings=(literal, beside),
             shows=f"Smallest tau tolerated: {said} of {self.word}.",
             measured=            f"smallest tau tolerated: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s "
-            f"for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
-            f"{(taus / sizes).max():.2f} times the {self.word}; no tau tolerates {self._nothing_tolerated()}. "
-            f"At these values of tau the linear loop with the estimates frozen at theta loses stability at {linear.min():.3f} "
-            f"to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
-            f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error "
-            f"grows along the "
-            f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is "
-            f"{doubled.min():.2f} to {doubled.max():.2f} times that",
+            f"for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to {(taus / sizes).max():.2f} times the {self.word}; no tau "
+            f"tolerates {self._nothing_tolerated()}. At these values of tau the linear loop with the estimates frozen at theta "
+            f"loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; the "
+            f"small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. Along the boundary, at "
+            f"5 % more than its tau, the tail's error grows from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its "
+            f"tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
             how=f"Section V, robust MRAC, {MENDED}, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x "
             f"{len(TAUS)} values of tau, then bisection "
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. "
@@ -225,8 +222,8 @@ def _range_of_tau(delay: TauTradeOff) -> Claim:
         how=f"Section V, robust MRAC, {MENDED}, with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}, exact delay of "
         f"{RANGE_DELAY:g} s, RK4, h = {STEP:g} s, {t_end:g} s. {LOSS_CRITERION}",
         listings=(table(f"The robust MRAC with a delay of {RANGE_DELAY:g} s", {"tau [s]": RANGE_TAUS, "max |e|, tail": tails}),),
-        would_change="a longer delay, with which the run is lost below some tau (tau-limit-delay). Theorem 2 itself has no row, "
-        "since it does not give Delta*",
+        would_change="a longer delay: below some tau the run is then lost (tau-limit-delay). Theorem 2 itself has no row, "
+        "because it does not give Delta*",
     )  # fmt: skip
 
 
@@ -241,7 +238,8 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(abs(ratio - 1) < PROPORTIONAL_SHARE, f"{tolerated_mu:.4g} s as -mu s, {margin:.4g} s as a delay"),
+            sentence.reads(abs(ratio - 1) < PROPORTIONAL_SHARE, f"the loop tolerates mu = {tolerated_mu:.4g} s for Delta_m = -mu "
+            f"s, and a delay of {margin:.4g} s"),
             Reading(
                 "the same holds for the robust MRAC's loops with frozen estimates, for every tau",
                 bool((np.abs(ratios - 1) < PROPORTIONAL_SHARE).all()),
@@ -250,13 +248,13 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
                 "beside",
             ),
         ),
-        shows=f"With theta known the loop tolerates {tolerated_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs "
-        f"tolerate {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
+        shows=f"With theta known the loop tolerates mu = {tolerated_mu:.3g} s for -mu s and a delay of {margin:.3g} s; for "
+        f"robust MRACs mu is {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
         measured=f"the loop with theta known tolerates mu = {tolerated_mu:.4g} s, {ratio:.3f} times its delay margin; over "
-        f"{len(FROZEN_TAUS)} values of tau, the frozen loop of the robust MRAC tolerates delays of "
-        f"{span(limits[0])} s, and mu of {span(limits[1])} s",
-        how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops of the robust MRAC, {MENDED}: -mu s "
-        f"realised as -mu s/({DERIVATIVE_POLE} s + 1)",
+        f"{len(FROZEN_TAUS)} values of tau, the frozen loop of the robust MRAC tolerates delays of {span(limits[0])} s and "
+        f"values of mu of {span(limits[1])} s",
+        how="with theta known, the exact characteristic roots of 1 + L (1 - mu s); for the frozen loops of the robust MRAC, "
+        f"{MENDED}, -mu s is realised as -mu s/({DERIVATIVE_POLE} s + 1)",
         listings=(table("Tolerated by the frozen loop", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu "
         "[s]": limits[1], "mu/delay": ratios}),),
         would_change="a loop with theta known whose delay margin is a large phase at the frequency at which |L| = 1",

@@ -88,7 +88,7 @@ def largest_gain(kappa: float | None) -> float:
 
 
 def compared_with_rohrs() -> tuple[tuple[Reading, ...], Listing]:
-    """Compare the times of loss with a known set that contains destabilising gains and with a set that does not."""
+    """Compare the times of divergence for a known set that contains destabilising gains and for one that does not."""
     at = {kappa: {name: diverged_at(kappa, command) for name, command in COMMANDS.items()} for kappa in (None, *KAPPAS)}
     wide = {kappa: np.array([each[0] for each in found.values()]) for kappa, found in at.items()}
     narrow = {kappa: np.array([each[1] for each in found.values()]) for kappa, found in at.items()}
@@ -104,7 +104,7 @@ def compared_with_rohrs() -> tuple[tuple[Reading, ...], Listing]:
         Reading(
             "on the same plant, L1-AC can also diverge with the slower filter",
             bool(np.isfinite(wide[kept]).any()),
-            f"{lost(kept)}: in these runs the slower filter keeps L1-AC bounded although MRAC is lost",
+            f"{lost(kept)}: in these runs the slower filter keeps L1-AC bounded although MRAC diverges",
             "beside",
         ),
     )  # fmt: skip
@@ -122,7 +122,8 @@ def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
         f"Gamma = {gain:g}": np.concatenate([found[:, i] for found in earliest.values()]) for i, gain in enumerate(ROHRS_GAINS)
     }
     return table(
-        f"Rohrs' plant: when the first of the runs with {len(COMMANDS)} commands diverges [s], of {ROHRS_T_END:g} s; -: none diverges",
+        f"Rohrs' plant: the time [s] at which the first of the runs with {len(COMMANDS)} commands diverges within "
+        f"{ROHRS_T_END:g} s, or - if none diverges",
         schemes | by_gain,
     )
 
@@ -228,10 +229,12 @@ def claim(*, full: bool = False) -> Claim:
         measured=        f"shortest delay with unbounded growth, at any gain tried: {_of_section_v(found, ideal)}. At every gain, for {len(below['MRAC (3)-(4)'])} (MRAC) and {len(below['L1-AC (5)-(8)'])} (L1-AC) of {len(THETAS)} values of theta in the known set, "
         f"the same loop tolerates this delay, {firsts.min():g} s to {firsts.max():g} s, if theta is known; theta = 0: {_of_the_centre(found, ideal)}",
         how=f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
-        f"{DELAYS[-1]:g} s, RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
-        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; runs counted as bounded stay below {max(float(each.tail.max()) for each in found.values()):.2g} times",
+        f"{DELAYS[-1]:g} s; RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. A run counts as unbounded if it diverges or "
+        f"if |e| in the last quarter exceeds {UNBOUNDED_RATIO:g} times the largest |x_m|; all other runs stay below "
+        f"{max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
-        would_change="a bound on x with Delta_m for Section V's known set and unchanged laws (4) and (7); a gain at which no run grows without bound",
+        would_change="a bound on x with Delta_m for Section V's known set and the unchanged laws (4) and (7), or a gain at "
+        "which no run grows without bound",
         sharpened=f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all at a quarter of the step",
     )  # fmt: skip
 
@@ -289,7 +292,10 @@ def _below_the_limit(found: Loss) -> str:
     limits = np.array([margins(fast_adaptation(variant(theta=theta).plant, C)).delay for theta in THETAS])
     tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]
     lost = sum(int((row < limit).sum()) for row, limit in zip(found.loses, limits, strict=True))
-    return f"its authors' measure, the delay margin of its limit for Gamma to infinity, is {limits.min():.3g} to {limits.max():.3g} s; of {tried} runs with a shorter delay {lost} are lost"
+    return (
+        f"its authors' measure, the delay margin of its limit for Gamma to infinity, is {limits.min():.3g} to "
+        f"{limits.max():.3g} s; of {tried} runs with a shorter delay {lost} are unbounded"
+    )
 
 
 def _down(value: float) -> str:

@@ -25,11 +25,11 @@ from barbalat.validate import Array
 
 SEED = 20130820  # an arbitrary fixed number, so the draws are the same on every machine
 DRAWS, MORE_DRAWS = 2, 12
-"""Number of commands of each kind in the plain command and with ``--full``."""
+"""Number of commands of each kind without and with ``--full``."""
 LARGEST_COMMAND = 50.0
 """The largest |r| of Section V."""
 T_END, LONGER_T_END = 400.0, 1600.0
-"""Horizons [s] of the plain command and of ``--full``. Each quarter of the shorter run contains eight periods of Section V's
+"""Horizons [s] without and with ``--full``. Each quarter of the shorter run contains eight periods of Section V's
 command."""
 STEP = 2e-3
 """The step [s], a twentieth of the step at which RK4 shows its fourth order on the fastest dynamics, which depend on tau. Jumps
@@ -200,11 +200,13 @@ def claim(*, full: bool = False) -> Claim:
         f"median {np.median(robust.late):.1g}. From the second quarter on it fell to "
         f"{robust.ratios.min():.1g} to {robust.ratios.max():.2g} of its value, most slowly with {tried[slowest][0]}; 1/t would give {ONE_OVER_T:.2g}, and the paper does not state a rate. "
         f"The standard MRAC's error in the last quarter is at most {standard.late.max():.2g}, and at most {standard.ratios.max():.2g} of its value in the second",
-        how=f"Section V, tau = 0.5 s, {MENDED}, RK4, h = {STEP:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. "
-        f"'Any' cannot be simulated; the kinds tested are {', '.join(KINDS)}, {len(tried) // len(KINDS)} commands each. MRAC: h = {MRAC_STEP:g} s. An error below {ROUNDING_SHARE:g} of |x_m| counts as fallen. Unbounded commands were not tested",
+        how=f"Section V, tau = 0.5 s, {MENDED}, RK4, h = {STEP:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' cannot be "
+        f"simulated; the kinds tested are {', '.join(KINDS)}, with {len(tried) // len(KINDS)} commands of each. MRAC: h = "
+        f"{MRAC_STEP:g} s. An error below {ROUNDING_SHARE:g} of |x_m| counts as fallen. Unbounded commands were not tested",
         listings=tuple(_listing(each, t_end) for each in (robust, standard)),
-        would_change="a command with an integral above V(0), or with a robust MRAC error that rises from the second quarter to the last. "
-        "The standard MRAC's error goes to zero without a guaranteed rate, and may rise in between. The proofs of both theorems cover all commands; a run cannot",
+        would_change="a command for which the integral exceeds V(0), or for which the robust MRAC's error rises from the second "
+        "quarter to the last. The standard MRAC's error goes to zero without a guaranteed rate, and may rise in between. The "
+        "proofs of both theorems cover all commands, which no run can do",
         sharpened=f"{MORE_DRAWS} commands of each kind over {LONGER_T_END:g} s, for both schemes",
     )  # fmt: skip
 

@@ -34,7 +34,7 @@ from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 BUDGET, MORE = 64, 256
-"""Number of tunings of each side in the plain command and with ``--full``. Sobol's sequence is balanced for powers of two."""
+"""Number of tunings of each side without and with ``--full``. Sobol's sequence is balanced for powers of two."""
 TIMES = (2e-3, 0.5)
 """Range [s] of kappa and of tau, the same for both sides."""
 L1_KNOBS = {"kappa": TIMES, "Gamma": (0.3, 300.0)}
@@ -163,13 +163,13 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(beats == count, f"none beats more than {beats} of {count}: {robust.tunings[best]}: "
-            f"{_told_of(robust.reached[best])}"),
+            sentence.reads(beats == count, f"none beats more than {beats} of {count}; the one that does is "
+            f"{robust.tunings[best]}: {_told_of(robust.reached[best])}"),
             Reading("no disturbance acts", beats_undisturbed == count, f"none beats more than {beats_undisturbed} of {count} in "
             f"the three remaining objectives"),
             Reading("L1-AC has the paper's filter (6)", beats_with_6 == half, f"none beats more than {beats_with_6} of {half}"),
-            Reading("no disturbance acts, and L1-AC has the paper's filter (6)", beats_both == half, f"one beats {beats_both} "
-            f"of {half}; these are two conditions, and a weaker reading may have only one", "beside"),
+            Reading("no disturbance acts, and L1-AC has the paper's filter (6)", beats_both == half, f"one beats {beats_both} of "
+            f"{half}; these are two conditions, but a weaker reading may have only one", "beside"),
             Reading(
                 "some tuning of the robust MRAC is better than L1-AC of Section V, which is not tuned, in each of the five "
                 "objectives, by more than a tenth",
@@ -180,24 +180,24 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
             Reading(
                 "no tuning of L1-AC is better than L1-AC of Section V in this way",
                 not better_too.any(),
-                f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6); the largest "
-                f"smallest factor is {least_of_l1:.2f}, with (6) {least_with_6:.2f}, that of the robust MRAC {least:.2f}",
+                f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6); the largest value "
+                f"of their smallest factor is {least_of_l1:.2f}, or {least_with_6:.2f} with (6); that of the robust MRAC is "
+                f"{least:.2f}",
                 "beside",
             ),
         ),
         shows=f"No robust MRAC beats more than {beats} of {count} tuned L1-ACs. Another beats Section V's at least "
-        f"{least:.2f}-fold in all; {int(better_too.sum())} tuned L1-ACs do too (best {least_of_l1:.2f}), "
+        f"{least:.2f}-fold in all; so do {int(better_too.sum())} tuned L1-ACs (best {least_of_l1:.2f}), "
         f"{int(better_too[:half].sum()) or 'none'} with (6).",
         measured=f"{', '.join(OBJECTIVES)}: {told}. {int((times > BETTER_FACTOR).all(axis=1).sum())} of {count} robust MRACs "
         f"and {int(better_too.sum())} of {count} L1-ACs are better than it in all five: the comparison with an untuned scheme "
         f"also measures the tuning. One L1-AC beats at most {_beats_most(l1, robust)[1]} of {count} robust MRACs. Smallest "
         f"value of each objective over all tunings, L1-AC and robust MRAC: {_least(l1, robust)}",
-        how=f"Section V, {MENDED}, RK4, h = {STEP['L1-AC']:g} s and {STEP['robust MRAC']:g} s, {T_END:g} s, every step; L1-AC "
-        f"of Section V: Gamma = {section_v.FIGURE_4_GAIN:g}, h = {OWN_STEP:g} s. {count} points of Sobol's sequence for each "
-        f"side over its parameters, on logarithmic scales: "
-        f"{ranges(L1_KNOBS)}, filter (6) or (2 kappa s + 1)/(kappa s + 1)^2; {ranges(ROBUST_KNOBS)}. Delays: {len(DELAYS)} from "
-        f"{DELAYS[0]:g} to {DELAYS[-1]:g} s, then bisected {HALVINGS} times, over {DELAYED_T_END:g} s; a run counts as tracking "
-        f"the model if its error in the tail is below "
+        how=f"Section V, {MENDED}, RK4, h = {STEP['L1-AC']:g} s and {STEP['robust MRAC']:g} s, {T_END:g} s, every step; L1-AC of "
+        f"Section V: Gamma = {section_v.FIGURE_4_GAIN:g}, h = {OWN_STEP:g} s. Each side has {count} points of Sobol's sequence "
+        f"over its parameters, on logarithmic scales: {ranges(L1_KNOBS)}, filter (6) or (2 kappa s + 1)/(kappa s + 1)^2; "
+        f"{ranges(ROBUST_KNOBS)}. The delays are {len(DELAYS)} from {DELAYS[0]:g} to {DELAYS[-1]:g} s, then bisected {HALVINGS} "
+        f"times, in runs over {DELAYED_T_END:g} s; a run counts as tracking the model if its error in the tail is below "
         f"{UNFOLLOWED_SHARE:g} of the largest |x_m|",
         maps=(_chart(l1, robust),),
         listings=(
@@ -254,10 +254,11 @@ def no_advantage(l1: Side, robust: Side) -> Claim:
         ),
         shows=f"{len(left)} of {count} tuned L1-ACs are unbeaten, {int((left < half).sum())} of them with (6). Best "
         f"{OBJECTIVES[shown]}: L1-AC and robust MRAC {_of_each(shown, l1, robust)}; delay {_of_each(-1, l1, robust)} s.",
-        measured=f"smallest value of each objective, L1-AC and robust MRAC (for the delay the largest): {_least(l1, robust)}",
+        measured="the smallest value of each objective (for the delay, the largest) for L1-AC and robust MRAC: "
+        f"{_least(l1, robust)}",
         how=f"the runs of robust-mrac-better, {MENDED}: {count} tunings of each side. That row looks for one robust MRAC that "
-        f"beats every L1-AC, this one for an L1-AC that none beats. The effect of a filter on an MRAC with the same gain is the "
-        f"subject of a different sentence: filter-reduces-margins",
+        "beats every L1-AC; this row looks for an L1-AC that no robust MRAC beats. The effect of a filter on an MRAC with the "
+        "same gain is the subject of a different sentence: filter-reduces-margins",
         listings=(
             Listing(
                 "The best of each objective over all tunings",
@@ -265,8 +266,8 @@ def no_advantage(l1: Side, robust: Side) -> Claim:
                 tuple((name, *(short(abs(side.reached[:, i].min())) for side in (l1, l1.first(half), robust))) for i, name in enumerate(OBJECTIVES)),
             ),
         ),
-        would_change="holds: tunings of the robust MRAC that beat the remaining ones of L1-AC; other ranges of the parameters, "
-        "or other objectives",
+        would_change="holds: tunings of the robust MRAC that beat the remaining ones of L1-AC. Other ranges of the parameters, "
+        "or other objectives, may also change the finding",
         sharpened=f"{MORE} tunings of each side instead of {BUDGET}",
     )  # fmt: skip
 

@@ -119,15 +119,14 @@ def claim(*, full: bool = False) -> Claim:
         shows=f"|x - x_ref| is at most {share.max():.2g} of gamma_1/sqrt(Gamma); the reference system itself is up to "
         f"{found.model:.3g} away from the model.",
         measured=        f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} "
-        f"for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
-        f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = "
-        f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
-        f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). "
-        f"The reference system itself is up to {found.model:.3g} away from the model x_m, at every Gamma",
+        f"for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for the case's theta "
+        f"without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = {found.gains[0]:g} to "
+        f"{found.state[-1]:.3g} at {found.gains[-1]:g}. This is {share.min():.2g} to {share.max():.2g} of the bound, and the "
+        f"local exponents are {span(exponents)} (the bound's is -1/2). The reference system itself is up to {found.model:.3g} "
+        "away from the model x_m, at every Gamma",
         how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, "
-        f"{COMPARED_INSTANTS} instants; "
-        "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
-        "predictor at rest, no modelling error, no disturbance",
+        f"{COMPARED_INSTANTS} instants; certified L1 norms. These assumptions are checked: the condition holds, theta is in the "
+        "known set, C and the predictor start at rest, and there is no modelling error and no disturbance",
         listings=_listings(found, bound, steps),
         would_change="a resolved run that exceeds a bound, or an assumption that fails for this case",
         sharpened=f"Gamma up to {max(MORE_STEPS):g}, at steps down to {min(MORE_STEPS.values()):g} s",
@@ -143,13 +142,13 @@ def _readings(found: Distances, bound: ReferenceBounds) -> tuple[Reading, ...]:
     return (
         sentence.reads(
             bound.condition.holds and bool((found.state * root <= bound.case).all()),
-            f"at most {float((found.state * root / bound.case).max()):.2g} of the bound, "
-            f"{float((found.state * root / bound.exact).max()):.2g} of the sharper one for the case's theta",
+            f"at most {float((found.state * root / bound.case).max()):.2g} of the bound, and "
+            f"{float((found.state * root / bound.exact).max()):.2g} of the sharper bound for the case's theta",
         ),
         sentence.reads(
             bool((found.control * root <= bound.control).all()),
-            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - "
-            f"u_ref| {span(of_u)}",
+            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)} and gamma_2 = {bound.control:.4g}; the local exponents of "
+            f"|u - u_ref| are {span(of_u)}",
             1,
         ),
         Reading(

@@ -44,13 +44,13 @@ def bound_9(size: int = MEMBERS) -> Claim:
     sentence = SENTENCES["bound-9"]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(bool((ratio < 1).all()), f"largest |e| / bound {ratio.max():.2f} over {size} runs"),),
+        readings=(sentence.reads(bool((ratio < 1).all()), f"the largest |e| / bound is {ratio.max():.2f} over {size} runs"),),
         shows=f"The largest |e| of {size} random runs is {ratio.max():.2f} of the bound.",
-        measured=        f"largest |e| / bound {ratio.max():.2f}, median {np.median(ratio):.2f}, over {size} runs",
-        how="Section V, theta drawn from the box, Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, every step; bound rounded "
-        "outward",
+        measured=        f"the largest |e| / bound is {ratio.max():.2f}, median {np.median(ratio):.2f}, over {size} runs",
+        how="Section V with theta drawn from the box and Gamma from 0.1 to 100; RK4, h = 1e-4 s, 20 s, every step; the bound is "
+        "rounded outward",
         listings=(table("Largest |e| over the bound, by Gamma", _by_decade([c.gamma for _, c in members], ratio)),),
-        would_change="one run with e(0) = 0, without modelling error and numerically stable, whose |e| exceeds the bound",
+        would_change="one numerically stable run with e(0) = 0 and no modelling error whose |e| exceeds the bound",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
 
@@ -89,9 +89,9 @@ def bound_10(size: int = MEMBERS) -> Claim:
     sentence = SENTENCES["bound-10"]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(bool((ratio < 1).all()), f"largest |e| / bound {ratio.max():.3f} over {size} runs"),),
+        readings=(sentence.reads(bool((ratio < 1).all()), f"the largest |e| / bound is {ratio.max():.3f} over {size} runs"),),
         shows=f"The largest |e| of {size} random runs is {ratio.max():.3f} of the bound.",
-        measured=        f"largest |e| / bound {ratio.max():.3f}, median {np.median(ratio):.3f}, over {size} runs",
+        measured=        f"the largest |e| / bound is {ratio.max():.3f}, median {np.median(ratio):.3f}, over {size} runs",
         how=f"as for (9), kappa from 0.001 to 0.95 kappa_max = {0.95 * largest:.4f} s; certified norms and model bounds; nu_1, "
         f"for which the paper gives no formula, by our own construction",
         listings=(
@@ -101,7 +101,7 @@ def bound_10(size: int = MEMBERS) -> Claim:
                 | {"largest": ratio.reshape(8, -1).max(axis=1)},
             ),
         ),
-        would_change="as for (9), for a kappa below kappa_max",
+        would_change="as for (9), but for a kappa below kappa_max",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
 
@@ -133,23 +133,22 @@ def best_at_zero() -> Claim:
     sentence = SENTENCES["best-kappa-zero"]
     readings = (
         sentence.reads(
-            bool((np.diff(bounds) < 0).all()), f"{bounds[-1]:.2g} without a filter, {bounds[-2]:.3g} with the fastest"
+            bool((np.diff(bounds) < 0).all()), f"{bounds[-1]:.2g} without a filter and {bounds[-2]:.3g} with the fastest"
         ),
         Reading(
             "the error itself is also smallest without a filter",
             bool((np.diff(errors) < 0).all()),
-            f"{errors[-1]:.2g} without a filter, {errors[-2]:.3g} with the fastest",
+            f"{errors[-1]:.2g} without a filter and {errors[-2]:.3g} with the fastest",
             "beside",
         ),
     )
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"The bound is {short(bounds[1])} with Section V's filter and {short(bounds[-1])} without; the largest error "
-        f"{errors[1]:.3g} and {errors[-1]:.1g}.",
-        measured=        f"from kappa = {kappas[0]:g} s to none the bound goes from {short(bounds[0])} to {short(bounds[-1])}, "
-        f"the largest error "
-        f"from {errors[0]:.3g} to {errors[-1]:.3g}",
+        shows=f"The bound is {short(bounds[1])} with Section V's filter and {short(bounds[-1])} without it; the largest errors "
+        f"are {errors[1]:.3g} and {errors[-1]:.1g}.",
+        measured=        f"from kappa = {kappas[0]:g} s down to no filter the bound goes from {short(bounds[0])} to "
+        f"{short(bounds[-1])} and the largest error from {errors[0]:.3g} to {errors[-1]:.3g}",
         how="Section V, Gamma = 100; certified bounds, and RK4 runs of 60 s at h = 1e-4 s without modelling error",
         listings=(
             table(
@@ -158,8 +157,8 @@ def best_at_zero() -> Claim:
                 {"kappa [s]": (*kappas, 0.0), "bound of |e|": bounds, "largest |e|": errors},
             ),
         ),
-        would_change="a filter with a smaller bound or error than without a filter, without modelling error; "
-        "filter-reduces-margins treats modelling errors",
+        would_change="a filter that gives a smaller bound or a smaller error than no filter, when there is no modelling error; "
+        "modelling errors are the subject of filter-reduces-margins",
     )  # fmt: skip
 
 
@@ -183,10 +182,10 @@ def part_iii() -> Claim:
         ),
         shows=f"MRAC: yes, part (i) covers every r. L1-AC: for r = 50 and any gain, (10) still allows {short(bound)}; the run's "
         f"error is {left:.0e}, by Barbalat's lemma and C(0) = 1.",
-        measured=f"for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to "
-        f"infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. The missing steps: the integral of |x_tilde|^2 is "
-        f"at most V(0), so x_tilde -> 0 "
-        "(Barbalat); x_hat - x_m is then driven through W_b (1 - C) by a signal that tends to a constant, and (1 - C)(0) = 0",
+        measured="for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to "
+        f"infinity is {bound:.4g}, and the error of a run in the tail is {left:.1g}. The missing steps: the integral of "
+        "|x_tilde|^2 is at most V(0), so x_tilde -> 0 (Barbalat); x_hat - x_m is then driven through W_b (1 - C) by a signal "
+        "that tends to a constant, and (1 - C)(0) = 0",
         how=f"certified norm and model bounds, kappa = {section_v.KAPPA:g} s; run: Gamma = 1, RK4, h = 1e-3 s, 120 s",
         listings=(table("For r = 50: the error that part (ii) allows, and the error of a run", {"": ("bound (10), Gamma -> "
         "infinity", "|e|, tail of a run"), "|e|": (bound, left)}),),
@@ -218,7 +217,7 @@ def same_lyapunov() -> Claim:
         readings=(
             sentence.reads(rises[0] < V_TOLERANCE, f"the largest rise is {rises[0]:.1g} of V(0)"),
             sentence.reads(found.holds and errors[0] < bound, f"||W_b (1 - C)||_1 theta_max is {found.value_upper:.3g}, and |e| "
-            f"at most {errors[0]:.3g}, {errors[0] / bound:.2g} of the bound", 1),
+            f"is at most {errors[0]:.3g}, which is {errors[0] / bound:.2g} of the bound", 1),
             Reading(
                 f"V alone bounds the state, as it does for MRAC, even with kappa = {UNSTABLE_KAPPA:g} s, beyond the condition",
                 rises[1] >= V_TOLERANCE or reached[1] < 10 * reached[0],
@@ -267,15 +266,14 @@ def constant_command() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(max(tails[:2]) < 1e-4, f"MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g}"),
-            Reading("the condition on the DC gain is needed", max(tails[2:]) >= 1e-4, f"with a DC gain of 13.3 MRAC "
-            f"{tails[2]:.1g}, L1-AC {tails[3]:.1g}", "beside"),
+            sentence.reads(max(tails[:2]) < 1e-4, f"the tail error is {tails[0]:.1g} with MRAC and {tails[1]:.1g} with L1-AC"),
+            Reading("the condition on the DC gain is needed", max(tails[2:]) >= 1e-4, "with a DC gain of 13.3 the tail error is "
+            f"{tails[2]:.1g} with MRAC and {tails[3]:.1g} with L1-AC", "beside"),
         ),
         shows=f"max |e| in the tail is {tails[0]:.0e} with MRAC and {tails[1]:.0e} with L1-AC; it is also small with a DC gain "
         f"of 13.3, at most {max(tails[2:]):.0e}.",
-        measured=        f"max |e| in the tail: MRAC {tails[0]:.1g}, L1-AC {tails[1]:.1g} with DC gain 1; {tails[2]:.1g} and "
-        f"{tails[3]:.1g} with DC gain "
-        "13.3: the condition is not needed, C(0) = 1 is sufficient",
+        measured=        f"max |e| in the tail is {tails[0]:.1g} with MRAC and {tails[1]:.1g} with L1-AC for a DC gain of 1, and "
+        f"{tails[2]:.1g} and {tails[3]:.1g} for a DC gain of 13.3. The condition is not needed; C(0) = 1 is sufficient",
         how="Section V with r = 50, k_0 = 0.3 and 4, Gamma = 1, RK4, h = 1e-4 s, 120 s",
         listings=(
             table(
@@ -283,7 +281,8 @@ def constant_command() -> Claim:
                 {"DC gain of the model": ("1", "13.3"), "MRAC": tails[::2], "L1-AC": tails[1::2]},
             ),
         ),
-        would_change="a constant command and a filter with C(0) = 1 that satisfies Theorem 1's condition and leaves an error",
+        would_change="an error that remains with a constant command and a filter with C(0) = 1 that satisfies Theorem 1's "
+        "condition",
     )  # fmt: skip
 
 
@@ -303,14 +302,14 @@ def is_mrac() -> Claim:
     shares = {at: (by_e.tail_max_abs_e / by_prediction.tail_max_abs_e)[0] for at, (by_e, by_prediction) in pairs.items()}
     own = (section_v.KAPPA, gamma)
     by_e, by_prediction = pairs[own]
-    literal = f"tail error {numbers(by_e.tail_max_abs_e[0])}, with (5)-(8) {numbers(by_prediction.tail_max_abs_e[0])}"
+    literal = f"the tail error is {numbers(by_e.tail_max_abs_e[0])}, and {numbers(by_prediction.tail_max_abs_e[0])} with (5)-(8)"
     readings = (
         sentence.reads(bool((np.abs(shares[own] - 1) < SAME_SHARE).all()), literal),
         Reading(
             "MRAC has the predictor (8) in place of the model (2), to which it is equal without a filter",
             difference < 1e-9,
-            f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) differ by {difference:.1g} of themselves; "
-            f"with C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any MRAC",
+            f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) differ by a fraction of {difference:.1g}; with "
+            "C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any MRAC",
             "beside",
         ),
         *(
@@ -321,12 +320,11 @@ def is_mrac() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With the filter, (3)-(4) as printed, driven by e, have tail errors of only {shares[own][0]:.2g} and "
+        shows=f"With the filter, (3)-(4) as printed, driven by e, have tail errors that are only {shares[own][0]:.2g} and "
         f"{shares[own][1]:.2g} times those of (5)-(8).",
         measured=f"a filter of kappa = {section_v.KAPPA:g} s before the error-driven MRAC gives a different scheme: {literal}. "
-        f"The "
-        f"difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and the "
-        f"errors are those of MRAC within {difference:.1g} of themselves",
+        "The difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and "
+        f"the errors are those of MRAC to within a fraction of {difference:.1g}",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; weaker readings: Gamma = {numbers(FILTERED_GAINS)}, h down "
         f"to {min(FILTERED_KAPPAS.values()):g} s; a test confirms the step-by-step agreement with C = 1 to rounding",
         listings=(
