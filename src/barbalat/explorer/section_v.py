@@ -138,7 +138,10 @@ WITH_A_DELAY = (
     Lesson(
         key="tau-and-delay", title="Theorem 2: tau against a modelling error",
         shown=("Robust MRAC",), numbers={TAU_PATH: 0.02, DELAY_PATH: 0.05},
-        text="The input has a delay of 50 ms. Without the delay τ would be excellent, but with it the loop is lost.",
+        text=(
+            "The input has a delay of 50 ms. Without the delay τ would be excellent, but with it the run diverges or leaves its "
+            "limits."
+        ),
         goal="Find a τ that tolerates this delay with an error below 3 in the tail: neither too small nor too large.",
         checks=(
             SettingGoal(path=DELAY_PATH, relation=">=", value=0.05),

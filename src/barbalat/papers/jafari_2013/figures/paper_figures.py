@@ -233,7 +233,8 @@ def erratum_claim(runs: Runs) -> Claim:
             Reading(
                 "with the printed sign, the auxiliary input reduces the largest error compared with no auxiliary input",
                 bool((np.minimum(printed, printed_half) < without).all()),
-                f"{numbers(printed)} and {numbers(printed_half)} with the printed sign, and {numbers(without)} without u_a",
+                f"{numbers(printed)} and, at half the tau, {numbers(printed_half)} with the printed sign, and {numbers(without)} "
+                "without u_a",
                 "beside",
             ),
         ),

@@ -131,37 +131,37 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
     mean_falls = shown.frequency < 1 - EQUAL_FREQUENCY_SHARE
     mean = f"the mean goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor of {shown.frequency:.2f}"
     return (
-        SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; strongest times "
-        f"{peak:.2f}"),
+        SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; the strongest "
+        f"frequency changes by a factor of {peak:.2f}"),
         Reading("the frequency is the mean weighted by power, at Figure 3's gain and step", mean_falls, mean),
         Reading("the frequency is that of the strongest component, at Figure 3's gain and "
-        "step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"times {peak:.2f}"),
+        "step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"it changes by a factor of {peak:.2f}"),
         Reading(
             "the mean frequency falls at every gain at which u oscillates",
             all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical),
-            f"by the factors {span([pair.frequency for pair in numerical])}, strongest {span(peaks)}, in {len(numerical)} "
-            f"settings; without the filter the strongest is "
+            f"the mean changes by the factors {span([pair.frequency for pair in numerical])} and the strongest frequency by "
+            f"{span(peaks)}, in {len(numerical)} settings; without the filter the strongest frequency is "
             f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
             "beside",
         ),
         Reading(
             "the ringing of the equations, resolved by the step, becomes slower",
             all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing),
-            f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: the ringing has the frequency sqrt(Gamma b'P b) "
-            f"|x|, which does not depend on C",
+            f"the mean changes by the factors {span(ringing)} and the strongest frequency by {span(ringing_peak)}: the ringing "
+            "has the frequency sqrt(Gamma b'P b) |x|, which does not depend on C",
             "beside",
         ),
         Reading(
             "the numerical oscillations in the control shrink to less than a tenth (the purpose of a low-pass filter)",
             all(size < 0.1 for size in sizes),
-            f"RMS times {span(sizes)}; 1/(kappa w) predicts {span(expected)}",
+            f"the RMS value changes by the factors {span(sizes)}; 1/(kappa w) predicts {span(expected)}",
             "beside",
         ),
         Reading(
             "the ringing of the equations shrinks in the same way",
             all(size < 0.1 for size in ringing_size),
-            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself "
-            f"damps the ringing",
+            f"the RMS value changes by the factors {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: "
+            "without the filter u itself damps the ringing",
             "beside",
         ),
     )  # fmt: skip

@@ -123,9 +123,9 @@ def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
         ),
         shows=f"If a tenth of the samples is lost one by one, |e| becomes up to {short(max(factors[0].values()))} times as "
         f"large; in bursts, {short(max(factors[1].values()))} times; {said}, in {draws} draws.",
-        measured=f"the largest |e| divided by that without losses is at most {one_by_one} if samples are lost one by one and at "
-        f"most {in_bursts} if they are lost in bursts of {BURST_SAMPLES} samples; {said}. Each factor is relative to the same "
-        "scheme's error without losses",
+        measured=f"the largest |e| becomes at most {one_by_one} as large if samples are lost one by one and at most {in_bursts} "
+        f"as large if they are lost in bursts of {BURST_SAMPLES} samples; {said}. Each factor is relative to the same scheme's "
+        "error without losses",
         how=f"Section V, T = {SAMPLE_TIME:g} s, no shell, {T_END:g} s, RK4, one step per sample; {draws} draws of each kind, "
         f"common to all schemes; MRAC with Gamma = 1, L1-AC with Gamma = 1e4, the robust MRAC of Figure 2 with {MENDED}, kappa = "
         f"{section_v.KAPPA:g} s, ADRC with the bandwidth 1/kappa, and the PI of l1-against-pi",

@@ -125,8 +125,8 @@ def smaller_gain() -> Claim:
         f"L1-AC with Gamma = 1e4 has a tail error of at most {l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = "
         f"{CREST:g}, that MRAC loop has an exact delay margin of {tolerated:.2g} s: a delay makes its estimates oscillate; "
         "gain-reduces-margins has the margins of both schemes",
-        how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin by exact linearisation, with the law, "
-        "around a constant command",
+        how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin follows from the exact linearisation, "
+        "including the law, around a constant command",
         listings=(
             by_component(
                 f"Tail error and variation of the estimates at h = {section_v.COARSE_STEP:g} s",
@@ -155,7 +155,7 @@ def small_tau() -> list[Claim]:
             "quarter", 0.8 < observed / predicted < 1.25, f"predicted {predicted:.3g} s", "beside"),
         ),
         shows=f"At h = 1e-4 s RK4 diverges for tau up to {observed:.3g} s; its stability limit predicts {predicted:.3g} s.",
-        measured=        f"diverges up to tau = {observed:.3g} s; predicted from h/tau = {RK4.real_limit:.3f}: {predicted:.3g} s",
+        measured=        f"RK4 diverges up to tau = {observed:.3g} s; h/tau = {RK4.real_limit:.3f} predicts {predicted:.3g} s",
         how=SMALL_TAUS,
         listings=(
             table(
@@ -199,7 +199,7 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
                 f"and control by a fraction of at most {changed:.0e}",
             ),
             Reading("when it is sampled at 10 kHz with explicit Euler steps and the control is held between samples, its errors "
-            "change by less than a hundredth", _changed(euler, fine) < 0.01, "by a fraction of at most "
+            "change by less than a hundredth", _changed(euler, fine) < 0.01, "they change by a fraction of at most "
             f"{_changed(euler, fine):.1g}", "beside"),
             Reading("at any tau, without modelling error, RK4 at that step does not diverge within 10 "
             "s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; above "

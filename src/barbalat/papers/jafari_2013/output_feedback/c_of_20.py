@@ -99,10 +99,10 @@ def claim() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"A C {best} with w = {short(w)} rad/s satisfies (20) for all {len(family)} plants of Section V's set; a C of "
-        f"first order stabilises at most {most[FIRST]} of them.",
+        shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; a C of first "
+        f"order stabilises at most {most[FIRST]} of them.",
         measured=f"of the {len(family)} plants, the number for which H is stable at the best bandwidth: "
-        f"{', '.join(f'{name} {count}' for name, count in most.items())}. (20) is satisfied for all plants: {told or 'by none'}. "
+        f"{', '.join(f'{count} ({name})' for name, count in most.items())}. (20) is satisfied for all plants: {told or 'by none'}. "
         "Ref. 15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
         how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = "
         f"{M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of "

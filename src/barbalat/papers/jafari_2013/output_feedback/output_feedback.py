@@ -125,7 +125,7 @@ def rohrs() -> Claim:
             ),
         ),
         shows=f"The classical law {falls}; of {len(runs)} modified ones {len(bounded)} stay bounded.",
-        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other "
+        measured=f"the classical law {falls}, and {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other "
         f"laws over {case.simulation.t_end:g} s is {span(heights)}, without adaptation {resting.figures['max_abs_y']:.3g}. The "
         f"dead zone keeps the loop bounded by stopping the adaptation. Of {len(DEAD_ZONES)} further dead zones, g_0 = "
         f"{span(DEAD_ZONES)}, {len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),

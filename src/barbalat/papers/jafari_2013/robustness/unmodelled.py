@@ -246,7 +246,9 @@ def _of_section_v(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
 
 
 def _lost_at(delay: float) -> str:
-    return f"lost at {delay:g} s" if np.isfinite(delay) else f"not lost up to {DELAYS[-1]:g} s"
+    if np.isfinite(delay):
+        return f"grows without bound at a delay of {delay:g} s"
+    return f"stays bounded up to a delay of {DELAYS[-1]:g} s"
 
 
 def _tolerated(delay: float) -> str:
@@ -262,7 +264,7 @@ def _of_the_centre(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
 def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]]) -> tuple[Reading, ...]:
     def shown(i: int) -> str:
         return "; ".join(
-            f"{name} {_lost_at(each.loses[i].max())}, theta known: tolerates {_tolerated(ideal[name][i])}"
+            f"{name} {_lost_at(each.loses[i].max())} and tolerates {_tolerated(ideal[name][i])} if theta is known"
             for name, each in found.items()
         )
 
@@ -274,7 +276,8 @@ def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, 
         sentence.reads(all(below.values()), f"theta = [5, 5]: {shown(2)}; theta = [4, -3]: {shown(0)}; theta = 0: {shown(1)}"),
         sentence.reads(
             all(below.values()) and at_every,
-            f"the delay at which they are lost is {'the same' if same else 'not the same'} for every Gamma tried; exactly, Gamma/c^2 with c times the command gives the same motion",
+            f"the delay at which they grow without bound is {'the same' if same else 'not the same'} for every Gamma tried; this "
+            "is exact, since Gamma/c^2 with c times the command gives the same motion",
             1,
         ),
         Reading(

@@ -163,8 +163,8 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(beats == count, f"none beats more than {beats} of {count}; the one that does is "
-            f"{robust.tunings[best]}: {_told_of(robust.reached[best])}"),
+            sentence.reads(beats == count, f"none beats more than {beats} of {count}; the best is {robust.tunings[best]}: "
+            f"{_told_of(robust.reached[best])}"),
             Reading("no disturbance acts", beats_undisturbed == count, f"none beats more than {beats_undisturbed} of {count} in "
             f"the three remaining objectives"),
             Reading("L1-AC has the paper's filter (6)", beats_with_6 == half, f"none beats more than {beats_with_6} of {half}"),

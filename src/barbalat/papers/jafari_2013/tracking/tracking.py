@@ -308,8 +308,9 @@ def is_mrac() -> Claim:
         Reading(
             "MRAC has the predictor (8) in place of the model (2), to which it is equal without a filter",
             difference < 1e-9,
-            f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) differ by a fraction of {difference:.1g}; with "
-            "C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any MRAC",
+            "without a filter the largest errors of (3), (7), (8) and of (3)-(4) have a relative difference of "
+            f"{difference:.1g}; with C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any "
+            "MRAC",
             "beside",
         ),
         *(
@@ -324,7 +325,7 @@ def is_mrac() -> Claim:
         f"{shares[own][1]:.2g} times those of (5)-(8).",
         measured=f"a filter of kappa = {section_v.KAPPA:g} s before the error-driven MRAC gives a different scheme: {literal}. "
         "The difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and "
-        f"the errors are those of MRAC to within a fraction of {difference:.1g}",
+        f"the errors are those of MRAC to within a relative difference of {difference:.1g}",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; weaker readings: Gamma = {numbers(FILTERED_GAINS)}, h down "
         f"to {min(FILTERED_KAPPAS.values()):g} s; a test confirms the step-by-step agreement with C = 1 to rounding",
         listings=(
