@@ -121,7 +121,7 @@ def test_a_reference_without_a_bound_is_refused():
 
         before = __call__
 
-    with pytest.raises(InputError, match="needs a reference with a bound"):
+    with pytest.raises(InputError, match="needs a reference with a known bound"):
         certify(variant(reference=Unbounded()), (Mrac(gamma=1.0),), SIMULATION)
 
 

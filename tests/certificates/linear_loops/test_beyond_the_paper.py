@@ -59,7 +59,7 @@ def test_beside_an_unknown_gain_the_loop_is_that_of_the_parameters(scheme, omega
         problem, plant=replace(problem.plant, theta=[20.0, 1.5])
     )  # outside the set, where a projected estimate can't be at rest
     text = certify(unknown, [controller], SIMULATION)[controller.name].entry("delay_margin").why
-    assert "limit acts" in text
+    assert "limit of the controller acts" in text
 
 
 def test_beside_an_unknown_gain_the_law_has_a_margin_of_its_own():
