@@ -153,7 +153,7 @@ def test_what_cant_be_certified_says_why():
         before = __call__
 
     found = certify_where_possible(replace(variant(), reference=Unbounded()), [Mrac(gamma=1.0)], SIMULATION)["MRAC"]
-    assert found.values == {} and "needs a reference with a bound" in found.findings[0]
+    assert found.values == {} and "needs a reference with a known bound" in found.findings[0]
 
 
 def test_json(capsys):

@@ -241,7 +241,7 @@ def test_place_of_poles_that_coincide():
         np.testing.assert_allclose(np.poly(found), np.poly(poles), rtol=1e-12)
         np.testing.assert_allclose(np.linalg.matrix_rank(np.column_stack([found - A, [0.2, -0.1, 1.0]])), 1)  # b K
     np.testing.assert_allclose(np.poly(place(A, B, [-1.0, -1.0, -2.0])), np.poly([-1.0, -1.0, -2.0]), rtol=1e-9)
-    assert "has -1 3 times, and 2 inputs" in refusal(lambda: place(A, B, [-1.0, -1.0, -1.0]))
+    assert "has -1 3 times, but 2 inputs" in refusal(lambda: place(A, B, [-1.0, -1.0, -1.0]))
     assert "does not reach the mode at 5" in refusal(lambda: place(np.diag([1.0, 5.0]), [1.0, 0.0], [-1.0, -1.0]))
 
 
