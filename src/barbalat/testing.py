@@ -143,7 +143,7 @@ def _of_the_state() -> dict[str, TrackingProblem]:
             reference=(Sine(1.0, 0.7), Sine(0.5, 1.9)),
         ),
         "an unknown input gain": replace(one, input_gain=(0.5, 2.0)),
-        "input limits": replace(one, plant=replace(plant, input=PlantInput(saturation=[-0.8, 0.8]))),
+        "limits of the input": replace(one, plant=replace(plant, input=PlantInput(saturation=[-0.8, 0.8]))),
         "a delay": replace(one, plant=replace(plant, input=PlantInput(delay=0.02))),
     }
 
@@ -156,7 +156,7 @@ def _of_the_output() -> dict[str, TrackingProblem]:
     )
     return {
         "one output": one,
-        "input limits": replace(one, plant=replace(one.plant, input=PlantInput(saturation=[-0.8, 0.8]))),
+        "limits of the input": replace(one, plant=replace(one.plant, input=PlantInput(saturation=[-0.8, 0.8]))),
         "a delay": replace(one, plant=replace(one.plant, input=PlantInput(delay=0.02))),
     }
 
