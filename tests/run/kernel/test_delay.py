@@ -198,7 +198,7 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
             attempt()
         with (
             Budget(memory=2.0**33),
-            pytest.raises(InputError, match=r"needs 5\.37 GB of memory for 20 runs, and 5\.37 GB are free"),
+            pytest.raises(InputError, match=r"needs 5\.37 GB of memory for 20 runs, but only 5\.37 GB are free"),
         ):
             attempt()
     monkeypatch.undo()
