@@ -338,7 +338,7 @@ def test_too_many_controllers_are_told_how_many_would_do():
             return simulate(problem(), [Mrac(gamma=1.0 + i, name=f"{i}") for i in range(count)], recorded(10))
 
     budget = Budget(memory=2e7)
-    with pytest.raises(InputError, match="the case has 60 controllers, each with its own kernel") as refused:
+    with pytest.raises(InputError, match="the case has 60 controllers, each with a separate kernel") as refused:
         ran(60, budget)
     most = int(re.search(r"at most (\d+) controllers would do", str(refused.value))[1])
     assert len(ran(most, budget)) == most

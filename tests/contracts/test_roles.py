@@ -130,7 +130,7 @@ def test_exports_comment_by_roles(linear, law, target):
     expected = {
         "sixteen": ["W_hat[16]; /* weights of the network */", "low[1]; /* filtered error */", "theta_hat[SIXTEEN_ESTIMATES]"],
         "two layers": ["covariance[4]; /* 2 x 2: covariance of the second layer */", "k_hat[2]; /* estimates of k */"],
-        "no estimate": ["z[1]; /* of the scheme's own state */"],
+        "no estimate": ["z[1]; /* of the state of the scheme */"],
     }[law.name]
     assert all(text.lower() in header.lower() for text in expected), header
     assert ("theta_hat[" in header) == (law.name != "no estimate")

@@ -149,7 +149,7 @@ def test_a_refused_member_is_named():
     ("path", "message"),
     [
         ("plant.theta[7]", "has 2 entries"),
-        ("plant.theta", "name one entry, as plant.theta\\[0\\]"),
+        ("plant.theta", "name one entry, such as plant.theta\\[0\\]"),
         ("controller[0].gama", "unknown key"),
         ("controller[9].gamma", "has 3 entries"),
         ("name", "not a number"),

@@ -27,7 +27,7 @@ def test_it_says_what_to_install(name, what, monkeypatch, capsys, tmp_path):
         (["quadrotor", "--dispersions", "0"], "--dispersions must be a whole number from 1 to 1000000, got 0"),
         (
             ["f16-roll", "--dispersions", "2", "--delays"],
-            "cannot be combined with --dispersions: each draw of a campaign has its own delay",
+            "cannot be combined with --dispersions: each draw of a campaign has a different delay",
         ),
         (
             ["quadrotor", "--dispersions", "2", "--sil"],
