@@ -108,9 +108,9 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
     for name in names:
         np.testing.assert_array_equal(again.rows.column(name), expected.rows.column(name))
     assert again.evidence.lost == {"LQR": (6, 6), "L1 piecewise": (6, 6)}
-    with pytest.raises(dispersed.validate.InputError, match=r"of other --schemes or --failures: choose a different folder"):
+    with pytest.raises(dispersed.validate.InputError, match=r"or different --schemes or --failures: choose a different folder"):
         fly(tmp_path / "store", schemes=["lqr"])
-    with pytest.raises(dispersed.validate.InputError, match=r"with more --dispersions, or another --seed: choose"):
+    with pytest.raises(dispersed.validate.InputError, match=r"with more --dispersions, or a different --seed: choose"):
         fly(tmp_path / "store", members=5)
     grown, whole = fly(tmp_path / "store", members=7), fly(members=7)
     assert grown.resumed == 6

@@ -32,8 +32,8 @@ def add(commands: Commands) -> None:
         "--share",
         type=float,
         metavar="S",
-        help="with --simulate: a run also counts as lost when the delay increases the largest |e| of the tail by S times the "
-        "largest |x_m|; default 1",
+        help="with --simulate: a run also counts as lost when the delay increases the largest error of the tail by S times the "
+        "largest model state; default 1",
     )
     parser.add_argument(
         "--float32",

@@ -43,7 +43,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--until", choices=("onset", "loss"),
         help="a margin ends where the loop begins to oscillate (onset, default), or where the run diverges, leaves its limits or "
-        "has an error that has grown by the largest |x_m| (loss)",
+        "has an error that has grown by the largest model state (loss)",
     )  # fmt: skip
     add_schemes(parser)
     parser.add_argument(
