@@ -3,11 +3,13 @@ them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from textwrap import fill
 
 import numpy as np
 
 from barbalat.export.contents import Contents
+from barbalat.export.layout import StatePart
 from barbalat.export.texts import Printed, comment, indented, readable
 from barbalat.loop.around import MOST_COUNTED, ROUNDINGS, Around
 from barbalat.lowering import c99
@@ -112,42 +114,36 @@ def held_in_range(contents: Contents) -> dict[str, tuple[int, ...]]:
     """The entries of the last good measurement and command, by the names of these, that are checked against their channels'
     ranges: those that are within them even before the first good value. Where a rate is limited, the age of the last good value
     shows whether there is one, and all entries with a range are checked."""
-    around = contents.around
-    if around is None:
-        return {}
-    rest, of_x = contents.at_start
     found = {}
-    for part, rated, ranged, low, high in (
-        (contents.layout.measured, around.rated, around.ranged, around.low, around.high),
-        (contents.layout.r, around.command_rated, around.command_ranged, around.command_low, around.command_high),
-    ):
-        rows = list(part.rows)
-        initial = [contents.initial[rows], np.where(of_x[rows].any(axis=1), low, rest[rows])]  # a start copies a good measurement
-        within = np.all([(low <= values) & (values <= high) for values in initial], axis=0)
-        set_later = [row in contents.starts for row in rows]
+    for part, rated, ranged, within, _ in _held(contents):
+        set_later = [row in contents.starts for row in part.rows]
         found[part.name] = tuple(i for i in ranged if rated or (within[i] and not set_later[i]))
     return found
 
 
 def in_own_range(contents: Contents) -> set[str]:
-    """The names of the last good measurement and of the last good command, each only if every entry is always within the range of
-    its channel, even before the first good value."""
-    around = contents.around
+    """The names of the last good measurement and command, of each only if every entry is always within its channel's range,
+    also before the first good one."""
+    checked = held_in_range(contents)
+    every = [(part, within, limits) for part, _, _, within, limits in _held(contents) if len(checked[part.name]) == part.size]
+    return {part.name for part, within, limits in every if within.all() and (np.abs(limits) <= contents.range).all()}
+
+
+def _held(contents: Contents) -> Iterator[tuple[StatePart, tuple[int, ...], tuple[int, ...], Array, Array]]:
+    """The last good measurement and command, each with the entries whose rate and range are limited, whether each initial entry
+    is within its range, and the limits (2, entries); nothing without a shell."""
+    around, layout = contents.around, contents.layout
     if around is None:
-        return set()
+        return
     rest, of_x = contents.at_start
-    found, checked = set(), held_in_range(contents)
-    for part, low, high in (
-        (contents.layout.measured, around.low, around.high),
-        (contents.layout.r, around.command_low, around.command_high),
+    for part, rated, ranged, low, high in (
+        (layout.measured, around.rated, around.ranged, around.low, around.high),
+        (layout.r, around.command_rated, around.command_ranged, around.command_low, around.command_high),
     ):
         rows = list(part.rows)
-        initial = [contents.initial[rows], *([] if of_x[rows].any() else [rest[rows]])]  # a start copies a measurement in range
-        within = all((low <= values).all() and (values <= high).all() for values in initial)
-        every = len(checked[part.name]) == part.size
-        if every and within and (np.abs([low, high]) <= contents.range).all():
-            found.add(part.name)
-    return found
+        initial = [contents.initial[rows], np.where(of_x[rows].any(axis=1), low, rest[rows])]  # a start copies a good measurement
+        within = np.all([(low <= values) & (values <= high) for values in initial], axis=0)
+        yield part, rated, ranged, within, np.array([low, high])
 
 
 def members(around: Around | None) -> dict[str, int]:
