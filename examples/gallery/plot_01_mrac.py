@@ -2,7 +2,8 @@
 Standard MRAC
 =============
 
-The plant learns to behave like its model: the error goes to zero, and the estimates go where the command excites them.
+The plant learns to behave like its model. The error goes to zero, and the estimates converge in the directions that the command
+excites.
 """
 
 from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, simulate

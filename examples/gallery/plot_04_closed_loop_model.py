@@ -2,8 +2,8 @@
 MRAC with a closed-loop reference model
 =======================================
 
-The model is pulled towards the plant by L: the estimates swing less in the transient, and the error relative to the original
-model is larger.
+The feedback L pulls the model towards the plant. The estimates swing less in the transient, but the error relative to the
+original model is larger.
 """
 
 from dataclasses import replace

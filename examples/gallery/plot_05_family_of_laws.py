@@ -2,7 +2,7 @@
 The family of adaptive laws
 ===========================
 
-Six laws on the same parametric model: how fast the distance to the true parameters falls.
+Six laws on the same parametric model. The plot shows how fast the distance to the true parameters falls.
 """
 
 import matplotlib.pyplot as plt

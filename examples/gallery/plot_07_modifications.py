@@ -2,8 +2,8 @@
 Drift, and the modifications that stop it
 =========================================
 
-A constant disturbance and no command: the estimate of the plain law grows without bound, since this keeps reducing the error.
-Each modification stops this, at a price.
+There is a constant disturbance and no command. The estimate of the unmodified law grows without bound, since this keeps reducing
+the error. Each modification stops this, at a price.
 """
 
 import matplotlib.pyplot as plt

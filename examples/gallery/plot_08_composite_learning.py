@@ -2,7 +2,7 @@
 Composite learning
 ==================
 
-A command that excites the plant for five seconds only. The law with a memory of past data keeps learning after that; the law
+The command excites the plant for five seconds only. The law with a memory of past data keeps learning after that; the law
 without one stops.
 """
 

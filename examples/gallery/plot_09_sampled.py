@@ -2,7 +2,7 @@
 A sampled law that is numerically stable at any gain
 ====================================================
 
-How much the estimates move per second, over the gain, at a sample time of 1 ms: explicit Euler steps chatter; the
+The plot shows how much the estimates move per second, over the gain, at a sample time of 1 ms. Explicit Euler steps chatter; the
 midpoint form does not.
 """
 

@@ -2,7 +2,7 @@
 Measurement noise
 =================
 
-The same noise, with the same seed, for two schemes: its effect on the control.
+The plot shows the effect of the same noise, with the same seed, on the control of two schemes.
 """
 
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """
-An unknown effectiveness of the input
-=====================================
+Unknown input effectiveness
+===========================
 
 The elevator of an F-16 has 70 % of its effectiveness, an actuator, and limits on deflection and rate. The gain is the
 last estimate.

@@ -2,7 +2,7 @@
 Rohrs' counterexample
 =====================
 
-A first-order controller on a plant with unmodelled dynamics: the classical law drifts and bursts; with a leakage it
+A first-order controller runs on a plant with unmodelled dynamics. The classical law drifts and bursts; with a leakage it
 stays bounded.
 """
 

@@ -3,7 +3,7 @@ Margins of a loop with a delay
 ==============================
 
 The Nyquist curve of a loop with 50 ms of delay. The margins are exact: the delay is not approximated, and no crossover
-lies between two points of a grid.
+is missed between two points of a grid.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A law of your own
 =================
 
-Two small classes of plain NumPy run together with the built-in ones: here a law that adapts on the sign of the error's
-direction, smoothed.
+Two small classes of plain NumPy run together with the built-in ones. This law adapts on the smoothed sign of the error's
+direction.
 """
 
 from dataclasses import dataclass

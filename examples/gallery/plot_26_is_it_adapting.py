@@ -2,8 +2,8 @@
 Is it adapting?
 ===============
 
-The distance that the estimates move, for commands that excite the plant and for one that comes to rest. A run reports this under
-``adapting``.
+The plot shows how far the estimates move, for commands that excite the plant and for one that becomes constant. A run reports
+this under ``adapting``.
 """
 
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """
-Whose oscillation is it?
-========================
+Solver or loop: the cause of an oscillation
+===========================================
 
 A run that left its solver's region of stability is repeated at a finer step, and the report says whether the solver
 or the loop caused the oscillation.

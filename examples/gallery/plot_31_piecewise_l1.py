@@ -1,9 +1,9 @@
 """
-The L1 law that flies
-=====================
+The L1 law used in flight
+=========================
 
-The disturbance of a quadrotor's pitch, and its estimate by the piecewise-constant law at 400 Hz: from 4 s on a mass hangs off
-centre. The estimate is the difference of two measurements; the law is a linear controller, whose margins are exact.
+The piecewise-constant law estimates the disturbance of a quadrotor's pitch at 400 Hz. From 4 s on a mass hangs off
+centre. The estimate is the difference of two measurements. The law is a linear controller, so its margins are exact.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A sweep
 =======
 
-Plants of the known set at every gain of a grid: each draw is simulated at each point. Failures are counted first, with an exact
-interval; ``barbalat sweep`` does the same for a case file, stores the results, and runs any member again.
+Plants of the known set are simulated at every gain of a grid; each draw is used at each point. Failures are counted first, with
+an exact interval. ``barbalat sweep`` does the same for a case file, stores the results, and runs any member again.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Export to C99
 =============
 
-A sampled controller as C for a flight computer. Its self-test replays the samples of the simulation, drawn here, and requires the
-same control bit for bit; ``barbalat export`` does the same for a case file.
+A sampled controller is exported as C for a flight computer. Its self-test replays the samples of the simulation, drawn here, and
+requires the same control bit for bit. ``barbalat export`` does the same for a case file.
 """
 
 import tempfile

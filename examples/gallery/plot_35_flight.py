@@ -2,8 +2,8 @@
 An F-16 becomes unstable
 ========================
 
-JSBSim's F-16 tracks a pitch-rate command. At 10 s a tenth of its weight moves aft, and the airframe is unstable from then on:
-feedback alone loses it; an integrator or an estimate keeps it. Needs the extra ``flight``.
+JSBSim's F-16 tracks a pitch-rate command. At 10 s a tenth of its weight moves aft, and the airframe is unstable from then on.
+Feedback alone loses control; an integrator or an estimate keeps it. Requires ``barbalat[flight]``.
 """
 
 from barbalat.flights import fly

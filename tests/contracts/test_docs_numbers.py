@@ -28,7 +28,7 @@ def l1(kappa: float = 0.02, gamma: float = 1e4) -> dict:
 
 def test_limits_of_gain_and_step():
     found = l1()
-    assert f"that is {found['gamma_max']:.0f} and {found['gamma_max_at_model']:.0f}:" in page("numerics")
+    assert f"the two values of Γ are {found['gamma_max']:.0f} and {found['gamma_max_at_model']:.0f}." in page("numerics")
 
 
 def test_the_linear_designs_table():

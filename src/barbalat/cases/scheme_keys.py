@@ -139,7 +139,7 @@ def _equivalent(given: Given, context: Context) -> LinearOutput:
 
 _DESIGN = {
     "controller": Key(TransferFunction, "K(s), proper; or a design", None),
-    "design": Key(Literal["hinf", "pi"], "designs K(s) for `unmodelled_delay`; `hinf` needs the extra `barbalat[robust]`", None),
+    "design": Key(Literal["hinf", "pi"], "designs K(s) for `unmodelled_delay`; `hinf` requires `barbalat[robust]`", None),
     "unmodelled_delay": Key(float, "[s] that the loop must tolerate at the plant's input", None),
     "bandwidth": Key(float, "[rad/s] of the `hinf` design; by default 0.9 times the largest that the delay allows", None),
 }

@@ -19,7 +19,9 @@ DEFAULT_FOLDER = "barbalat-fly"
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("fly", help="fly sampled controllers on flight models through failures; needs the extra flight")
+    parser = commands.add_parser(
+        "fly", help="fly sampled controllers on flight models and inject failures; requires barbalat[flight]"
+    )
     parser.add_argument(
         "name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 tracks a rate command; quadrotor: flies a figure of eight"
     )
@@ -45,7 +47,7 @@ def add(commands: Commands) -> None:
         "--dispersions",
         type=whole,
         metavar="N",
-        help="fly N random vehicles through all failures instead, and report losses and errors with confidence intervals",
+        help="fly N random vehicles in all failure cases instead, and report losses and errors with confidence intervals",
     )
     parser.add_argument("--seed", type=whole, metavar="N", help="seed of the draws; default 2013")
     parser.add_argument(

@@ -23,8 +23,8 @@ def add_budget(parser: argparse.ArgumentParser) -> None:
         "--budget",
         type=_limits,
         metavar="LIMITS",
-        help="limits on the estimated memory and the time on one core, such as 16GiB, 5h or 16GiB,5h; larger jobs are not "
-        "started; default: 4GiB,1h",
+        help="limits on the estimated memory and the time on one core, such as 16GiB, 5h or 16GiB,5h; default: 4GiB,1h. "
+        "Larger jobs are not started",
     )
 
 
@@ -59,9 +59,8 @@ def add_controllers(parser: argparse.ArgumentParser) -> None:
         "--controllers",
         type=Path,
         metavar="FILE.py",
-        help="add your own controllers: this file is run, and the controllers in its list CONTROLLERS (without that list, all "
-        "controllers that it creates) are added to those of the case; the case may use its classes by name, as in "
-        'scheme = "MyLaw"',
+        help="run this file and add its own controllers to those of the case: the list CONTROLLERS or, without that list, all "
+        'controllers that it creates. The case may use its classes by name, as in scheme = "MyLaw"',
     )
 
 

@@ -36,8 +36,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",
-        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set draws a vector or a gain from the case's known "
-        "set; between draws one parameter (parameters.k) or all of them (parameters) from their ranges",
+        help="uniform:A:B, normal:MEAN:DEVIATION, loguniform:A:B, known-set (a vector or a gain from the case's known set) or "
+        "between (one parameter, parameters.k, or all of them, parameters, from their ranges)",
     )  # fmt: skip
     parser.add_argument("--members", type=whole, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
@@ -60,9 +60,9 @@ def add(commands: Commands) -> None:
     )
     add_list(
         parser, "--worst", metavar="METRIC",
-        help="instead of a sweep, search for the smallest and the largest value of a metric over the given ranges, whose counts "
-        "have no effect (without ranges, over the known set), by gradients from --members starting points, default 64; the "
-        "result is not a proof",
+        help="search for the smallest and largest value of a metric instead of sweeping: gradient search from --members starting "
+        "points (default 64) over the given ranges, or over the known set if none are given. The counts of the ranges are "
+        "ignored, and the result is not a proof",
     )  # fmt: skip
     parser.add_argument("--no-bounds", action="store_true", help="do not compare members with guaranteed bounds")
     parser.add_argument(

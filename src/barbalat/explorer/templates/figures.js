@@ -1,4 +1,4 @@
-// The figures of a run, merged block by block in the simulator's order.
+// The metrics of a run, merged block by block in the simulator's order.
 
 import { tailStart } from "./grid.js";
 

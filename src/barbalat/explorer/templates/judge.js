@@ -20,7 +20,7 @@ export class Kept {
     return Array.from(this.of(name), (value, i) => value - before[i]);
   }
 
-  // The range of each control; swings are judged as shares of it.
+  // The range of each control; swings are judged as fractions of it.
   ranges() {
     return Array.from(this.of("range"), (one, j) => Math.max(one, this.roundings(j)));
   }
@@ -309,7 +309,7 @@ export function brief(value, digits = 3) {
   return `${sign}${positional(found, 0)}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
 }
 
-// Formats a share as a percentage with two digits, without an exponent.
+// Formats a fraction as a percentage with two digits, without an exponent.
 export function percent(share) {
   return share === 0 ? "0 %" : `${positional(...digitsOf(100 * share, 2))} %`;
 }

@@ -109,7 +109,7 @@ export class Lessons {
     this.parts.example.addEventListener("click", () => example(lessonOf(data, this.parts.choice.value)));
   }
 
-  // Starts a lesson from its beginning. Its first runs are the reference for goals that are shares of a starting value.
+  // Starts a lesson from its beginning. Its first runs are the reference for goals that are fractions of a starting value.
   begun(key) {
     this.started = null;
     this.lesson = lessonOf(this.data, key);

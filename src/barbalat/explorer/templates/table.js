@@ -1,4 +1,4 @@
-// The table of figures, one row per run. Its cells are reused as long as the runs stay the same.
+// The table of metrics, one row per run. Its cells are reused as long as the runs stay the same.
 
 const NAMES = {
   max_abs_e: "max |e|", tail_max_abs_e: "max |e|, tail", rms_e: "RMS e", max_abs_u: "max |u|", theta_hat_final: "estimates at the end",

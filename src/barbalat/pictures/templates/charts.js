@@ -61,7 +61,7 @@ function sameTimes(one, two) {
   return one.length === two.length && one[one.length - 1] === two[two.length - 1] && one.every((t, i) => t === two[i]);
 }
 
-const BESIDE = 0.25; // space above and below the bounded runs, as a share of their range, if another run diverges
+const BESIDE = 0.25; // space above and below the bounded runs, as a fraction of their range, if another run diverges
 const LARGEST_SHOWN = 20; // upper end of a logarithmic axis, as a multiple of the bounded runs' largest value
 
 // A panel's scale: its own limits if it has any, else the range of the bounded runs; logarithmic beyond 1 if all runs diverge.

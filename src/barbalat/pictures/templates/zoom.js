@@ -1,10 +1,10 @@
 // Changes a panel's interval by keyboard and by touch. uPlot itself handles dragging with the mouse.
 
-const CLOSER = 0.7; // share of the interval that is left after a press of +
-const MOVED = 0.2; // share of the interval by which an arrow moves it
+const CLOSER = 0.7; // fraction of the interval that is left after a press of +
+const MOVED = 0.2; // fraction of the interval by which an arrow moves it
 
-// charts offers shown(), the interval [min, max]; zoom(min, max), which sets it; ends(), the ends of the run; and whole(), which
-// shows the whole run.
+// charts offers shown(), which returns the interval [min, max], and zoom(min, max), which sets it. ends() returns the ends of the
+// run, and whole() shows the whole run.
 export function gestures(box, charts) {
   box.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;

@@ -171,8 +171,9 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
     )
     for expected in (
         f"Results of {flights.members} draws",
-        f"lose the fewest, {min(total)} to {max(total)} of 1400, {flights.lost('ADRC', 'reversed')} of them to a reversed",
-        f"costs these four {few[0]} to {few[-1]} flights and the PI, `hinf` and `l1` {many[0]} to {many[-1]}",
+        f"lose the fewest, {min(total)} to {max(total)} of 1400. {flights.lost('ADRC', 'reversed')} of these are lost to a "
+        "reversed elevator",
+        f"these four lose {few[0]} to {few[-1]} more flights, and the PI, `hinf` and `l1` lose {many[0]} to {many[-1]} more",
         f"fewest flights with the delay, {flights.lost('LQR', 'delay-100')}, but {flights.lost('LQR', 'aft-cg')} with the centre",
         f"ahead of `l1-piecewise-flown` on {ahead['count']} draws of {ahead['judged']}",
         f"its median is {hard['MRAC'][1]:.2f} deg/s (`adrc`: {hard['ADRC'][1]:.2f})",
@@ -271,14 +272,14 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
         f"loses the fewest, {least['count']} of {7 * flights.members} flights, all of them with half a propeller: "
         f"{100 * least['share']:.0f} % of those flights, with a 95 % interval of {low:.0f} to {high:.0f} %",
         f"loses as many there, and {flights.lost('Robust MRAC', 'delay-20')} with more delay",
-        f"lose {total['ADRC']} to {total['L1']}, and",
+        f"lose {total['ADRC']} to {total['L1']}.",
         f"MRAC loses {total['MRAC']}",
         f"{flights.lost('Geometric', 'half-propeller')} of {flights.members} with half a propeller and "
-        f"{flights.lost('Geometric', 'slung-mass')} with the slung mass; with an integral it loses "
+        f"{flights.lost('Geometric', 'slung-mass')} with the slung mass. With an integral it loses "
         f"{flights.lost('Geometric, integral', 'half-propeller')}, and {flights.lost('Geometric, integral', 'no-reset')} more",
-        f"than `hinf` on {pull[0][0]} draws of {pull[0][1]}; 95 % interval {pull[0][2]}",
-        f"{pull[1][0]} of the {pull[1][1]} draws that at least one of the two survives; {pull[1][2]}",
-        f"{pull[2][0]} of {pull[2][1]}; {pull[2][2]}",
+        f"than `hinf` with the slung mass on {pull[0][0]} draws of {pull[0][1]} (95 % interval {pull[0][2]})",
+        f"{pull[1][0]} of the {pull[1][1]} draws that at least one of the two survives ({pull[1][2]})",
+        f"in the wind on {pull[2][0]} of {pull[2][1]} ({pull[2][2]})",
         f"than `hinf` on {pull[3][0]} draws; {pull[3][2]}",
         f"medians are {medians[0]} m; those of `hinf` are {medians[1]} m",
         f"{travel[0]:.3g} against {travel[1]:.2g} N/s",
