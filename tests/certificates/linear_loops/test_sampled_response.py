@@ -29,6 +29,7 @@ from barbalat import (
 from barbalat.cases.load import load_case
 from barbalat.certificates.linear_loops.sampled_response import response
 from barbalat.certificates.proof import proof
+from barbalat.certificates.schemes.bounded_response import KEYS, OF_NOISE
 from barbalat.plants import DerivativeObserver, Disturbance, KalmanObserver, LuenbergerObserver, Noise, PlantInput, Sensor
 from barbalat.signals import Constant, Sine, Square, Steps
 
@@ -80,7 +81,7 @@ def test_no_command_and_no_disturbance_exceeds_them(name, path, sample):
             unmatched=(Disturbance([1.0, -0.5], Sine(amplitude=sizes[2], frequency=random.uniform(0.3, 5.0))),),
             sensor=Sensor(lag=0.02) if random.random() < 0.5 else None,
         )
-        (found,) = certify(problem, [controller], Simulation(t_end=T_END, dt=DT)).values()
+        (found,) = certify(problem, [controller], Simulation(t_end=T_END, dt=DT), keys=KEYS).values()
         if found.values["spectral_radius"] >= 1:
             continue
         assert {"error_bound", "state_bound", "control_bound"} <= found.guaranteed
@@ -130,7 +131,7 @@ def test_no_command_disturbance_or_noise_exceeds_them_with_an_observer(name, obs
             disturbance=drawn_steps(random, sizes[1]),
             observer=OBSERVERS[observer],
         )
-        (found,) = certify(problem, [CONTROLLERS[name]], Simulation(t_end=T_END, dt=DT)).values()
+        (found,) = certify(problem, [CONTROLLERS[name]], Simulation(t_end=T_END, dt=DT), keys=KEYS).values()
         if found.values["spectral_radius"] >= 1:
             continue
         spoken += 1
@@ -143,7 +144,7 @@ def test_no_command_disturbance_or_noise_exceeds_them_with_an_observer(name, obs
     noise = Sensor(noise=Noise(std=0.01, sample_time=T))
     still = problem_of("delay", reference=Constant(0.0), sensor=noise, observer=OBSERVERS[observer])
     still, long = replace(still, plant=replace(still.plant, x0=[0.0, 0.0])), Simulation(t_end=1500.0, dt=DT, record_points=30_000)
-    (found,) = certify(still, [CONTROLLERS[name]], long).values()
+    (found,) = certify(still, [CONTROLLERS[name]], long, keys=OF_NOISE).values()
     if found.values["spectral_radius"] < 0.99:
         (run,) = simulate(still, [CONTROLLERS[name]], long).values()
         np.testing.assert_array_less(run.x.std(axis=0), 1.1 * np.array(found.values["error_noise_rms"]))
@@ -231,7 +232,7 @@ def test_noise_adds_the_stated_deviations(name, path):
         at_rest_with_noise(path, T / 2 if "euler" in name else T),
         Simulation(t_end=3000.0, dt=DT, record_points=60_000),
     )
-    (found,) = certify(problem, [CONTROLLERS[name]], simulation).values()
+    (found,) = certify(problem, [CONTROLLERS[name]], simulation, keys=OF_NOISE).values()
     (run,) = simulate(problem, [CONTROLLERS[name]], simulation).values()
     stated = {"error_noise_rms": run.x.std(axis=0), "control_noise_rms": run.u.reshape(len(run.t), -1).std(axis=0)}
     assert stated.keys() <= found.guaranteed
@@ -246,7 +247,7 @@ def test_the_root_mean_square_covers_commands_and_noise():
     simulation = Simulation(t_end=60.0, dt=DT)
     for name in ("adrc", "piecewise", "known"):
         quiet, noisy = replace(problem, sensor=Sensor(lag=0.02)), problem
-        (without,), (found,) = (certify(one, [CONTROLLERS[name]], simulation).values() for one in (quiet, noisy))
+        (without,), (found,) = (certify(one, [CONTROLLERS[name]], simulation, keys=KEYS).values() for one in (quiet, noisy))
         assert "error_bound" not in found.guaranteed
         assert {"error_rms_bound", "error_noise_rms"} <= found.guaranteed
         expected = without.values["error_bound"] + max(found.values["error_noise_rms"])
@@ -257,10 +258,11 @@ def test_the_root_mean_square_covers_commands_and_noise():
 def test_noise_beside_limits_and_slow_noise_is_not_guaranteed():
     limited = at_rest_with_noise("delay", T)
     limited = replace(limited, plant=replace(limited.plant, input=PlantInput(delay=0.03, saturation=[-50.0, 50.0])))
-    (found,) = certify(limited, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT)).values()
+    (found,) = certify(limited, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT), keys=OF_NOISE).values()
     assert found.entry("error_noise_rms").kind == "estimate"
     assert "beyond its limits" in found.entry("error_rms_bound").why
-    (found,) = certify(at_rest_with_noise("delay", 2 * T), [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT)).values()
+    slow = at_rest_with_noise("delay", 2 * T)
+    (found,) = certify(slow, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT), keys=OF_NOISE).values()
     assert "not independent" in found.entry("error_noise_rms").why
 
 
@@ -268,18 +270,18 @@ def test_limits_that_u_may_reach_leave_no_bound():
     path = PlantInput(delay=0.03, saturation=[-0.5, 0.5])
     problem = replace(problem_of("delay", reference=Square(amplitude=1.0, frequency=0.5)))
     problem = replace(problem, plant=replace(problem.plant, input=path))
-    (found,) = certify(problem, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT)).values()
+    (found,) = certify(problem, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT), keys=KEYS).values()
     entry = found.entry("error_bound")
     assert not entry.applies and "u may reach" in entry.why
     wide = replace(problem, plant=replace(problem.plant, input=PlantInput(delay=0.03, saturation=[-50.0, 50.0])))
-    (found,) = certify(wide, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT)).values()
+    (found,) = certify(wide, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT), keys=KEYS).values()
     assert "error_bound" in found.guaranteed
 
 
 def test_the_quadrotor_has_a_guaranteed_bound_that_its_run_keeps():
     case = load_case("quadrotor-pitch")
     certificates, runs = (
-        certify(case.problem, case.controllers, case.simulation),
+        certify(case.problem, case.controllers, case.simulation, keys=("error_bound",)),
         simulate(case.problem, case.controllers, case.simulation),
     )
     bounded = [name for name, one in certificates.items() if "error_bound" in one.guaranteed]
