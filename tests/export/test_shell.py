@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from export.examples import SIMULATION, T
 from export.targets import ISO, STRICT, drive, needs_gcc, run_selftest, same_bits, write
 from export.test_bit_identical import EXAMPLES
 from export.test_losses import Listed
+from turns import once
 
 LOST, RESULT_REFUSED, COMMAND_LOST, WRONG_TIME, JITTER, MISSED, FALLBACK = 2, 8, 16, 1, 64, 128, 256
 SHELLS = {
@@ -414,9 +416,9 @@ OF_COMMANDS = {
 @needs_gcc
 @pytest.mark.parametrize("fault", [*PLANTED, *OF_COMMANDS])
 @pytest.mark.short(kept=lambda fault: [*PLANTED, *OF_COMMANDS].index(fault) % 4 == 0)
-def test_the_self_test_finds_what_is_planted_in_the_shell(fault, tmp_path) -> None:
-    problem, controller = surrounded("Mrac-state-midpoint", SHELLS["command" if fault in OF_COMMANDS else "fade"])
-    made = files(problem, controller, SIMULATION)
+def test_the_self_test_finds_what_is_planted_in_the_shell(fault, tmp_path, shared) -> None:
+    shell = "command" if fault in OF_COMMANDS else "fade"
+    made = once(shared, f"shell-{shell}", partial(files, *surrounded("Mrac-state-midpoint", SHELLS[shell]), SIMULATION))
     macro = re.search(r"#define (\w+)_CONTROLLER_H", made["controller.h"])[1]
     planted_here = (PLANTED | OF_COMMANDS)[fault]
     original, planted = (text.replace("{M}", macro).replace("{n}", macro.lower()) for text in planted_here)
