@@ -142,7 +142,7 @@ def test_nothing_is_guaranteed_where_the_proof_does_not_hold(learning):
         plant=given.plant, reference_model=given.reference_model, reference=given.reference, disturbance=given.disturbance
     )
     problem = free if learning is None else given
-    assert certify(problem, [projected], SIMULATION)["MRAC"].entry("error_bound").kind == "does not apply"
+    assert certify(problem, [projected], SIMULATION, keys=("error_bound",))["MRAC"].entry("error_bound").kind == "does not apply"
 
 
 def direct_problem(rng: np.random.Generator, n: int) -> tuple[Problem, float]:
@@ -199,5 +199,6 @@ def test_no_disturbance_breaks_the_bound_of_the_direct_mrac(n):
 def test_a_feedforward_that_is_not_projected_has_no_bound_beside_a_disturbance():
     problem, _ = direct_problem(np.random.default_rng(1), 2)
     problem = replace(problem, plant=replace(problem.plant, input=PlantInput()), input_gain=None)
-    entry = certify(problem, [DirectMrac(gamma=10.0, name="direct")], SIMULATION)["direct"].entry("error_bound")
+    found = certify(problem, [DirectMrac(gamma=10.0, name="direct")], SIMULATION, keys=("error_bound",))
+    entry = found["direct"].entry("error_bound")
     assert entry.kind == "does not apply" and "feedforward" in entry.why

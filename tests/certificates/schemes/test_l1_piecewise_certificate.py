@@ -34,8 +34,8 @@ from independent import refusal
 SIMULATION = Simulation(t_end=1.0, dt=1e-3)
 
 
-def certified(problem, controller):
-    return certify(problem, [controller], SIMULATION)[controller.name]
+def certified(problem, controller, *keys):
+    return certify(problem, [controller], SIMULATION, keys=keys or None)[controller.name]
 
 
 def without_limits():
@@ -59,7 +59,7 @@ def grows(problem, law, dt):
 def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
     """Runs with delays 2 % below and above the margin, with the delay within a sample."""
     problem, laws = without_limits()
-    entry = certified(problem, laws[form]).entry("delay_margin")
+    entry = certified(problem, laws[form], "delay_margin").entry("delay_margin")
     assert entry.kind == "exact" and "from sample to sample" in entry.of
     dt = laws[form].sample_time / 8
     for share, lost in ((0.98, False), (1.02, True)):
@@ -72,7 +72,7 @@ def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
 @pytest.mark.parametrize("form", [0, 1])
 def test_the_gain_margins_are_where_a_simulation_begins_to_grow(form):
     problem, laws = without_limits()
-    found = certified(problem, laws[form]).values
+    found = certified(problem, laws[form], "gain_margin").values
     for share, lost in ((0.97, False), (1.03, True)):
         stronger = replace(problem.plant.input, gain=share * found["gain_margin"])
         assert grows(replace(problem, plant=replace(problem.plant, input=stronger)), laws[form], 1.25e-3) == lost
@@ -101,7 +101,7 @@ def grows_of_two(problem, law):
 @pytest.mark.parametrize("which", ["both", "first", "second"])
 @pytest.mark.short(kept=lambda which: which == "both")
 def test_gain_margins_of_several_inputs_are_where_a_simulation_begins_to_grow(which):
-    values = certified(two_inputs(), OF_TWO).values
+    values = certified(two_inputs(), OF_TWO, "gain_margin", "gain_margin_each").values
     moved = {"both": (1, 1), "first": (1, 0), "second": (0, 1)}[which]
     margin = values["gain_margin"] if which == "both" else values["gain_margin_each"][which == "second"]
     for share, lost in ((0.97, False), (1.03, True)):
@@ -148,7 +148,7 @@ class LateEquations:
 @pytest.mark.short(kept=lambda at: at == 1)
 def test_the_delay_margin_of_one_input_is_between_two_whole_numbers_of_samples(at):
     """The law assumes that the u that it commanded reaches the plant, as it does with a delay of the plant."""
-    samples = certified(two_inputs(), OF_TWO).values["delay_margin_each"][at] / OF_TWO.sample_time
+    samples = certified(two_inputs(), OF_TWO, "delay_margin_each").values["delay_margin_each"][at] / OF_TWO.sample_time
     assert 1 < samples < 40
     for late, lost in ((int(samples), False), (int(samples) + 1, True)):
         assert grows_of_two(two_inputs(), LateAtOneInput(OF_TWO, late * np.eye(2, dtype=int)[at])) == lost
@@ -185,7 +185,7 @@ def test_noise_in_a_simulation_is_what_is_certified(flown):
     sensor = Sensor(noise=Noise(std=s, sample_time=T, seed=5))
     problem = Problem(plant=plant, reference=Constant(0.0), sensor=sensor)
     law = L1PiecewiseConstant(sample_time=T, filter=input_filter(0.1), as_flown=flown)
-    values = certified(problem, law).values
+    values = certified(problem, law, "noise_in_sigma_hat", "noise_in_u").values
     run = simulate(problem, [law], Simulation(t_end=200.0, dt=T, record_points=20_000))[law.name]
     np.testing.assert_allclose(run.reported["sigma_hat"].std(axis=0), s * np.array(values["noise_in_sigma_hat"]), rtol=0.03)
     np.testing.assert_allclose(run.u.std(), s * np.array(values["noise_in_u"])[0], rtol=0.05)
@@ -239,7 +239,8 @@ def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
         problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.5), reference=signal)
         flown = AsFlown(predictor_poles=-5.0, nominal=random.uniform(-1, 1, n)) if i % 2 else None
         law = L1PiecewiseConstant(sample_time=float(random.choice([0.01, 0.05])), filter=input_filter(0.1), as_flown=flown)
-        entry = certified(problem, law).entry("reference_distance")
+        found = certified(problem, law, "reference_distance", "reference_distance_between")
+        entry = found.entry("reference_distance")
         if entry.value is None:
             assert "unstable" in entry.why
             continue
@@ -249,7 +250,7 @@ def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
         x, r = run.x[::2], run.r[::2]
         away = np.abs(x - reference_at_samples(problem, law, r)).max()
         assert away <= entry.value
-        between = certified(problem, law).entry("reference_distance_between")
+        between = found.entry("reference_distance_between")
         assert between.kind == "guaranteed"
         least = min(least, between.value / entry.value)
         assert np.abs(run.x - reference_at_samples(problem, law, r, parts=2)[: len(run.x)]).max() <= between.value
@@ -274,7 +275,7 @@ def test_the_distance_of_several_inputs_is_kept(seed, form):
     assumed = 0.75 * T if form == "T assumed apart" else None
     flown = AsFlown(nominal=theta_0.reshape(-1), assumed_sample_time=assumed)
     law = L1PiecewiseConstant(sample_time=T, filter=input_filter(kappa), as_flown=None if form == "exact" else flown)
-    found = certified(problem, law)
+    found = certified(problem, law, "reference_distance", "reference_distance_between")
     assert {"reference_distance", "reference_distance_between"} <= found.guaranteed
     A = np.zeros((n + m + 1, n + m + 1))  # x_ref, C's outputs, r
     A[:n, :n], A[:n, n:-1] = A_m + b @ (theta - theta_0).T, b
@@ -361,6 +362,6 @@ def test_a_longer_sample_lets_less_noise_through(T):
         sensor=Sensor(noise=Noise(std=1.0, sample_time=T)),
     )
     law = L1PiecewiseConstant(sample_time=T, filter=input_filter(1 / bandwidth))
-    values = certify(problem, [law], Simulation(t_end=10 * T, dt=T))[law.name].values
+    values = certify(problem, [law], Simulation(t_end=10 * T, dt=T), keys=("noise_in_sigma_hat",))[law.name].values
     assert values["noise_in_sigma_hat"][0] == pytest.approx(np.sqrt(2) / T, rel=0.005)
     assert values["noise_in_u"][0] == pytest.approx(bandwidth / (np.sqrt(2) * (1 + bandwidth * T / 2)), rel=0.005)
