@@ -2,8 +2,8 @@
 Settings of a page
 ==================
 
-``explore`` makes one offline page with a slider for each number, and ``at`` gives the case of any setting of the page. The plot
-shows the onset of L1's oscillation at two steps, as in a lesson of ``barbalat explore paper``.
+``explore`` makes one offline page with a slider for each parameter, and ``at`` gives the case of any setting of the page. The
+plot shows the onset of L1's oscillation at two steps, as in a lesson of ``barbalat explore paper``.
 """
 
 from dataclasses import replace

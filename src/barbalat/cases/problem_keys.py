@@ -251,8 +251,8 @@ DIFFERENCES: dict[type, Differences] = {
             "sensor": Key(Sensor, "the sensor, instead of the case's `sensor`", None),
             "states": Key(
                 STATES,
-                "names of its states, or of the first ones; a state named like one of the plant's corresponds to it; "
-                "or a matrix (n, N)",
+                "names of its states, or of the first ones, or a matrix (n, N). A state corresponds to the plant's state of the "
+                "same name",
                 None,
             ),
             "disturbance": Key(Signal | None, "matched disturbance, instead of the plant's", None),

@@ -21,7 +21,7 @@ DEFAULT_FILE = "explore.html"
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "explore", help="write an offline page that simulates the case and has a slider for each number of it"
+        "explore", help="write an offline page that simulates the case and has a slider for each of its parameters"
     )
     add_case(parser)
     parser.add_argument(

@@ -63,7 +63,7 @@ def add(commands: Commands) -> None:
         help="software in the loop: fly the controllers as exported C, compiled on this machine with cc or CC; exit code 1 if "
         "any bit differs",
     )
-    parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
+    parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, or none with --json")
     parser.add_argument("--json", action="store_true", help="print one JSON document on standard output")
     add_controllers(parser)
     add_budget(parser)

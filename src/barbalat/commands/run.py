@@ -39,7 +39,7 @@ def add(commands: Commands) -> None:
     plots.add_argument("--pictures", action="store_true", help="also write the charts of the page as PNG and SVG")
     plots.add_argument("--no-plots", action="store_true", help="write no page and no pictures")
     parser.add_argument(
-        "--accuracy", action="store_true", help="measure the error of the fixed-step run against a run with a tolerance"
+        "--accuracy", action="store_true", help="measure the error of the fixed-step run against a variable-step run"
     )
     parser.add_argument(
         "--sil",

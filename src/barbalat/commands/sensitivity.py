@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "sensitivity", help="find which numbers of a case matter, from derivatives of the metrics of its runs"
+        "sensitivity", help="find which parameters of a case matter, from derivatives of the metrics of its runs"
     )
     add_case(parser)
     add_list(
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--to", metavar="PATH",
-        help="numbers of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero numbers of the loop, "
+        help="parameters of the case file, such as plant.theta[0] or controller[0].gamma; default: all nonzero ones of the loop, "
         "but on the screen no definitions such as the 1 in x1' = x2",
     )  # fmt: skip
     add_list(parser, "--controller", metavar="NAME", help="names of the controllers; default: all")

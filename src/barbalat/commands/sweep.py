@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
     add_case(parser)
     add_list(
         parser, "--vary", metavar="PATH=START:STOP:COUNT[:log]", form="=",
-        help="values of a number of the case file, such as controller[0].gamma=1:1e6:13:log; several make a grid",
+        help="values of a parameter of the case file, such as controller[0].gamma=1:1e6:13:log; several make a grid",
     )  # fmt: skip
     add_list(
         parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",

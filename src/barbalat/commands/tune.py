@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--vary", metavar="PATH=START:STOP[:log]", form="=",
-        help="a number of the case file to tune; default: the tunable settings of each controller's scheme",
+        help="a parameter of the case file to tune; default: the tunable settings of each controller's scheme",
     )  # fmt: skip
     parser.add_argument("--controller", metavar="NAME", help="the controller to tune; default: all, one after the other")
     parser.add_argument(

@@ -66,7 +66,7 @@ class LinearFeedback(Scheme):
     nominal     theta_0, (n,): the assumed parameters; the default is, in this order, a baseline's theta_0, that of the declared
                 values of [parameters], the middle of the known set, or zero
     unmodelled  W(s), stable and proper: the size of the unmodelled dynamics for which mu is computed; none by default
-    anti_windup  > 0 [u for each unit of c'e]: K(s) also receives L (sat(u) - u), where L is the gain of a Kalman filter that
+    anti_windup  > 0 [u for each unit of c'e]: K(s) also receives L (sat(u) - u). L is the gain of a Kalman filter that
                  measures the output of K(s) with noise of this size, for an error of size 1. For a PI controller whose k_p has
                  this value, this is back-calculation with the time constant T_i. Off by default
 

@@ -120,7 +120,7 @@ class RobustMrac(Scheme):
 
     tau            time constant of the auxiliary input [s], > 0
     law            LeastSquares, as in the paper, or another law of ``adaptation.laws``
-    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
+    c_0            (n,), P b by default; with m inputs (m, n), b'P by default. W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase
     normalization  normalisation of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; on by default if there is one
@@ -184,7 +184,7 @@ class NormalizedMrac(Scheme):
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without an auxiliary input.
 
     law            a law of ``adaptation.laws``
-    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
+    c_0            (n,), P b by default; with m inputs (m, n), b'P by default. W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase
     normalization  normalisation of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; on by default if there is one

@@ -24,8 +24,8 @@ class ModifiedError(Settings):
     """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the law does not learn from the error due to the
     limit.
 
-    mu      0 for the modified error of Karason and Annaswamy; above 0 for the positive mu-modification: beyond the inner limits u
-            = (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits
+    mu      0 for the modified error of Karason and Annaswamy; above 0 for the positive mu-modification. Beyond the inner limits u
+            is then (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits
     margin  margin of the inner limits, 0 <= margin < 1; the inner limits are (1 - margin) times the actuator limits
 
     u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without a remedy; omega_hat = 1 if the input gain is known, and

@@ -30,10 +30,10 @@ class Judge(Settings):
              noise and the model's response to the disturbances
     lost     by component, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale by default
     cycle    the hysteresis of a reversal of the limited control and the smallest swing of a limit cycle, as a fraction of the
-             control's range: the range between its limits or, without limits, the range that it covers
-    closely  examine every run for a limit cycle, even if the control reverses too rarely in the tail to be suspected: the tail
-             may be shorter than one and a half periods. This takes up to three and a half times as long as the run, in addition
-             to the run
+             control's range. The range is that between its limits or, without limits, the one that it covers
+    closely  examine every run for a limit cycle, even if the control reverses too rarely in the tail to be suspected. The tail
+             may then be shorter than one and a half periods. This takes up to three and a half times as long as the run, in
+             addition to the run
     """
 
     follows: Mapping[str, float] = field(default_factory=dict)

@@ -28,7 +28,7 @@ class PlantInput(Settings):
     multiplicative  Delta_m(s) itself, proper and stable; with an actuator the two are in series
     gain            the effectiveness omega > 0; 1 by default
     delay           exact delay [s]; 0 by default. With fixed steps a delay must be at least one solver step
-    history         the constant value that reaches the plant until t = delay; 0 by default; without a delay it has no effect
+    history         the constant value that reaches the plant until t = delay, 0 by default. Without a delay it has no effect
 
     The dynamics start at rest. A delay commutes with all other time-invariant parts of the path. Raises InputError.
     """

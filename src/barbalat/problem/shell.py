@@ -41,8 +41,8 @@ class Shell(Settings):
              other time the fallback acts. Requires longest_outage. Without jitter a wrong time is only reported in the status
     longest_outage  how long consecutive misses may last before the fallback acts [s]; no limit by default. In the exported C a
              sample whose result is out of range is a miss as well
-    fallback  what acts then: "hold", the last control; "zero"; "fade", from the last control to zero; or "baseline", the case's
-              fixed controller alone, with the last good measurement, the present command and held states
+    fallback  what acts then. "hold" holds the last control, "zero" sets it to zero, and "fade" fades it to zero. "baseline" is
+              the case's fixed controller alone, with the last good measurement, the present command and held states
     fade     duration of that fade, of the transition to the baseline, and of the bumpless return of the control after a fallback
              [s]; by default the longest outage. The return fade pauses while samples are lost. If calls came at wrong times for
              at most the longest outage, the return takes no longer than these calls did

@@ -64,8 +64,8 @@ class Truth(Settings):
                  states. Alternatively a matrix (n, N) that computes the plant's states from them. Needed if N differs from the
                  plant's n
     friction     smooth Coulomb friction in the rates of states
-    terms        by a state's name, a formula that is added to its rate, in x1, x2, ... of the truth, in u (u1, u2, ... with
-                 several inputs) as it reaches the plant, and in the parameters: for example a saturating spring or a dead zone
+    terms        by a state's name, a formula that is added to its rate, for example a saturating spring or a dead zone. It may
+                 contain x1, x2, ... of the truth, u (u1, u2, ... with several inputs) as it reaches the plant, and parameters
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)

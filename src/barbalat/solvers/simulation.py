@@ -47,7 +47,7 @@ class Simulation(Settings):
 
     t_end          horizon [s]
     dt             step [s]; it divides t_end
-    solver         the method, by its name; in Python also a Tableau. rk4 with dt; with a tolerance only auto
+    solver         the name of the method; in Python also a Tableau. rk4 by default; with a tolerance only auto is possible
     tolerance      instead of dt: the error allowed per step in each state, relative to the largest magnitude of the state so far
     record_points  approximate number of recorded instants of a trajectory; metrics are computed over every step
     fused          use fused multiply-adds; without them steps take longer, but exported C and pages agree with the run bit for

@@ -35,7 +35,7 @@ class MracOutput(Scheme):
     sign             of the high-frequency gain, 1 or -1
     law              LyapunovLaw (n* = 1 with a strictly positive real W_m; unnormalised) or a law of the family
     theta_hat0       (2 n,): theta_1, theta_2, theta_3, c_0; zero by default, c_0 at its bound
-    tau              time constant of the auxiliary input [s]; none by default; only with a law of the family
+    tau              time constant of the auxiliary input [s], only with a law of the family; none by default
     normalization    m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2 + y^2
     filter_poles     the roots of Lambda_0, order - 1 minus the number of the model's zeros; all at -max |pole of W_m| by default
     lower, upper     (2 n,) each, the known set; none by default
