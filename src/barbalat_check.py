@@ -18,14 +18,14 @@ import ast
 import json
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from itertools import pairwise, product
 from math import comb
 from pathlib import Path
 from typing import Any
 
-from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
+from flint import Ordering, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx
 
 FORMAT = "barbalat proof 1"
 DEGREE = 24
@@ -45,17 +45,17 @@ def require(holds: Any, why: str) -> None:
 
 
 def number(value: Any) -> fmpq:
-    """The exact value of a binary64 number, an integer, or a dyadic number written as "mantissa p exponent"."""
+    """The exact value of a binary64 number, an integer, a dyadic number such as "5p-3", or a fraction such as "3/10"."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Refused(f"expected a number, got {value!r}")
     if isinstance(value, float):
         return fmpq(*value.as_integer_ratio())
     if isinstance(value, int):
         return fmpq(value)
-    found = re.fullmatch(r"(-?\d{1,4000})p(-?\d{1,5})", value)
+    found = re.fullmatch(r"(-?\d{1,4000})(?:p(-?\d{1,5})|/0*([1-9]\d{0,3999}))?", value)
     if found is None:
-        raise Refused(f"a dyadic number is written as 5p-3, got {value!r}")
-    return fmpq(int(found[1])) * fmpq(2) ** int(found[2])
+        raise Refused(f"a number is written as 5p-3 or as 3/10, got {value!r}")
+    return fmpq(int(found[1]), int(found[3] or 1)) * fmpq(2) ** int(found[2] or 0)
 
 
 def vector(value: Any, size: int | None = None) -> list[fmpq]:
@@ -110,6 +110,18 @@ def has_positive_pivots(M: fmpq_mat | arb_mat) -> bool:
             factor = rows[i][k] / rows[k][k]
             rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
     return True
+
+
+def positive_semidefinite(M: fmpq_mat) -> bool:
+    """Whether the matrix is symmetric, no pivot in exact elimination is negative, and the row of a zero pivot is zero."""
+    rows: list[list[fmpq]] = M.tolist()
+    for k in range(len(rows)):
+        if rows[k][k] < 0 or (rows[k][k] == 0 and any(one != 0 for one in rows[k][k:])):
+            return False
+        for i in range(k + 1, len(rows)) if rows[k][k] > 0 else ():
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+    return bool(M.transpose() == M)
 
 
 def root(value: fmpq | arb) -> arb:
@@ -402,6 +414,12 @@ class Ball:
         each = weights or [fmpq(1)] * len(theta)
         away = sum((w * (a - b) ** 2 for w, a, b in zip(each, theta, self.center, strict=True)), fmpq(0))
         return root(away) + arb(self.radius) * root(max(each))
+
+    def around(self) -> Box:
+        """The smallest box around it."""
+        found = Box({"lower": [], "upper": []})
+        found.lower, found.upper = [one - self.radius for one in self.center], [one + self.radius for one in self.center]
+        return found
 
     def farthest_1(self, theta: list[fmpq]) -> arb:
         away = sum((abs(a - b) for a, b in zip(theta, self.center, strict=True)), fmpq(0))
@@ -963,6 +981,9 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
         at_least(value, along_the_command(c, line) if of_command else for_all_commands(c, line), "the bound of |e|")
         c.proven[line["key"]] = arb(number(value))
         return
+    if c.scheme == "own V":
+        at_least(value, c.earlier("lyapunov_decay").bound_of_e(c.earlier("lyapunov_decay").largest_level()), "the bound of |e_i|")
+        return
     theta, least = c.require_theta_known(), 1 / widest(c.P) if of_command else c.earlier("lambda_min")
     if c.scheme != "mrac-direct":
         require(c.scheme in ("mrac", "mrac-closed-loop"), "there is no rule for this scheme")
@@ -1488,6 +1509,351 @@ def of_sampled_loop(c: Controller) -> arb:
 
 
 ERROR_BOUNDS["sampled"] = of_sampled_loop
+
+
+# --- A Lyapunov function of the law's author: docs/proofs.md, "A Lyapunov function of your own" --------------------------------
+
+
+class Law:
+    """The law of the file with the plant (1) and the model (2), where phi(x) has any value.
+
+    Every rate is a polynomial over ``below``, which is positive. The rates of e and x follow from the case.
+    """
+
+    def __init__(self, c: Controller) -> None:
+        facts, case = c.fact("law"), c.case
+        inputs, p = range(case.m), len(case.theta)
+        sizes = {"e": case.n, "x": case.n, "r": case.k_0.ncols(), "theta": p}
+        named = {name: [f"{name}_{i + 1}" for i in range(size)] for name, size in sizes.items()}
+        self.e, self.x, self.r, self.theta = named.values()
+        self.state, self.phi, self.of = list(facts["state"]), facts["phi"], facts["functions"]
+        normals = [name for one in facts["normals"] for name in one["n"]]
+        free = [name for one in c.fact("nonnegative") for part in (one["v"], *one["F"]) for name in part]
+        names = [*self.e, *self.x, *self.r, *self.theta, *self.state, *self.phi, *self.of, *normals, *free]
+        require(len(set(names)) == len(names), "every variable needs a name of its own")
+        require(len(self.phi) * case.m == (0 if case.linear else p), "phi needs a name for each component, unless phi(x) = x")
+        self.normals, self.places = normals, {name: i for i, name in enumerate(names)}
+        self.context = fmpq_mpoly_ctx.get([f"v{i}" for i in range(len(names))], Ordering.degrevlex)
+        self.gens = dict(zip(names, self.context.gens(), strict=True))
+        self.one, self.zero = self.context.constant(1), self.context.constant(0)
+        require(
+            list(facts["rates"]) == self.state and len(facts["control"]) == case.m, "a rate of each part of the state is needed"
+        )
+        given = {name: self.fraction(one) for name, one in (*facts["rates"].items(), *enumerate(facts["control"]))}
+        self.below = self.one
+        for _, below in given.values():
+            self.below *= below // below.gcd(self.below)
+        require(self.bounded_below(self.below), "a denominator must be a positive number plus even powers")
+        over = {name: above * (self.below // below) for name, (above, below) in given.items()}
+        hidden = {name for one in over.values() for name in self.used(one * self.below)} & set(free)
+        require(not hidden, "the law must not depend on the variables of a matrix that stays nonnegative")
+        self.u, self.rates = [over.pop(j) for j in inputs], over
+        phi = self.x if case.linear else self.phi
+        acts = [self.sum((phi[k // case.m], self.theta[k]) for k in range(j, p, case.m)) * self.below + self.u[j] for j in inputs]
+        pushed = [self.below * self.linear(case.k_0.tolist()[j], self.r) for j in inputs]
+        for i, (row, b) in enumerate(zip(case.A_m.tolist(), case.b.tolist(), strict=True)):
+            self.rates[self.x[i]] = self.below * self.linear(row, self.x) + sum((b[j] * acts[j] for j in inputs), self.zero)
+            moved = sum((b[j] * (acts[j] - pushed[j]) for j in inputs), self.zero)
+            self.rates[self.e[i]] = self.below * self.linear(row, self.e) + moved
+
+    def linear(self, factors: list[fmpq], names: list[str]) -> fmpq_mpoly:
+        return sum((self.gens[name] * factor for factor, name in zip(factors, names, strict=True)), self.zero)
+
+    def sum(self, products: Iterable[Iterable[str]]) -> fmpq_mpoly:
+        """The sum of products of variables."""
+        total = self.zero
+        for names in products:
+            one = self.one
+            for name in names:
+                one *= self.gens[name]
+            total += one
+        return total
+
+    def poly(self, terms: dict[str, Any]) -> fmpq_mpoly:
+        """The polynomial with these coefficients of monomials such as "e_1 x_2^2"; "1" is the constant."""
+        found = dict[tuple[int, ...], fmpq]()
+        for monomial, factor in terms.items():
+            powers = [0] * len(self.places)
+            for name, _, power in (part.partition("^") for part in monomial.split() if monomial != "1"):
+                require(re.fullmatch(r"\d{0,2}", power) is not None, f"{monomial} is not a monomial")
+                powers[self.places[name]] += int(power or 1)
+            require(tuple(powers) not in found, f"{monomial} occurs twice")
+            found[tuple(powers)] = number(factor)
+        return self.context.from_dict(found)
+
+    def fraction(self, facts: dict[str, Any]) -> tuple[fmpq_mpoly, fmpq_mpoly]:
+        return self.poly(facts["above"]), self.poly(facts.get("below", {"1": 1}))
+
+    def at_zero(self, poly: fmpq_mpoly) -> fmpq:
+        return poly[(0,) * len(self.places)]
+
+    def bounded_below(self, poly: fmpq_mpoly) -> bool:
+        """Whether it is a positive constant plus even powers with positive coefficients."""
+        terms = poly.to_dict().items()
+        return self.at_zero(poly) > 0 and all(factor > 0 and not any(one % 2 for one in powers) for powers, factor in terms)
+
+    def used(self, poly: fmpq_mpoly) -> set[str]:
+        return {name for name, degree in zip(self.places, poly.degrees(), strict=True) if degree > 0}
+
+    def rests_on(self, poly: fmpq_mpoly) -> set[str]:
+        """The variables that occur in it or in its functions."""
+        left, found = list(self.used(poly)), set[str]()
+        while left:
+            name = left.pop()
+            if name not in found:
+                found.add(name)
+                left += self.x if name in self.phi else self.of.get(name, [])
+        return found - set(self.of) - set(self.phi)
+
+    def slope(self, poly: fmpq_mpoly, name: str) -> fmpq_mpoly:
+        return poly.derivative(self.places[name])
+
+    def replaced(self, poly: fmpq_mpoly, by: dict[str, fmpq_mpoly]) -> fmpq_mpoly:
+        return poly.compose(*(self.gens | by).values(), ctx=self.context)
+
+    def along(self, poly: fmpq_mpoly) -> fmpq_mpoly:
+        """``below`` times the derivative along the motion of the loop."""
+        moving = self.used(poly) - set(self.theta)
+        require(moving <= self.rates.keys(), "only the state, e, x and theta may occur in what is differentiated")
+        return sum((self.slope(poly, name) * self.rates[name] for name in moving), self.zero)
+
+    def reduced(self, above: fmpq_mpoly, below: fmpq_mpoly) -> tuple[fmpq_mpoly, fmpq_mpoly]:
+        """The reduced fraction of a positive ``below``, with a denominator that is 1 at zero and hence positive."""
+        shared = above.gcd(below)
+        above, below = above // shared, below // shared
+        at_zero = self.at_zero(below)
+        return above * (1 / at_zero), below * (1 / at_zero)
+
+    def require_squares(self, poly: fmpq_mpoly, witness: dict[str, Any]) -> None:
+        """Require that it is q'G q with G >= 0."""
+        q, total = [self.poly(one) for one in witness["basis"]], self.zero
+        if q:
+            G = matrix(witness["G"], len(q), len(q))
+            require(positive_semidefinite(G), "the matrix of a sum of squares must be positive semidefinite")
+            for one, row in zip(q, G.tolist(), strict=True):
+                total += one * sum((a * b for a, b in zip(row, q, strict=True)), self.zero)
+        require(total == poly, "the squares do not add up to the polynomial")
+
+
+class OwnV:
+    """V = z'M z with z = (e, s - L theta), for which V' <= -W."""
+
+    def __init__(self, c: Controller, witness: dict[str, Any]) -> None:
+        c.case.require_nominal()
+        c.case.require_regular()
+        require(c.case.interval is None and c.case.theta_0 is None, "the input's gain must be known, and there is no baseline")
+        require("sample_time" not in c.facts, "the controller must act continuously")
+        c.case.assumed["the polynomials of the law, its functions, normals and initial values are those of the controller"] = None
+        self.c, self.law, facts = c, Law(c), c.fact("V")
+        law, size = self.law, len(facts["of"])
+        self.s = facts["of"]
+        require(set(self.s) <= set(law.state) and len(set(self.s)) == size, "V contains parts of the state")
+        self.M = matrix(facts["M"], len(law.e) + size, len(law.e) + size)
+        self.L = matrix(facts["L"], size, len(law.theta))
+        require(positive_definite(self.M), "V must be positive definite in e and in its part of the state")
+        self.inverse = self.M.inv()
+        self.start = {name: number(value) for name, value in c.fact("law")["state"].items()}
+        self.by = self._nonnegative(self._zero(), witness["nonnegative"])
+        off = [law.gens[name] - law.linear(row, law.theta) for name, row in zip(self.s, self.L.tolist(), strict=True)]
+        z, rates = [law.gens[name] for name in law.e] + off, [law.rates[name] for name in (*law.e, *self.s)]
+        rows = zip(z, self.M.tolist(), strict=True)
+        motion = sum((one * 2 * sum((a * b for a, b in zip(row, rates, strict=True)), law.zero) for one, row in rows), law.zero)
+        self.falls = self.substituted(-self._without_normals(motion))
+        self.below, self.W = self.substituted(law.below), self.substituted(law.poly(facts["W"]))
+        self._require_motion()
+        self.nonnegative(self.W, law.one, witness["W"])
+        self.how = self._decay(witness["decay"])
+
+    def substituted(self, poly: fmpq_mpoly) -> fmpq_mpoly:
+        return self.law.replaced(poly, self.by)
+
+    def _zero(self) -> dict[str, fmpq_mpoly]:
+        """Parts of the state by the quantities that are zero at t = 0 and stay so."""
+        law, found = self.law, dict[str, fmpq_mpoly]()
+        initial = self.start | dict(zip(law.x, self.c.case.x0.entries(), strict=True)) | dict.fromkeys(law.e, fmpq(0))
+        at_start = {name: law.context.constant(value) for name, value in initial.items()}
+        relations = [law.poly(one) for one in self.c.fact("zero")]
+        for relation in relations:
+            require(law.replaced(relation, at_start).is_zero(), "a quantity that stays zero is not zero at t = 0 for every theta")
+            left = law.replaced(relation, found)
+            if left.is_zero():
+                continue
+            slopes = {name: law.slope(left, name) for name in law.state}
+            name = next((one for one, slope in slopes.items() if slope.is_constant() and not slope.is_zero()), None)
+            if name is None:
+                raise Refused("a quantity that stays zero must determine a part of the state")
+            value = law.gens[name] - left * (1 / law.at_zero(slopes[name]))
+            found = {other: law.replaced(one, {name: value}) for other, one in found.items()} | {name: value}
+        stay = all(law.replaced(law.along(relation), found).is_zero() for relation in relations)
+        require(stay, "the rate of a quantity that stays zero must vanish with these quantities")
+        return found
+
+    def _nonnegative(self, solved: dict[str, fmpq_mpoly], witness: list[Any]) -> dict[str, fmpq_mpoly]:
+        """What is substituted: the parts that are solved for, R = F F', and s + L theta for s."""
+        law, factors = self.law, dict[str, fmpq_mpoly]()
+        for facts, squares in zip(self.c.fact("nonnegative"), witness, strict=True):
+            R, v, F, size = facts["R"], facts["v"], facts["F"], range(len(facts["R"]))
+            square = len(v) == len(F) == len(size) and all(len(row) == len(size) for row in (*R, *F))
+            own = {name for row in R for name in row}
+            require(square and own <= set(law.state) and len(own) == len(size) ** 2, "R must be a square part of the state")
+            require(not own & factors.keys(), "a part of the state may be in one R only")
+            start = fmpq_mat([[self.start[name] for name in row] for row in R])
+            require(positive_semidefinite(start), "R must be positive semidefinite at t = 0")
+            shared = law.slope(law.rates[R[0][0]], R[0][0])
+            S = [[law.replaced(law.rates[name] - shared * law.gens[name], solved) for name in row] for row in R]
+            require(all(S[i][j] == S[j][i] for i in size for j in size), "R must stay symmetric")
+            form = sum((law.sum([(v[i], v[j])]) * S[i][j] for i in size for j in size), law.zero)
+            above, below = law.reduced(form, law.replaced(law.below, solved))
+            require(not law.used(above * below) & own, "R' must be c R + S, where S does not depend on R")
+            law.require_squares(above * below, squares)
+            factors |= {R[i][j]: law.sum((F[i][k], F[j][k]) for k in size) for i in size for j in size}
+        require(not (solved.keys() | factors.keys()) & set(self.s), "V must not contain what stays zero or nonnegative")
+        moved = zip(self.s, self.L.tolist(), strict=True)
+        after = factors | {name: law.gens[name] + law.linear(row, law.theta) for name, row in moved}
+        return after | {name: law.replaced(value, after) for name, value in solved.items()}
+
+    def _without_normals(self, motion: fmpq_mpoly) -> fmpq_mpoly:
+        """V' without -k (theta_hat - theta)'n, where n is an outward normal of the known set at theta_hat, which is in it."""
+        law, lowers, p = self.law, set[str](), len(self.law.theta)
+        for one in self.c.fact("law")["normals"]:
+            of, n, known, k = one["of"], one["n"], self.c.require_theta_known(), list[fmpq]()
+            require(len(of) == len(n) == p, "the projected part of the state must have the size of theta")
+            require(known.holds([self.start[name] for name in of]), "theta_hat(0) must lie in the set that is projected onto")
+            for name, normal, true in zip(of, n, law.theta, strict=True):
+                slope = law.slope(motion, normal)
+                k.append(law.at_zero(law.slope(slope, true)) / law.at_zero(law.below))
+                falls = slope == law.below * (law.gens[true] - law.gens[name]) * k[-1]
+                require(falls and k[-1] >= 0, "the projection must lower V")
+                lowers |= {name} if k[-1] > 0 else set()
+            couples = any(not law.slope(law.rates[a], b).is_zero() for i, a in enumerate(of) for j, b in enumerate(n) if i != j)
+            require(not couples or known.faces <= 4, "with a gain matrix the projection may make V grow in corners")
+            alone = isinstance(known, Box) and not couples
+            require(alone or len(set(k)) == 1, "V must weight all parameters in the same way as the gain of the projection")
+        require(set(self.c.fact("law")["limited"]) <= lowers, "estimates that are kept in the known set must be projected")
+        return law.replaced(motion, dict.fromkeys(law.normals, law.zero))
+
+    def _require_motion(self) -> None:
+        """Require that no part of the state escapes in finite time: group by group their rates are linear in them."""
+        law = self.law
+        left = set(law.state) - set(self.s)
+        while left:
+            group = set(left)
+            while bad := {name for name in group if not self._is_linear(name, group, left)}:
+                group -= bad
+            require(len(group) > 0, "a part of the state outside V may escape in finite time")
+            left -= group
+
+    def _is_linear(self, name: str, group: set[str], left: set[str]) -> bool:
+        law = self.law
+        above, below = law.reduced(law.rates[name], law.below)
+        used, places = law.used(above), [law.places[one] for one in group]
+        functions = [law.gens[one] for one in (used | law.used(below)) & set(law.of)]
+        beyond = (used & left) - group | law.used(below) & left | {one for f in functions for one in law.rests_on(f) & left}
+        beyond |= used & set(law.normals)  # which may grow with the projected rate
+        return not beyond and all(sum(powers[i] for i in places) <= 1 for powers in above.to_dict())
+
+    def _decay(self, witness: dict[str, Any] | None) -> str:
+        """What is shown about V'."""
+        if witness is None:
+            require(self.falls == self.W * self.below, "V' must be -W identically")
+            return "V' = -W identically"
+        shares = {fmpq(0): ""} if self.W.is_zero() else {fmpq(1): " - W", 1 - fmpq(1, 2**20): " - (1 - 2^-20) W"}
+        share = number(witness["share"])
+        require(share in shares, "the share of W is 1 or 1 - 2^-20")
+        return f"-V'{shares[share]} is {self.nonnegative(self.falls - self.below * self.W * share, self.below, witness)}"
+
+    def nonnegative(self, above: fmpq_mpoly, below: fmpq_mpoly, witness: dict[str, Any]) -> str:
+        """Require above/below >= 0, everywhere or for every theta of the known set; return how it is shown."""
+        above, _ = self.law.reduced(above, below)
+        if "cells" not in witness:
+            self.law.require_squares(above, witness)
+            return "a sum of squares"
+        cells = list[Box]()
+
+        def of_cell(cell: Box, leaf: dict[str, Any]) -> arb:
+            cells.append(cell)
+            self._require_on_cell(above, cell, leaf["squares"])
+            return arb(0)
+
+        over_cells(self.box(), witness["cells"], of_cell)
+        return f"a sum of squares {f'on each of {len(cells)} cells of' if len(cells) > 1 else 'over'} the known set"
+
+    def box(self) -> Box:
+        """The smallest box around the known set."""
+        known = self.c.require_theta_known()
+        return known if isinstance(known, Box) else known.around()
+
+    def _require_on_cell(self, poly: fmpq_mpoly, cell: Box, squares: list[Any]) -> None:
+        """Require that every Bernstein coefficient in theta is a sum of squares."""
+        law = self.law
+        ends = zip(law.theta, cell.lower, cell.upper, strict=True)
+        unit = law.replaced(poly, {name: law.gens[name] * (b - a) + law.context.constant(a) for name, a, b in ends})
+        places = [law.places[name] for name in law.theta]
+        degrees = [int(unit.degrees()[i]) for i in places]
+        for index, one in zip(product(*(range(degree + 1) for degree in degrees)), squares, strict=True):
+            found = dict[tuple[int, ...], fmpq]()
+            for powers, factor in unit.to_dict().items():
+                here = [powers[i] for i in places]
+                share = fmpq(1)
+                for k, power, degree in zip(index, here, degrees, strict=True):
+                    share *= fmpq(comb(k, power), comb(degree, power))  # 0 if power > k
+                rest = tuple(0 if i in places else power for i, power in enumerate(powers))
+                found[rest] = found.get(rest, fmpq(0)) + factor * share
+            law.require_squares(law.context.from_dict(found), one)
+
+    def level(self, theta: Iterable[fmpq]) -> fmpq:
+        """V(0); e(0) = 0."""
+        off = column([self.start[name] for name in self.s]) - self.L * column(list(theta))
+        return quadratic(blocks([[zeros(len(self.law.e), 1)], [off]]), self.M)
+
+    def largest_level(self) -> fmpq:
+        """The largest V(0) over the box around the known set, which is at a vertex: V is convex in theta."""
+        box = self.box()
+        require(sum(a < b for a, b in zip(box.lower, box.upper, strict=True)) <= 12, "the box has too many vertices")
+        return max(self.level(one) for one in product(*(sorted({a, b}) for a, b in zip(box.lower, box.upper, strict=True))))
+
+    def bound(self, rows: Iterable[int], level: fmpq) -> arb:
+        """|z_i| <= sqrt((M^-1)_ii V(0))."""
+        return root(max(self.inverse[i, i] for i in rows) * level)
+
+    def bound_of_e(self, level: fmpq) -> arb:
+        return self.bound(range(len(self.law.e)), level)
+
+
+@rule("lyapunov_decay")
+def _lyapunov_decay(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    require(c.scheme == "own V", "there is no rule for this scheme")
+    found = OwnV(c, line["witness"])
+    require(value == found.how, f"it is shown that {found.how}")
+    c.proven["lyapunov_decay"] = found
+
+
+ERROR_BOUNDS["own V"] = lambda c: (V := c.earlier("lyapunov_decay")).bound_of_e(V.level(c.case.theta))
+
+
+@rule("estimates_error_bound")
+def _estimates_error_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """For the estimates s_i whose s_i - (L theta)_i is s_i - theta_j."""
+    V, n = c.earlier("lyapunov_decay"), c.case.n
+    unit = [fmpq(0)] * (len(c.case.theta) - 1) + [fmpq(1)]
+    of_theta = zip(V.s, V.L.tolist(), strict=True)
+    rows = [n + i for i, (name, row) in enumerate(of_theta) if name in c.fact("law")["estimates"] and sorted(row) == unit]
+    require(len(rows) > 0, "V must contain estimates of theta")
+    at_least(value, V.bound(rows, V.level(c.case.theta)), "the bound of the estimates")
+
+
+@rule("error_limit")
+def _error_limit(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """e is square integrable and e' is bounded, so e converges to zero."""
+    c.earlier("lyapunov")
+    require("L" not in c.facts, "P must be a Lyapunov matrix of A_m")
+    V, witness = c.earlier("lyapunov_decay"), line["witness"]
+    law, share = V.law, number(witness["share"])
+    at_least(value, fmpq(0), "the limit of |e|")
+    require(share > 0, "the share of |e|^2 must be positive")
+    V.nonnegative(V.falls - V.below * law.sum((name, name) for name in law.e) * share, V.below, witness)
+    bounded, parts = {*law.e, *law.x, *law.r, *V.s}, [part for one in law.u for part in law.reduced(one, law.below)]
+    require(all(law.rests_on(part) <= bounded for part in parts), "u must depend only on x, r and what V contains")
 
 
 # --- The program ----------------------------------------------------------------------------------------------------------------

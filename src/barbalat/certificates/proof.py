@@ -19,9 +19,11 @@ from barbalat.certificates.bounds import any_command, known_command
 from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.bounds.model import model_bounds, state_bounds
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import GUARANTEED, Entry
+from barbalat.certificates.entry import GUARANTEED, Entry, NotApplicable
 from barbalat.certificates.linear_loops.sampled_response import grounds as sampled_grounds
 from barbalat.certificates.linear_loops.sampled_response import witness as sampled_witness
+from barbalat.certificates.lyapunov.written import SCHEME as OWN_V
+from barbalat.certificates.lyapunov.written import written
 from barbalat.certificates.schemes import FollowedFile, ProvenFile, scheme_file
 from barbalat.controllers import Sampled
 from barbalat.linear.conditions import smallest_eigenvalue
@@ -78,6 +80,8 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = OF_FIXED_LOOPS | {
         "error_bound_command": ("lyapunov", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
         "error_bound_worst": ("lyapunov", "L1 norm of C"),
     },
+    OWN_V: dict.fromkeys((*OF_V, "estimates_error_bound"), ("lyapunov_decay",))
+    | {"lyapunov_decay": (), "error_limit": ("lyapunov", "lyapunov_decay")},
     "sampled": dict.fromkeys(("error_bound_held", "state_bound", "control_bound"), ("sampled response",))
     | {"sampled response": (), "error_bound": ("sampled response", "L1 norm of W_r", "L1 norm of sW_r")},
 }
@@ -114,9 +118,14 @@ def _of_controller(
 ) -> dict[str, Any]:
     inner = controller.controller if isinstance(controller, Sampled) else controller
     claimed = [one for one in certificate.entries if one.kind in GUARANTEED and one.value is not None]
-    file = scheme_file(inner)
+    file, witnesses = scheme_file(inner), dict[str, dict[str, Any]]()
     if isinstance(problem, Problem) and any(one.key == "error_bound_held" for one in claimed):
         facts = sampled_grounds(problem, controller, simulation.t_end)
+    elif isinstance(problem, Problem) and any(one.key == "lyapunov_decay" for one in claimed):
+        own = written(problem, inner)
+        if isinstance(own, NotApplicable):
+            return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {own.why}" for one in claimed]}
+        facts, witnesses = own.facts, own.witnesses
     elif claimed and isinstance(file, ProvenFile):
         facts = file.grounds(problem, inner, simulation)
         if isinstance(controller, Sampled):
@@ -124,7 +133,7 @@ def _of_controller(
     else:
         return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {NO_RULE}" for one in claimed]}
     followed = controller if facts["scheme"] == "sampled" else inner
-    lines = _Lines(problem, followed, facts, {one.key: one for one in claimed}, simulation.t_end)
+    lines = _Lines(problem, followed, facts, {one.key: one for one in claimed}, simulation.t_end, witnesses)
     missing = [f"{key}: {why}" for key in lines.claimed if (why := lines.add(key))]
     return {"facts": facts, "lines": list(lines.found.values()), "not in the proof": missing}
 
@@ -138,6 +147,7 @@ class _Lines:
     facts: dict[str, Any]
     claimed: dict[str, Entry]
     t_end: float
+    witnesses: dict[str, dict[str, Any]]
     found: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, key: str) -> str:
@@ -169,6 +179,8 @@ class _Lines:
     def _witness(self, key: str, value: Any) -> dict[str, Any]:
         """A line's witness, if it needs one; raises InputError, with the reason, if no witness exists."""
         of_every = self.claimed.get(known_command.OF_EVERY_COMMAND)
+        if key in self.witnesses:
+            return {"witness": self.witnesses[key]}
         if key == "sampled response":
             return {"witness": sampled_witness(self.problem, self.controller)}
         if key == known_command.KEY and of_every is not None and of_every.value == value and self.facts["scheme"] in OVER_CELLS:

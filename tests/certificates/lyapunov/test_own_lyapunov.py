@@ -3,41 +3,22 @@
 from __future__ import annotations
 
 import re
-import sys
-from dataclasses import dataclass, replace
-from importlib import util
-from pathlib import Path
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from barbalat import InputError, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled, Simulation, certify, simulate
+from barbalat import InputError, Mrac, ParameterBox, Sampled, Simulation, certify, simulate
 from barbalat.interfaces import Lyapunov
 from barbalat.plants import ParameterBall, PlantInput
 from barbalat.regressors import Polynomial, Terms
-from barbalat.signals import Sine, Square
 from barbalat.testing import check
-
-EXAMPLES = Path(__file__).parents[3] / "examples" / "laws_with_lyapunov.py"
-spec = util.spec_from_file_location("laws_with_lyapunov", EXAMPLES)
-laws = sys.modules["laws_with_lyapunov"] = util.module_from_spec(spec)
-spec.loader.exec_module(laws)
+from certificates.lyapunov.own_laws import Own, a_problem, laws
 
 SIMULATION = Simulation(t_end=8.0, dt=1e-3)
 RESOLVED = Simulation(t_end=8.0, tolerance=1e-9)
 """Solver of the runs that are compared with bounds. A fixed step may be too long for a fast law, and the run would then violate a
 bound that the solution satisfies."""
-
-
-def a_problem(rng, n=2, *, projected=True, size=1.0, x0=True):
-    A_m = rng.normal(size=(n, n))
-    A_m -= (np.linalg.eigvals(A_m).real.max() + rng.uniform(0.7, 2)) * np.eye(n)
-    theta = rng.uniform(-size, size, n)
-    plant = Plant(A_m=A_m, b=rng.normal(size=n), theta=theta, x0=rng.normal(size=n) * x0)
-    known = ParameterBox(lower=-size * np.ones(n), upper=size * np.ones(n)) if projected else None
-    command = Square(amplitude=2.0, frequency=1.5) if rng.random() < 0.5 else Sine(amplitude=2.0, frequency=rng.uniform(0.5, 3))
-    return Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=command, uncertainty=known)
 
 
 def certificate(problem, law):
@@ -96,60 +77,6 @@ def test_no_run_exceeds_the_bounds(law, sample):
 @pytest.mark.parametrize("law", laws.CONTROLLERS, ids=lambda law: law.name)
 def test_the_three_laws_are_laws(law):
     assert str(check(law))
-
-
-class State(NamedTuple):
-    theta_hat: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Equations:
-    law: object
-    known: object
-
-    def initial(self):
-        return State(np.zeros(self.known.parameters))
-
-    def control(self, state, x, x_m, r):
-        return self.known.k_0 * r - state.theta_hat @ self.known.matched.phi(x if self.law.regressor == "x" else x_m)
-
-    def derivative(self, state, x, x_m, r, u):
-        phi = self.known.matched.phi(x if self.law.regressor == "x" else x_m)
-        weights = np.arange(1, self.known.parameters + 1) if self.law.diagonal else 1.0
-        rate = (
-            self.law.sign * self.law.gamma / weights * phi * ((x - x_m) @ self.known.P @ self.known.b)
-            - self.law.sigma * state.theta_hat
-        )
-        if self.law.projects:
-            rate = self.known.estimate_set.project(rate, state.theta_hat)
-        return State(rate)
-
-    def limit(self, state):
-        return state if not self.law.projects else State(self.known.estimate_set.limit(state.theta_hat))
-
-    def lyapunov(self, state, x, x_m, theta):
-        e, off = x - x_m, state.theta_hat - theta
-        weights = np.arange(1, len(off) + 1) if self.law.diagonal else np.ones(len(off))
-        share = self.law.share
-        return Lyapunov(V=e @ self.known.P @ e + (off * weights) @ off / self.law.gamma * share, W=self.law.claimed * (e @ e))
-
-
-@dataclass(frozen=True)
-class Own:
-    """MRAC with a deliberate fault. With ``regressor`` "x_m" it is the desired compensation law of Sadegh and Horowitz (1990)."""
-
-    gamma: float = 4.0
-    sign: float = 1.0
-    sigma: float = 0.0
-    claimed: float = 1.0
-    share: float = 1.0
-    regressor: str = "x"
-    projects: bool = False
-    diagonal: bool = False
-    name: str = "own"
-
-    def bind(self, known):
-        return Equations(self, known)
 
 
 def test_the_bound_of_a_copy_is_the_mracs():
@@ -279,6 +206,19 @@ class OnlyLimited(laws.CompositeEquations):
         return replace(super().lyapunov(state, x, x_m, theta), W=0.0)
 
 
+class AlongTheProjection(laws.CompositeEquations):
+    """A part of the state that V does not contain grows with the projected rate, of which V bounds only the integral."""
+
+    def derivative(self, state, x, x_m, r, u):
+        found = super().derivative(state, x, x_m, r, u)
+        rate = self.gamma * self.known.matched.phi(x) * ((x - x_m) @ self.known.P @ self.known.b)
+        rate = self.estimate_set.project(rate, state.theta_hat)
+        return found._replace(theta_hat=rate, zeta=state.zeta * rate[0])
+
+    def lyapunov(self, state, x, x_m, theta):
+        return replace(super().lyapunov(state, x, x_m, theta), W=0.0, zero=())
+
+
 class Branching(laws.HighOrderTunerEquations):
     """The law behaves differently on numbers and on symbols."""
 
@@ -304,6 +244,7 @@ class Clipping(laws.HighOrderTunerEquations):
         (laws.ConcurrentLearning(), Unlearning, "not shown to remain so"),
         (laws.CompositeAdaptation(), Escaping, "not shown|false|finite time"),
         (laws.CompositeAdaptation(), TrackingOnly, "finite time"),
+        (laws.CompositeAdaptation(), AlongTheProjection, "finite time"),
         (laws.CompositeAdaptation(), OnlyLimited, "without a projection of their rates"),
         (laws.HighOrderTuner(), Branching, "evaluated on numbers, its code differs"),
         (laws.HighOrderTuner(), Clipping, "minimum"),

@@ -14,6 +14,7 @@ from barbalat.certificates.lyapunov.reading import read
 from barbalat.certificates.lyapunov.theorem import Refused, Shown, shown
 from barbalat.certificates.quantities import Quantity
 from barbalat.loop.binding import bound
+from barbalat.problem.regressors import Linear
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, LyapunovEquations
@@ -40,7 +41,7 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
     """The result for the V of a law, or None if the law has no V."""
     if not isinstance(bound(problem, controller), LyapunovEquations):
         return None
-    found = _shown(problem, controller)
+    found = of_lines(problem, controller)
     if not isinstance(problem, Problem):
         return Handed(found, (Assumption(EXACT_LINES, "nothing is known about its V on this problem"),))
     broken = found.why if isinstance(found, NotApplicable) else ""
@@ -53,7 +54,16 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
     return Handed(found, (*rests_on, theta_in_the_set(problem)) if found.over_the_set else rests_on)
 
 
-def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotApplicable:
+def of_lines(problem: TrackingProblem, controller: Controller) -> Shown | NotApplicable:
+    """The proof from the code of the law: for every value of phi(x), which is faster, or else for phi as it is."""
+    if isinstance(problem, Problem) and not isinstance(problem.plant.regressor, Linear):
+        found = _shown(problem, controller, free_phi=True)
+        if isinstance(found, Shown):
+            return found
+    return _shown(problem, controller, free_phi=False)
+
+
+def _shown(problem: TrackingProblem, controller: Controller, *, free_phi: bool) -> Shown | NotApplicable:
     """Any failure to read foreign code is a finding, with its reason."""
     if not isinstance(problem, Problem):
         return NotApplicable("the V of a law is checked only for state feedback")
@@ -61,7 +71,7 @@ def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotAppli
     if known.matched.gain_unknown or known.theta_0 is not None or known.enters is not None:
         return NotApplicable("the V of a law is checked only for a known input gain and without a baseline")
     try:
-        return shown(read(problem, controller), problem.uncertainty)
+        return shown(read(problem, controller, free_phi=free_phi), problem.uncertainty)
     except (Refused, NotRational) as refused:
         return NotApplicable(str(refused))
     except InputError as refused:

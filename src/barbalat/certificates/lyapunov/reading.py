@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,11 +63,32 @@ class ReadSet:
         return theta_hat
 
 
+class FreeRegressor:
+    """A regressor phi whose value at x is free variables: what holds for all their values holds for phi(x)."""
+
+    def __init__(self, size: int, ring: Ring, x: Any) -> None:
+        self._ring, self._x = ring, x
+        self.places = ring.free(size, "phi")
+
+    def size(self, _: int) -> int:
+        """The number of components."""
+        return len(self.places)
+
+    def __call__(self, x: Any) -> Any:
+        """The variables; raises NotRational anywhere but at x."""
+        if len(x) != len(self._x) or any(
+            not (a - b).is_zero for a, b in zip(self._ring.exact(np.asarray(x)), self._x, strict=True)
+        ):
+            raise NotRational("it evaluates phi elsewhere than at x")
+        return np.array([self._ring.variables[i] for i in self.places], dtype=object)
+
+
 class ReadKnown:
     """The known part of a plant, with exact numbers."""
 
-    def __init__(self, known: Known, ring: Ring) -> None:
+    def __init__(self, known: Known, ring: Ring, phi: FreeRegressor | None) -> None:
         self._known, self._ring = known, ring
+        self.matched = known.matched if phi is None else replace(known.matched, regressor=phi)
         self.estimate_set = None if known.estimate_set is None else ReadSet(known.estimate_set, ring)
 
     def __getattr__(self, name: str) -> Any:
@@ -81,6 +102,8 @@ class Reading:
     """The loop: indices of the variables, rates by index, the initial state, and the supplied functions.
 
     limited  the indices of estimates that ``limit`` keeps in the known set
+    phi      the indices of the components of phi(x), if they are free
+    regressor  phi(x) itself
     """
 
     ring: Ring
@@ -97,6 +120,8 @@ class Reading:
     declared: Lyapunov
     normals: tuple[Normals, ...]
     limited: frozenset[int]
+    phi: tuple[int, ...]
+    regressor: tuple[Rational, ...]
 
     def along(self, function: Rational) -> Rational:
         """The derivative of the function along the motion of the loop."""
@@ -108,8 +133,11 @@ class Reading:
         return sum((function.derivative(i) * self.rates[i] for i in inside), self.ring.constant(fmpq(0)))
 
 
-def read(problem: Problem, controller: Controller) -> Reading:
-    """Read the loop; raises NotRational if the code is not a rational function, or does not agree with its values on numbers."""
+def read(problem: Problem, controller: Controller, *, free_phi: bool = False) -> Reading:
+    """Read the loop, if ``free_phi`` with free variables for phi(x).
+
+    Raises NotRational if the code is not a rational function, or does not agree with its values on numbers.
+    """
     known = problem.known
     equations: Any = controller.bind(known)
     parts = state_parts(equations, equations.initial())
@@ -121,15 +149,23 @@ def read(problem: Problem, controller: Controller) -> Reading:
     for name, size in sizes.items():
         places[name] = range(first, first + size)
         first += size
-    found = _of_lines(problem, controller, ring, places, parts, equations)
+    x = ring.array(places["x"].start, (n,))
+    phi = FreeRegressor(known.matched.regressor.size(n), ring, x) if free_phi else None
+    found = _of_lines(problem, controller, ring, places, parts, equations, phi)
     _require_agreement(problem, equations, found)
     return found
 
 
 def _of_lines(
-    problem: Problem, controller: Controller, ring: Ring, places: dict[str, range], parts: tuple[StatePart, ...], numeric: Any
+    problem: Problem,
+    controller: Controller,
+    ring: Ring,
+    places: dict[str, range],
+    parts: tuple[StatePart, ...],
+    numeric: Any,
+    free: FreeRegressor | None,
 ) -> Reading:
-    known = ReadKnown(problem.known, ring)
+    known = ReadKnown(problem.known, ring, free)
     equations: Any = _exactly(controller, ring).bind(known)
     e, x, theta = (ring.array(places[name].start, (len(places[name]),)) for name in ("e", "x", "theta"))
     r = ring.array(places["r"].start, (len(places["r"]),) if isinstance(problem.reference, tuple) else ())
@@ -143,7 +179,7 @@ def _of_lines(
     )):  # fmt: skip
         raise NotRational("`limit` changes the state beyond the projection onto the known set, which may increase V")
     kept = known.estimate_set
-    b, A_m, phi = known.b, known.A_m, ring.exact(np.asarray(problem.known.matched.phi(x)))
+    b, A_m, phi = known.b, known.A_m, ring.exact(np.asarray(known.matched.phi(x)))
     drive = phi.T @ theta + u
     moves = A_m @ x + np.dot(b, drive)
     model = A_m @ x_m + np.dot(b, np.dot(known.k_0, r))
@@ -155,6 +191,8 @@ def _of_lines(
         start=tuple(one.number for one in _flat(equations.initial(), ring)), x0=tuple(known.x0),
         declared=equations.lyapunov(state, x, x_m, theta), normals=() if kept is None else tuple(kept.normals),
         limited=frozenset() if kept is None else frozenset(kept.limited),
+        phi=() if free is None else tuple(free.places),
+        regressor=tuple(ring.exact(np.asarray(problem.known.matched.regressor(x)))),
     )  # fmt: skip
 
 
@@ -218,6 +256,9 @@ def _drawn(problem: Problem, found: Reading, random: np.random.Generator) -> lis
             drawn[place] = fmpq(0)
             (own,) = of.used
             drawn[own] = exact_number(float(middle[i] + random.uniform(-0.3, 0.3) * min(upper[i] - lower[i], 1e3) / len(middle)))
+    at_x = problem.known.matched.regressor(np.array([as_float(drawn[i]) for i in found.x])) if found.phi else ()
+    for place, one in zip(found.phi, at_x, strict=True):
+        drawn[place] = exact_number(float(one))
     for place, (name, argument) in found.ring.functions.items():
         at = as_float(argument.at(drawn))
         drawn[place] = exact_number(float(getattr(np, name)(at)))

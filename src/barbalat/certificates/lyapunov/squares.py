@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from flint import fmpq, fmpq_mat
@@ -28,26 +29,47 @@ minimum is close to zero, only small distances are possible."""
 ROUNDS = 250
 
 
+class Squares(NamedTuple):
+    """The proof that a polynomial is q'G q with an exact positive semidefinite G.
+
+    q contains the monomials of y_i = x_i + the sum of beside[i][j] x_j; without an entry, y_i = x_i.
+    """
+
+    monomials: list[Powers]
+    G: list[list[fmpq]]
+    beside: dict[int, dict[int, fmpq]]
+
+
 def is_sum_of_squares(terms: Terms) -> bool:
     """Whether the polynomial was proven to be a sum of squares; False means only that no proof was found."""
-    kept = _without_constant_directions({powers: factor for powers, factor in terms.items() if factor != 0})
+    return sum_of_squares(terms) is not None
+
+
+def sum_of_squares(terms: Terms) -> Squares | None:
+    """The proof that the polynomial is a sum of squares; None means only that no proof was found."""
+    kept, beside = _without_constant_directions({powers: factor for powers, factor in terms.items() if factor != 0})
     used = _used(kept)
     poly = {tuple(powers[i] for i in used): factor for powers, factor in kept.items()}
     if not poly:
-        return True
+        return Squares([], [], {})
     monomials = _pruned(_half(list(poly)), poly)
     if not monomials or len(monomials) > MOST_MONOMIALS:
-        return False
+        return None
     pairs = _pairs(monomials)
-    return poly.keys() <= pairs.keys() and _some_gram_matrix(poly, monomials, pairs)
+    G = _gram_matrix(poly, monomials, pairs) if poly.keys() <= pairs.keys() else None
+    if G is None:
+        return None
+    places = range(len(next(iter(terms))))
+    whole = [tuple(dict(zip(used, one, strict=True)).get(i, 0) for i in places) for one in monomials]
+    return Squares(whole, G, beside)
 
 
 def _used(poly: Terms) -> list[int]:
     return [i for i in range(len(next(iter(poly), ()))) if any(powers[i] for powers in poly)]
 
 
-def _without_constant_directions(poly: Terms) -> Terms:
-    """The polynomial with one variable set to zero for each direction along which it is constant.
+def _without_constant_directions(poly: Terms) -> tuple[Terms, dict[int, dict[int, fmpq]]]:
+    """The polynomial with one variable set to zero for each direction along which it is constant, and ``beside`` of Squares.
 
     Along such a direction every G is singular, and a search that ends close to the cone does not find a G exactly in it.
     """
@@ -59,11 +81,12 @@ def _without_constant_directions(poly: Terms) -> Terms:
                 lower = tuple(power - (place == i) for place, power in enumerate(powers))
                 slopes.setdefault(lower, [fmpq(0)] * len(used))[column] += factor * powers[i]
     if not slopes:
-        return poly
+        return poly, {}
     reduced, rank = fmpq_mat(list(slopes.values())).rref()
-    leading = {next(j for j in range(len(used)) if reduced[i, j] != 0) for i in range(rank)}
-    dropped = {used[j] for j in range(len(used)) if j not in leading}
-    return {powers: factor for powers, factor in poly.items() if not any(powers[i] for i in dropped)}
+    leading = [next(j for j in range(len(used)) if reduced[i, j] != 0) for i in range(rank)]
+    dropped = [j for j in range(len(used)) if j not in leading]
+    beside = {used[lead]: {used[j]: reduced[i, j] for j in dropped if reduced[i, j] != 0} for i, lead in enumerate(leading)}
+    return {powers: factor for powers, factor in poly.items() if not any(powers[used[j]] for j in dropped)}, beside
 
 
 def _half(support: Sequence[Powers]) -> list[Powers]:
@@ -114,19 +137,20 @@ def _pairs(monomials: list[Powers]) -> Pairs:
     return found
 
 
-def _some_gram_matrix(poly: Terms, monomials: list[Powers], pairs: Pairs) -> bool:
-    plain = [[fmpq(0)] * len(monomials) for _ in monomials]
-    if is_positive_semidefinite(_moved_onto(poly, plain, pairs)):
-        return True
+def _gram_matrix(poly: Terms, monomials: list[Powers], pairs: Pairs) -> list[list[fmpq]] | None:
+    found = _moved_onto(poly, [[fmpq(0)] * len(monomials) for _ in monomials], pairs)
+    if is_positive_semidefinite(found):
+        return found
     if all(len(places) == 1 for places in pairs.values()):
-        return False  # there is only one G
+        return None  # there is only one G
     scale = _scale(poly, monomials)
     for inside in INSIDE:
         G = _between(poly, scale, pairs, inside)
         exact = [[exact_number(float(G[i, j])) * scale[i] * scale[j] for j in range(len(G))] for i in range(len(G))]
-        if is_positive_semidefinite(_moved_onto(poly, exact, pairs)):
-            return True
-    return False
+        found = _moved_onto(poly, exact, pairs)
+        if is_positive_semidefinite(found):
+            return found
+    return None
 
 
 def _scale(poly: Terms, monomials: list[Powers]) -> list[fmpq]:

@@ -18,7 +18,7 @@ from flint import arb, fmpq, fmpq_mat
 
 from barbalat.certificates.lyapunov.rational import Rational, Ring, as_float, exact_number
 from barbalat.certificates.lyapunov.reading import Reading
-from barbalat.certificates.lyapunov.squares import is_positive_semidefinite, is_sum_of_squares
+from barbalat.certificates.lyapunov.squares import Squares, is_positive_semidefinite, sum_of_squares
 from barbalat.linear.enclosure import float_above
 from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array
@@ -36,6 +36,69 @@ class Refused(ValueError):
     """Raised if nothing follows from the supplied functions; the reason is part of a sentence."""
 
 
+class Cell(NamedTuple):
+    """A cell of the known set with a sum of squares for each Bernstein coefficient, or its halves.
+
+    side  the component of theta at whose value ``at`` the cell is cut
+    """
+
+    squares: list[Squares]
+    side: int = -1
+    at: fmpq = fmpq(0)
+    halves: tuple[Cell, ...] = ()
+
+    @property
+    def leaves(self) -> int:
+        """The number of cells that are not cut."""
+        return sum(one.leaves for one in self.halves) if self.halves else 1
+
+
+class Nonnegative(NamedTuple):
+    """The proof that the numerator of a function is nonnegative: a sum of squares for every theta, or over cells."""
+
+    found: Squares | Cell
+
+    @property
+    def how(self) -> str:
+        """The proof, as part of a sentence."""
+        if isinstance(self.found, Squares):
+            return "a sum of squares"
+        count = self.found.leaves
+        return (
+            f"a sum of squares on each of {count} cells of the known set" if count > 1 else "a sum of squares over the known set"
+        )
+
+
+class Recorded(NamedTuple):
+    """The proof that R stays nonnegative: v'Sv >= 0. R, v and F are indices of variables, and R = F F'."""
+
+    R: list[list[int]]
+    v: list[int]
+    F: list[list[int]]
+    squares: Squares
+
+
+class Share(NamedTuple):
+    """The proof that V falls at least as fast as a share of W or of |e|^2."""
+
+    share: fmpq
+    proof: Nonnegative
+
+
+class Steps(NamedTuple):
+    """The parts of the proof.
+
+    recorded  of each matrix that stays nonnegative
+    decay     None if V' = -W identically
+    limit     the share of |e|^2; None if it is not shown that e converges to zero
+    """
+
+    W: Nonnegative
+    recorded: list[Recorded]
+    decay: Share | None
+    limit: Share | None
+
+
 @dataclass(frozen=True, eq=False)
 class Shown:
     """V' <= -W was proven, with V = z'M z and z = (e, s - L theta).
@@ -43,18 +106,23 @@ class Shown:
     places     indices of s among the variables
     inverse    M^-1, exact
     how        the proof, as part of a sentence
-    converges  whether V decreases by a fraction of |e|^2 and u is bounded, so that e converges to zero
     over_the_set  whether part of the proof holds only for theta in the known set
     """
 
     reading: Reading
     places: tuple[int, ...]
+    M: fmpq_mat
     inverse: fmpq_mat
     M_ss: fmpq_mat
     L: fmpq_mat
     how: str
-    converges: bool
+    steps: Steps
     over_the_set: bool
+
+    @property
+    def converges(self) -> bool:
+        """Whether V decreases by a fraction of |e|^2 and u is bounded, so that e converges to zero."""
+        return self.steps.limit is not None
 
     def error_bound(self, level: arb) -> float:
         """A bound on every component of e, from V(0)."""
@@ -104,32 +172,44 @@ def shown(reading: Reading, known_set: KnownSet | None) -> Shown:
     V = _one(ring, declared.V, "V")
     form = _QuadraticForm(reading, V)
     solved = _what_stays_zero(reading)
-    factors = _what_stays_nonnegative(reading, solved)
+    factors, recorded = _what_stays_nonnegative(reading, solved)
     substituted = _Substitution(ring, solved, factors, form.shifted)
     W = substituted.of(_one(ring, declared.W, "W"))
     falls = _without_normals(reading, substituted.of(-reading.along(V)))
     _require_positive_denominators(reading, falls, W)
     cells = _Cells(reading, known_set)
-    if not cells.show(W):
+    of_W = cells.show(W)
+    if of_W is None:
         raise Refused("W is not shown to be nonnegative everywhere")
-    how = _decay(cells, falls, W)
+    how, decay = _decay(cells, falls, W)
     _require_motion(reading, form.places)
-    e = sum((ring.variables[i] ** 2 for i in reading.e), ring.constant(fmpq(0)))
     bounded = {*reading.e, *reading.x, *reading.r, *form.places}
     u_bounded = all(_variables(reading, one) <= bounded for one in reading.control)
-    converges = u_bounded and any(cells.show(falls - share * e) for share in LEAST_SHARES)
-    return Shown(reading, form.places, form.M.inv(), form.M_ss, form.L, how, converges, cells.used)
+    steps = Steps(of_W, recorded, decay, _limit(cells, falls) if u_bounded else None)
+    return Shown(reading, form.places, form.M, form.M.inv(), form.M_ss, form.L, how, steps, cells.used)
 
 
-def _decay(cells: _Cells, falls: Rational, W: Rational) -> str:
+def _decay(cells: _Cells, falls: Rational, W: Rational) -> tuple[str, Share | None]:
     if (falls - W).is_zero:
-        return "V' = -W identically"
+        return "V' = -W identically", None
     for share, said in ((fmpq(1), "W"), (NEARLY, "(1 - 2^-20) W")):
-        if not W.is_zero and cells.show(falls - share * W):
-            return f"-V' - {said} is {cells.how}"
-    if W.is_zero and cells.show(falls):
-        return f"-V' is {cells.how}"
-    raise Refused(f"V' <= -W is {_counterexample(cells, falls - NEARLY * W)}")
+        found = None if W.is_zero else cells.show(falls - share * W)
+        if found is not None:
+            return f"-V' - {said} is {found.how}", Share(share, found)
+    found = cells.show(falls) if W.is_zero else None
+    if found is None:
+        raise Refused(f"V' <= -W is {_counterexample(cells, falls - NEARLY * W)}")
+    return f"-V' is {found.how}", Share(fmpq(0), found)
+
+
+def _limit(cells: _Cells, falls: Rational) -> Share | None:
+    ring, e = cells.reading.ring, cells.reading.e
+    square = sum((ring.variables[i] ** 2 for i in e), ring.constant(fmpq(0)))
+    for share in LEAST_SHARES:
+        found = cells.show(falls - share * square)
+        if found is not None:
+            return Share(share, found)
+    return None
 
 
 def _variables(reading: Reading, one: Rational) -> set[int]:
@@ -138,6 +218,8 @@ def _variables(reading: Reading, one: Rational) -> set[int]:
     for place in one.used:
         if place in reading.ring.functions:
             found |= _variables(reading, reading.ring.functions[place][1])
+        elif place in reading.phi:
+            found |= set(reading.x)
         else:
             found.add(place)
     return found
@@ -204,10 +286,16 @@ def _arrays(declared: Any) -> list[Any]:
     return [one for one in (declared if isinstance(declared, tuple) else (declared,)) if np.size(one)]
 
 
+def declared_zero(reading: Reading) -> list[Rational]:
+    """The quantities that the author declares to stay zero."""
+    arrays = _arrays(reading.declared.zero)
+    return [reading.ring.exact(one) for array in arrays for one in np.ravel(np.asarray(array, dtype=object))]
+
+
 def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
     """Quantities that are zero at the start and whose rates vanish with them, solved for equally many parts of the state."""
     ring = reading.ring
-    relations = [ring.exact(one) for array in _arrays(reading.declared.zero) for one in np.ravel(np.asarray(array, dtype=object))]
+    relations = declared_zero(reading)
     start = dict(zip(reading.state, map(ring.constant, reading.start), strict=True))
     x0 = dict(zip(reading.x, reading.x0, strict=True))
     rest = {place: ring.constant(fmpq(0)) for place in reading.e}
@@ -233,16 +321,18 @@ def _what_stays_zero(reading: Reading) -> dict[int, Rational]:
     return solved
 
 
-def _what_stays_nonnegative(reading: Reading, solved: dict[int, Rational]) -> dict[int, Rational]:
+def _what_stays_nonnegative(reading: Reading, solved: dict[int, Rational]) -> tuple[dict[int, Rational], list[Recorded]]:
     """R = F F' with free F, for each R with R(0) >= 0 and R' = c R + S, where S >= 0 at all states of the loop."""
     found: dict[int, Rational] = {}
+    recorded = []
     for array in _arrays(reading.declared.nonnegative):
-        R = np.atleast_2d(np.asarray(array, dtype=object))
-        found |= _factors(reading, R, solved)
-    return found
+        factors, grows = _factors(reading, np.atleast_2d(np.asarray(array, dtype=object)), solved)
+        found |= factors
+        recorded.append(grows)
+    return found, recorded
 
 
-def _factors(reading: Reading, R: Any, solved: dict[int, Rational]) -> dict[int, Rational]:
+def _factors(reading: Reading, R: Any, solved: dict[int, Rational]) -> tuple[dict[int, Rational], Recorded]:
     ring, p = reading.ring, len(R)
     places = [[next(iter(one.used), -1) for one in row] for row in R]
     own = {place for row in places for place in row}
@@ -256,12 +346,17 @@ def _factors(reading: Reading, R: Any, solved: dict[int, Rational]) -> dict[int,
     symmetric = all(start[i][j] == start[j][i] and (S[i][j] - S[j][i]).is_zero for i in range(p) for j in range(i))
     if not symmetric or not is_positive_semidefinite(start):
         raise Refused("the matrix that is declared nonnegative is not symmetric, or is not nonnegative at t = 0")
-    v = [ring.variables[i] for i in ring.free(p, "v")]
+    of_v = ring.free(p, "v")
+    v = [ring.variables[i] for i in of_v]
     grows = sum((v[i] * S[i][j] * v[j] for i in range(p) for j in range(p)), ring.constant(fmpq(0)))
-    if grows.used & own or not _is_positive(grows.den) or not is_sum_of_squares((grows.num * grows.den).to_dict()):
+    plain = not grows.used & own and is_positive(grows.den)
+    squares = sum_of_squares((grows.num * grows.den).to_dict()) if plain else None
+    if squares is None:
         raise Refused("the matrix that is declared nonnegative is not shown to remain so: R' must be c R + S with S nonnegative")
-    F = [[ring.variables[i] for i in ring.free(p, "F")] for _ in range(p)]
-    return {places[i][j]: sum((F[i][k] * F[j][k] for k in range(p)), ring.constant(fmpq(0))) for i in range(p) for j in range(p)}
+    of_F = [ring.free(p, "F") for _ in range(p)]
+    F, zero = [[ring.variables[i] for i in row] for row in of_F], ring.constant(fmpq(0))
+    factors = {places[i][j]: sum((F[i][k] * F[j][k] for k in range(p)), zero) for i in range(p) for j in range(p)}
+    return factors, Recorded(places, of_v, of_F, squares)
 
 
 class _Substitution:
@@ -307,7 +402,7 @@ def _without_normals(reading: Reading, falls: Rational) -> Rational:
     return falls.replaced(zero)
 
 
-def _is_positive(den: Any) -> bool:
+def is_positive(den: Any) -> bool:
     """Whether the denominator is a positive constant plus terms of even powers with positive coefficients, and is therefore at
     least that constant everywhere."""
     terms = den.to_dict()
@@ -316,7 +411,7 @@ def _is_positive(den: Any) -> bool:
 
 
 def _require_positive_denominators(reading: Reading, *more: Rational) -> None:
-    if not all(_is_positive(one.den) for one in (*reading.rates.values(), *reading.control, *more)):
+    if not all(is_positive(one.den) for one in (*reading.rates.values(), *reading.control, *reading.regressor, *more)):
         raise Refused(
             "a denominator is not shown to be positive: it must be a positive number plus even powers, such as 1 + phi'phi"
         )
@@ -328,44 +423,45 @@ class _Cells:
     def __init__(self, reading: Reading, known_set: KnownSet | None) -> None:
         self.reading = reading
         self.extent = None if known_set is None else known_set.extent
-        self.how, self.used = "a sum of squares", False
+        self.used, self._done = False, 0
 
-    def show(self, function: Rational) -> bool:
-        """Whether a function with a positive denominator is proven nonnegative."""
-        if is_sum_of_squares(function.num.to_dict()):
-            self.how = "a sum of squares"
-            return True
+    def show(self, function: Rational) -> Nonnegative | None:
+        """The proof that a function with a positive denominator is nonnegative; None if there is none."""
+        squares = sum_of_squares(function.num.to_dict())
+        if squares is not None:
+            return Nonnegative(squares)
         moving = [i for i in self.reading.theta if i in function.used]
         if self.extent is None or not moving or not all(np.isfinite(end).all() for end in self.extent):
-            return False
+            return None
         first = self.reading.theta.start
         ends = [{i: exact_number(float(end[i - first])) for i in moving} for end in self.extent]
-        return self._on_cells(function, ends[0], ends[1])
+        self._done = 0
+        found = self._on_cells(function, ends[0], ends[1])
+        self.used |= found is not None
+        return None if found is None else Nonnegative(found)
 
-    def _on_cells(self, function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq]) -> bool:
+    def _on_cells(self, function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq]) -> Cell | None:
         """Halve cells until all Bernstein coefficients, which are functions of all variables except theta, are sums of squares.
         The coefficient at a vertex equals the function there, so halving does not change it."""
-        left, done = [(lower, upper)], 0
-        while left:
-            a, b = left.pop()
-            done += 1
-            if done > MOST_CELLS:
-                return False
-            failing = next((one for one in _bernstein(function, a, b) if not is_sum_of_squares(one.of.num.to_dict())), None)
-            if failing is None:
-                continue
-            if failing.at_vertex:
-                return False
-            widest = max(a, key=lambda i: as_float(b[i] - a[i]))
-            if a[widest] == b[widest]:
-                return False
-            middle = (a[widest] + b[widest]) / 2
-            left += [(a, b | {widest: middle}), (a | {widest: middle}, b)]
-        self.used = True
-        self.how = (
-            f"a sum of squares on each of {done} cells of the known set" if done > 1 else "a sum of squares over the known set"
-        )
-        return True
+        self._done += 1
+        if self._done > MOST_CELLS:
+            return None
+        proofs = []
+        for one in _bernstein(function, lower, upper):
+            squares = sum_of_squares(one.of.num.to_dict())
+            if squares is None:
+                return None if one.at_vertex else self._on_halves(function, lower, upper)
+            proofs.append(squares)
+        return Cell(proofs)
+
+    def _on_halves(self, function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq]) -> Cell | None:
+        widest = max(lower, key=lambda i: as_float(upper[i] - lower[i]))
+        if lower[widest] == upper[widest]:
+            return None
+        middle = (lower[widest] + upper[widest]) / 2
+        low = self._on_cells(function, lower, upper | {widest: middle})
+        high = None if low is None else self._on_cells(function, lower | {widest: middle}, upper)
+        return None if low is None or high is None else Cell([], widest - self.reading.theta.start, middle, (low, high))
 
 
 class _Coefficient(NamedTuple):
@@ -420,9 +516,8 @@ def _counterexample(cells: _Cells, rest: Rational) -> str:
 
 def _require_motion(reading: Reading, in_V: tuple[int, ...]) -> None:
     """Require that no part of the state outside V escapes in finite time: one group after another must be linear in its own
-    states, given the parts already known to be bounded."""
-    bounded = {*reading.e, *reading.x, *reading.r, *reading.theta, *in_V} | {i for one in reading.normals for i in one.places}
-    left = set(reading.state) - bounded
+    states, given the parts already known to be bounded and without what projections subtract."""
+    left = set(reading.state) - set(in_V)
     while left:
         group = set(left)
         while bad := {i for i in group if not _is_linear(reading, reading.rates[i], group, left)}:
@@ -435,6 +530,7 @@ def _require_motion(reading: Reading, in_V: tuple[int, ...]) -> None:
 def _is_linear(reading: Reading, rate: Rational, group: set[int], left: set[int]) -> bool:
     through = {i for i in rate.used if i in reading.ring.functions and _variables(reading, reading.ring.variables[i]) & left}
     down = [i for i, degree in enumerate(rate.den.degrees()) if degree > 0]
-    if through or set(down) & left or (rate.used & left) - group:
+    normals = {i for one in reading.normals for i in one.places}  # which may grow with the projected rate
+    if rate.used & normals or through or set(down) & left or (rate.used & left) - group:
         return False
     return all(sum(powers[i] for i in group) <= 1 for powers in rate.num.to_dict())
