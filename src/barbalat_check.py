@@ -1545,8 +1545,8 @@ class Law:
             self.below *= below // below.gcd(self.below)
         require(self.bounded_below(self.below), "a denominator must be a positive number plus even powers")
         over = {name: above * (self.below // below) for name, (above, below) in given.items()}
-        hidden = {name for one in over.values() for name in self.used(one * self.below)} & set(free)
-        require(not hidden, "the law must not depend on the variables of a matrix that stays nonnegative")
+        hidden = {name for one in over.values() for name in self.used(one * self.below)} & {*self.theta, *free}
+        require(not hidden, "the law must not depend on theta or on the variables of a matrix that stays nonnegative")
         self.u, self.rates = [over.pop(j) for j in inputs], over
         phi = self.x if case.linear else self.phi
         acts = [self.sum((phi[k // case.m], self.theta[k]) for k in range(j, p, case.m)) * self.below + self.u[j] for j in inputs]

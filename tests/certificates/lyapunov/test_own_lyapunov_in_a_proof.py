@@ -252,8 +252,8 @@ def unprojected(facts):
             del rate["above"][monomial]
 
 
-def hidden(facts):
-    facts["law"]["rates"]["theta_hat_1"]["above"]["v_1"] = "1"
+def hidden(name):
+    return lambda facts: facts["law"]["rates"]["theta_hat_1"]["above"].update({name: "1"})
 
 
 def growing_u(facts):
@@ -321,7 +321,8 @@ FALSE = {
     "a memory that no witness keeps": (
         of_line(LEARNING, "lyapunov_decay", lambda line: line["witness"]["nonnegative"][0].update(basis=[])), "do not add up",
     ),
-    "a law with a hidden variable": (of_facts(LEARNING, hidden), "must not depend on the variables of a matrix"),
+    "a law with a hidden variable": (of_facts(LEARNING, hidden("v_1")), "must not depend on theta or on the variables"),
+    "a law that knows theta": (of_facts(COMPOSITE, hidden("theta_1")), "must not depend on theta"),
     "estimates that are only kept inside": (of_facts(COMPOSITE, unprojected), "must be projected"),
     "a state that escapes": (of_facts(TUNER, escaping), "may escape in finite time"),
     "a state that grows with the projection": (of_facts(COMPOSITE, growing_with_the_projection), "may escape in finite time"),
