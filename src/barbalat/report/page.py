@@ -18,7 +18,6 @@ from markupsafe import Markup
 from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.design.design import Design
-from barbalat.comparison.plants import drawn_from
 from barbalat.comparison.suite.suite import Standings
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
@@ -28,16 +27,15 @@ from barbalat.papers.claim import Claim
 from barbalat.papers.finding import Finding
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.problem.state_feedback import Problem
-from barbalat.report import contest as contest_rows
-from barbalat.report import design as design_rows
+from barbalat.report import contest as contest_texts
+from barbalat.report import design as design_texts
 from barbalat.report import dispersed, flights, replayed, tradeoff
-from barbalat.report import suite as suite_rows
-from barbalat.report import tuning as tuning_rows
+from barbalat.report import identification as identification_texts
+from barbalat.report import suite as suite_texts
+from barbalat.report import tuning as tuning_texts
 from barbalat.report.documents import by_side, coverage
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
-from barbalat.report.identification import caption, equation, operating, residual_rows, sentence
-from barbalat.report.identification import rows as identified
 from barbalat.report.rendering import render
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, meanings, shares, varied
 from barbalat.study.replay import Replay
@@ -91,8 +89,7 @@ def reproduction(
 def trade_off(found: TradeOff, picture: ReportFigure) -> str:
     """The page of ``barbalat tradeoff``."""
     titles = {which: TITLES[which] for which in panels(found)}
-    tables = {"rows": tradeoff.rows, "at_equal_error": tradeoff.at_equal_error, "ranking": tradeoff.ranking}
-    return _rendered("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
+    return _rendered("tradeoff.html", found=found, picture=picture, titles=titles, texts=tradeoff)
 
 
 def linked(text: Markup, names: Sequence[str]) -> Markup:
@@ -125,71 +122,27 @@ def flight(
     found: FlightComparison, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None
 ) -> str:
     """Return the page of ``barbalat fly``. The pictures over time and in space are given by failure name."""
-    told = {
-        "title": flights.title,
-        "facts": flights.facts,
-        "rows": flights.rows,
-        "reasons": flights.reasons,
-        "losses": flights.losses,
-        "best_and_worst": flights.best_and_worst,
-        "suspects": flights.suspects,
-    }
-    headings = tuple(heading.replace("\n", " ") for heading in flights.headings(found))
-    values = {
-        "headings": headings,
-        "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),
-        "paths": paths,
-        "film": film,
-        "verdicts": flights.verdicts(found),
-        "notes": flights.notes(found),
-    }
-    return _rendered("flights.html", found=found, pictures=pictures, **told, **values)
+    return _rendered("flights.html", found=found, pictures=pictures, paths=paths, film=film, texts=flights)
 
 
 def dispersed_flights(found: DispersedComparison) -> str:
     """The page of ``barbalat fly --dispersions``."""
-    told = {"rows": dispersed.rows, "losses": dispersed.losses, "verdicts": dispersed.verdicts}
-    values = {
-        "facts": dispersed.facts(found),
-        "notes": dispersed.notes(found),
-        "headings": tuple(heading.replace("\n", " ") for heading in dispersed.headings(found)),
-        "loss_headings": dispersed.loss_headings(found),
-    }
-    return _rendered("dispersed.html", found=found, **told, **values)
+    return _rendered("dispersed.html", found=found, texts=dispersed)
 
 
 def tuning(found: Tuning, picture: ReportFigure | None) -> str:
     """The page of ``barbalat tune``."""
-    rows_of = tuning_rows
-    made = (
-        rows_of.verdicts, rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged,
-        drawn_from,
-    )  # fmt: skip
-    return _rendered("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
+    return _rendered("tuning.html", found=found, picture=picture, texts=tuning_texts)
 
 
 def contest(found: Contest, picture: ReportFigure | None) -> str:
     """The page of ``barbalat contest``."""
-    rows_of = contest_rows
-    made = (
-        rows_of.verdicts, rows_of.summary, rows_of.rule, rows_of.held_out, rows_of.failures, rows_of.margins, rows_of.errors,
-        rows_of.pairs, rows_of.own,
-    )  # fmt: skip
-    headings = {
-        "SUMMARY": rows_of.SUMMARY,
-        "FAILURES": rows_of.FAILURES,
-        "MARGINS": rows_of.MARGINS,
-        "ERRORS": rows_of.ERRORS,
-        "PAIRS": rows_of.PAIRS,
-        "OWN": rows_of.OWN,
-    }
-    return _rendered("contest.html", found=found, picture=picture, **headings, **{one.__name__: one for one in made})
+    return _rendered("contest.html", found=found, picture=picture, texts=contest_texts)
 
 
 def suite(found: Standings) -> str:
     """The page of ``barbalat contest --suite``."""
-    made = (suite_rows.identity, suite_rows.rebuilt, suite_rows.page_rows)
-    return _rendered("suite.html", found=found, COLUMNS=suite_rows.PAGE_COLUMNS, **{one.__name__: one for one in made})
+    return _rendered("suite.html", found=found, texts=suite_texts)
 
 
 def design(found: Design, picture: ReportFigure | None, *, explorer: str | None, files: Sequence[str], text: str | None) -> str:
@@ -199,38 +152,18 @@ def design(found: Design, picture: ReportFigure | None, *, explorer: str | None,
     files     sentences on the further files
     text      the text of the case file
     """
-    made = (design_rows.title, design_rows.rows, design_rows.sentences)
-    return _rendered(
-        "design.html", found=found, picture=picture, explorer=explorer, files=files, text=text, COLUMNS=design_rows.COLUMNS,
-        **{one.__name__: one for one in made},
-    )  # fmt: skip
+    return _rendered("design.html", found=found, picture=picture, explorer=explorer, files=files, text=text, texts=design_texts)
 
 
 def identification(found: Identification, picture: ReportFigure, source: str, text: str) -> str:
     """Return the page of an identified plant: coefficients, residuals on validation samples and the case file."""
-    return _rendered(
-        "identification.html",
-        found=found,
-        picture=picture,
-        source=source,
-        text=text,
-        rows=identified,
-        residual_rows=residual_rows,
-        caption=caption,
-        operating=operating,
-        equation=equation,
-        sentence=sentence,
-    )
+    return _rendered("identification.html", found=found, picture=picture, source=source, text=text, texts=identification_texts)
 
 
 def replay(found: Mapping[str, Replay], problem: Problem, picture: ReportFigure, source: str, case: str) -> str:
     """Return the page of a recording that was replayed through the estimators of a case: the estimates, and the controls compared
     with the recorded control."""
-    made = (replayed.title, replayed.rows, replayed.sentences)
-    return _rendered(
-        "replayed.html", found=found, problem=problem, picture=picture, source=source, case=case, COLUMNS=replayed.COLUMNS,
-        **{one.__name__: one for one in made},
-    )  # fmt: skip
+    return _rendered("replayed.html", found=found, problem=problem, picture=picture, source=source, case=case, texts=replayed)
 
 
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:
