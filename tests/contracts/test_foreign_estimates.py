@@ -19,8 +19,6 @@ from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.explorer.explorer import explore
-from barbalat.export.c99.files import files
-from barbalat.export.fmu.archive import units
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.regressors import Polynomial
 from barbalat.roles import Role
@@ -31,6 +29,7 @@ from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
 from case_texts import OWN
+from export.made import files, units
 from foreign_estimates import CONTROLLERS, HighOrder, Predicting, Sliding, Weighing
 from independent import refusal
 

@@ -15,8 +15,6 @@ from barbalat import Sampled, simulate
 from barbalat.certificates.certify import certify
 from barbalat.cli import main
 from barbalat.comparison.starts import initial_estimates
-from barbalat.export.c99.files import files
-from barbalat.export.fmu.archive import units
 from barbalat.interfaces import Role
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox
@@ -24,6 +22,7 @@ from barbalat.roles import column_names, roles_of, state_parts, within
 from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
 from case_texts import OWN
+from export.made import files, units
 from foreign import wrong
 from independent import refusal
 from strangers import CONTROLLERS, NoEstimate, Sixteen, TwoLayers

@@ -33,8 +33,6 @@ from barbalat.controllers.windup import ModifiedError
 from barbalat.explorer.commands import grids_of, is_computed, is_formula, points_of, smooth_module
 from barbalat.explorer.describe import Described
 from barbalat.explorer.source import ObjectSource
-from barbalat.export.c99.files import files
-from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, Normalization, SwitchingSigma
@@ -58,6 +56,7 @@ from barbalat.targets import (
 from barbalat.validate import InputError
 from contracts import case_examples
 from export.examples import GAIN, OUTPUT, POLYNOMIAL, SEVERAL, STATE
+from export.made import files, units
 from independent import example_controllers, example_output_controllers, refusal
 
 T = 2.0**-6

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from barbalat import Simulation
-from barbalat.export.c99.files import files
 from barbalat.export.compiler import loaded, require_compiler, shared_library
+from export.made import files
 
 CALLS = """\
 #include "controller.h"

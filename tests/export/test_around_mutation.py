@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from barbalat.export.c99.files import files, made_of
+from barbalat.export.c99.files import made_of
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import DOUBLE
 from export.around_mutation import FULL, KINDS, found_around
 from export.examples import SIMULATION
+from export.made import files
 from export.targets import ISO, STRICT, needs_gcc, run_selftest, write
 from export.test_shell import surrounded
 from turns import once

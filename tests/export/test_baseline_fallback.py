@@ -22,10 +22,10 @@ from barbalat import (
     TransferFunction,
     simulate,
 )
-from barbalat.export.c99.files import files
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.plants import Dropout, LqiBaseline, PidBaseline, Shell, StateBaseline
 from barbalat.signals import Sine
+from export.made import files
 from export.targets import ISO, STRICT, needs_gcc, run_selftest, write
 
 T, OUT, FADE = 0.01, 0.03, 0.1

@@ -24,7 +24,6 @@ from barbalat import (
 )
 from barbalat.cli import main
 from barbalat.export import exported_step
-from barbalat.export.c99.files import files
 from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.exported_step import exported_c
 from barbalat.laws import AsFlown
@@ -33,6 +32,7 @@ from barbalat.run.engine.simulate import recorded
 from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.signals import Constant, Sine
 from export.examples import SEVERAL
+from export.made import files
 from export.targets import ISO, needs_gcc, run_selftest, write
 from independent import refusal
 

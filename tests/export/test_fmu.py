@@ -18,13 +18,12 @@ from barbalat import Mrac, Sampled, Simulation
 from barbalat.cases.load import load_case
 from barbalat.cli import main
 from barbalat.export.acceptance import Order
-from barbalat.export.c99.files import files
-from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
 from barbalat.exports import export_controller
 from barbalat.plants import Labels, PlantInput
 from barbalat.signals import Sine, Square
 from export.examples import FREE, STATE, T, sampled_examples
+from export.made import files, units
 from export.slave import Slave
 from export.targets import ISO, STRICT, needs, needs_gcc, write
 from export.units import Ensemble, write_units

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled
-from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
 from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
@@ -19,6 +18,7 @@ from barbalat.plants import PlantInput, Shell
 from barbalat.run.engine.simulate import recorded
 from barbalat.signals import Sine
 from export.examples import SIMULATION, T
+from export.made import files
 from export.targets import ISO, STRICT, drive, needs_gcc, run_selftest, write
 from export.test_bit_identical import EXAMPLES, ONE_OF_EACH
 from turns import drawn

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from barbalat import Sampled
-from barbalat.export.c99.files import files
 from export.examples import FREE, SIMULATION, T, sampled_examples, schemes_covered
+from export.made import files
 from export.targets import ISO, STRICT, needs, needs_gcc, needs_gxx, run_selftest, write
 from foreign import Plain, PlainEquations
 from turns import once

@@ -12,16 +12,18 @@ import pytest
 
 from barbalat.cli import main
 from barbalat.export.acceptance import Order
-from barbalat.export.c99.files import files, made_of
+from barbalat.export.c99.files import made_of
 from barbalat.export.evaluation import evaluate
 from barbalat.export.settable import parameter_names
 from barbalat.export.settable_selftest import tried
 from barbalat.export.source import header, source
+from barbalat.export.target import Request, targets
 from barbalat.export.texts import Printed
 from barbalat.export.vectors import chosen
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.plants import Shell
 from export.examples import SIMULATION, sampled_examples
+from export.made import files
 from export.mutation import found_in_c
 from export.proof import STATES, alarms
 from export.targets import ISO, STRICT, needs, needs_gcc, run_selftest, same_bits, write
@@ -471,3 +473,13 @@ def test_names_of_parameters_differ() -> None:
     for name in KINDS[:4]:
         names = parameter_names(printed(name))
         assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("target", ["c99", "rust"])
+def test_the_files_name_parameters_by_the_paths_of_the_case(target) -> None:
+    """The second controller of a case is controller[1] in its texts."""
+    problem, controller = EXAMPLES[KINDS[1]]
+    asked = Request(problem=problem, controller=controller, simulation=SIMULATION, parameters=True, place=1)
+    text = targets()[target].files(asked)["README.md"]
+    assert "controller[1].gamma" in text
+    assert "controller[0]" not in text

@@ -13,7 +13,6 @@ import pytest
 from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled
 from barbalat.cases.load import parse_case
 from barbalat.cli import main
-from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.export.source import header, source
@@ -27,6 +26,7 @@ from barbalat.signals import Sine, Square
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from export.examples import SIMULATION, T
+from export.made import files
 from export.targets import ISO, STRICT, drive, needs_gcc, run_selftest, same_bits, write
 from export.test_bit_identical import EXAMPLES
 from export.test_losses import Listed

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from barbalat import KnownParameters, LinearFeedback, ReferenceModel, Sampled, Simulation, TransferFunction, simulate
-from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
 from barbalat.export.fmu.base_units import base_unit
 from barbalat.export.own_run import own_run_warning
@@ -23,6 +22,7 @@ from barbalat.plants import Dropout, LuenbergerObserver, PlantInput, Shell
 from barbalat.problem.labels import Labels
 from barbalat.signals import Step
 from export.examples import SIMULATION, STATE, T
+from export.made import files
 from export.test_name import CONTROLLER
 
 KNOWN = Sampled(controller=KnownParameters(theta=[1.0, -0.5], name="known"), sample_time=T, discretization="euler")

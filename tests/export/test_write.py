@@ -13,11 +13,11 @@ import pytest
 
 from barbalat import L1Adaptive, L1PiecewiseConstant, Mrac, Sampled, Simulation, input_filter
 from barbalat.cli import main
-from barbalat.export.c99.files import files
 from barbalat.export.layout import distinct, identifier, prefix_of
 from barbalat.exports import export_controller
 from barbalat.plants import PlantInput
 from export.examples import SIMULATION, STATE, T
+from export.made import files
 from export.targets import ISO, needs_gcc, run_selftest
 from independent import refusal
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
 from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel.grid import signal_table
 from barbalat.run.kernel.portable import standard_normal
+from export.made import units
 
 
 def write_units(folder: Path, problem, controller, simulation, version: int, **settings) -> dict[str, Path]:

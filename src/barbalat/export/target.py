@@ -30,10 +30,10 @@ class Request:
     problem: TrackingProblem
     controller: Controller
     simulation: Simulation
-    float32: bool
-    closed_loop: bool
-    sources_only: bool
-    place: int
+    float32: bool = False
+    closed_loop: bool = False
+    sources_only: bool = False
+    place: int = 0
     name: str = ""
     parameters: bool = False
     warning: Callable[[], str] = lambda: ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 from barbalat import validate
 from barbalat.export.c99.files import sources
@@ -46,15 +47,7 @@ def files(asked: Request) -> dict[str, str]:
     if asked.closed_loop:
         raise InputError("the target ardupilot exports only the controller: use the target c99 for the closed loop")
     name = asked.name or prefix_of(asked.controller.name)
-    printed, texts = sources(
-        asked.problem,
-        asked.controller,
-        asked.simulation,
-        float32=True,
-        name=name,
-        parameters=asked.parameters,
-        warning=asked.warning,
-    )
+    printed, texts = sources(replace(asked, float32=True, name=name))
     _require_axis(printed)
     names = parameters(printed)
     measured = printed.contents.sizes[0]

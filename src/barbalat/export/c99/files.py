@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from textwrap import fill
 
 import numpy as np
@@ -19,7 +18,7 @@ from barbalat.export.selftest import selftest
 from barbalat.export.settable import parameters_readme
 from barbalat.export.shell import in_ranges, shell_readme
 from barbalat.export.source import channels, header, input_units, is_piecewise, shape, source, units_text
-from barbalat.export.target import require_case
+from barbalat.export.target import Request, require_case
 from barbalat.export.texts import Printed, command_units, filled, indented, readable
 from barbalat.lowering import c99
 from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
@@ -31,56 +30,31 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError, counted
 
 
-def files(
-    problem: TrackingProblem,
-    controller: Controller,
-    simulation: Simulation,
-    *,
-    float32: bool = False,
-    closed_loop: bool = False,
-    name: str = "",
-    parameters: bool = False,
-    place: int = 0,
-    warning: Callable[[], str] = lambda: "",
-) -> dict[str, str]:
-    """The files of an export in C99, by name; raises InputError as ``export_controller`` does."""
-    given = {"float32": float32, "closed_loop": closed_loop, "parameters": parameters}
-    return sources(problem, controller, simulation, name=name, place=place, warning=warning, **given)[1]
-
-
-def sources(
-    problem: TrackingProblem,
-    controller: Controller,
-    simulation: Simulation,
-    *,
-    float32: bool = False,
-    closed_loop: bool = False,
-    name: str = "",
-    parameters: bool = False,
-    place: int = 0,
-    warning: Callable[[], str] = lambda: "",
-) -> tuple[Printed, dict[str, str]]:
-    """The files in C99 together with the export from which they are printed, for wrappers around the C."""
+def sources(asked: Request) -> tuple[Printed, dict[str, str]]:
+    """The files of an export in C99, by name, and the export from which they are printed, for wrappers around the C; raises
+    InputError as ``export_controller`` does."""
+    problem, controller, simulation = asked.problem, asked.controller, asked.simulation
     require_case(problem, simulation)
-    contents = made_of(problem, controller, simulation, FLOAT if float32 else DOUBLE, parameters=parameters, place=place)
-    printed = Printed(contents, name)
+    real = FLOAT if asked.float32 else DOUBLE
+    contents = made_of(problem, controller, simulation, real, parameters=asked.parameters, place=asked.place)
+    printed = Printed(contents, asked.name)
     found = {
         "controller.h": header(printed),
         "controller.c": source(printed),
         "selftest.c": selftest(printed),
-        "README.md": readme(printed, closed_loop=closed_loop, warning=warning()),
+        "README.md": readme(printed, closed_loop=asked.closed_loop, warning=asked.warning()),
     }
-    if closed_loop:
+    if asked.closed_loop:
         if problem.handed_controls:
             raise InputError(
                 "the exported plant does not contain the existing loop: set baseline.external = false for a closed loop in C"
             )
         problem = problem.nominal
-        opened = contents.opened if parameters else Opened.of(problem, controller, simulation, tunable=False)
+        opened = contents.opened if asked.parameters else Opened.of(problem, controller, simulation, tunable=False)
         assert opened is not None
         made = PrintedPlant(PlantContents.of(problem, opened), printed)
         found |= {"plant.h": plant_header(made), "plant.c": plant_source(made), "loop.c": loop_program(made)}
-    return printed, named(found, name)
+    return printed, named(found, asked.name)
 
 
 def made_of(

@@ -9,19 +9,10 @@ from barbalat.export.target import Request, Target
 
 
 def _files(asked: Request) -> dict[str, str]:
-    from barbalat.export.c99.files import files
+    from barbalat.export.c99.files import sources
 
-    return files(
-        asked.problem,
-        asked.controller,
-        asked.simulation,
-        float32=asked.float32,
-        closed_loop=asked.closed_loop,
-        name=asked.name,
-        parameters=asked.parameters,
-        place=asked.place,
-        warning=asked.warning,
-    )
+    _, files = sources(asked)
+    return files
 
 
 def _joined(folder: Path, made: Mapping[str, str | bytes]) -> dict[str, str]:

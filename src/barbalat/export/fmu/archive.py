@@ -22,12 +22,9 @@ from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
 from barbalat.export.source import header, source
-from barbalat.export.target import require_case
+from barbalat.export.target import Request, require_case
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE, FLOAT
-from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
-from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 OPTIONS = ("-std=c99", "-ffp-contract=off")
@@ -385,25 +382,16 @@ def _text(root: xml.Element) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, encoding="unicode") + "\n"
 
 
-def units(
-    problem: TrackingProblem,
-    controller: Controller,
-    simulation: Simulation,
-    *,
-    version: int,
-    float32: bool = False,
-    closed_loop: bool = False,
-    compiled: bool = True,
-    place: int = 0,
-    name: str = "",
-) -> dict[str, bytes]:
+def units(asked: Request, version: int) -> dict[str, bytes]:
     """The units of an export in version 2 or 3 of FMI, by name; raises InputError as ``export_controller`` does."""
-    require_case(problem, simulation)
-    surrounded, problem = problem, problem.nominal
-    opened = Opened.of(problem, controller, simulation, tunable=True, place=place)
-    printed = Printed(Contents.of(surrounded, controller, simulation, FLOAT if float32 else DOUBLE, opened=opened), name)
+    require_case(asked.problem, asked.simulation)
+    problem, controller, simulation = asked.problem.nominal, asked.controller, asked.simulation
+    opened = Opened.of(problem, controller, simulation, tunable=True, place=asked.place)
+    real = FLOAT if asked.float32 else DOUBLE
+    printed = Printed(Contents.of(asked.problem, controller, simulation, real, opened=opened), asked.name)
     made = [Unit(printed, True, None)]
-    if closed_loop:
+    if asked.closed_loop:
         plant = PrintedPlant(PlantContents.of(problem, opened), printed)
         made += [Unit(printed, False, plant), Unit(printed, True, plant)]
+    compiled = not asked.sources_only
     return {f"{unit.identifier}.fmu": Archive(unit, version, simulation.t_end).bytes(compiled=compiled) for unit in made}

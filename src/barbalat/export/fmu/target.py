@@ -10,17 +10,7 @@ from barbalat.export.target import Request, Target
 def _units(asked: Request, version: int) -> dict[str, bytes]:
     from barbalat.export.fmu.archive import units
 
-    return units(
-        asked.problem,
-        asked.controller,
-        asked.simulation,
-        version=version,
-        float32=asked.float32,
-        closed_loop=asked.closed_loop,
-        compiled=not asked.sources_only,
-        place=asked.place,
-        name=asked.name,
-    )
+    return units(asked, version)
 
 
 def _check(folder: str, closed_loop: bool) -> str:

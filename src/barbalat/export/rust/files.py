@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat.export.c99.files import named, sources
-from barbalat.export.plain import plain_functions
 from barbalat.export.settable import parameter_names
 from barbalat.export.target import Request
 from barbalat.export.texts import Printed, filled, indented
@@ -19,15 +18,7 @@ def files(asked: Request) -> dict[str, str]:
     """The files by name; raises InputError as ``export_controller`` does."""
     if asked.closed_loop:
         raise InputError("the target rust exports only the controller: use the target c99 for the closed loop")
-    printed, texts = sources(
-        asked.problem,
-        asked.controller,
-        asked.simulation,
-        float32=asked.float32,
-        name=asked.name,
-        parameters=asked.parameters,
-        warning=asked.warning,
-    )
+    printed, texts = sources(asked)
     own = next(iter(named({"controller.h": ""}, asked.name))), next(iter(named({"controller.c": ""}, asked.name)))
     y, q, m, p = printed.contents.sizes
     around = printed.contents.around
@@ -51,11 +42,27 @@ def files(asked: Request) -> dict[str, str]:
         "sample_time": f"{float(printed.contents.real.numbers(printed.contents.sample_time))!r}",
     }
     return texts | {
-        "plain.c": plain_functions(printed, own[0]),
+        "plain.c": _plain_functions(printed, own[0]),
         "Cargo.toml": filled("Cargo.toml", name=printed.name.lower()),
         "build.rs": filled("build.rs", name=printed.name, controller=own[1]),
         "lib.rs": filled("lib.rs", **given),
     }
+
+
+def _plain_functions(printed: Printed, header: str) -> str:
+    """The text of plain.c: functions of plain arguments around the controller, because Rust does not read its structs."""
+    return filled(
+        "plain.c",
+        origin=printed.origin,
+        header=header,
+        name=printed.name,
+        macro=printed.macro,
+        real=printed.real,
+        measured=printed.measured,
+        estimates="    memcpy(theta_hat, out.theta_hat, sizeof out.theta_hat);\n"
+        if printed.contents.sizes[3]
+        else "    (void)theta_hat;\n",
+    )
 
 
 def _settable(printed: Printed, number: str) -> dict[str, str]:
