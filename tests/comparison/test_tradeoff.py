@@ -1,4 +1,4 @@
-"""Trade-offs: fronts compared with brute force, all bundled cases, the forecast of the time, and the page's text."""
+"""Trade-offs: fronts compared with brute force, all bundled cases, and the page's text."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.comparison import grids
 from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.plants import plants_of
-from barbalat.comparison.tradeoff import forecast
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, trade_off
-from barbalat.controllers import SCHEMES, Mrac, Sampled
+from barbalat.controllers import SCHEMES, Mrac
 from barbalat.controllers.robust_mrac import NormalizedMrac
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.folders import Folder
@@ -67,12 +66,8 @@ def test_pareto_front_against_brute_force():
 
 def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
     chosen = (TuningGrid(scheme="MRAC", values={"gamma": np.array([1e-3, 1e-1])}, make=lambda gamma: Mrac(gamma=gamma)),)
-    seen, said = [], []
-    found = trade_off(
-        section_v, Simulation(t_end=20.0, dt=1e-3), knobs=chosen, plants=3, estimate=said.append, progress=seen.append
-    )
-    assert len(said) == 1
-    assert said[0] > 0
+    seen = []
+    found = trade_off(section_v, Simulation(t_end=20.0, dt=1e-3), knobs=chosen, plants=3, progress=seen.append)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     (cloud,) = found.clouds
@@ -165,17 +160,13 @@ def _two_gains(make=lambda gamma: Mrac(gamma=gamma)):
     return (TuningGrid(scheme="MRAC", values={"gamma": np.array([1.0, 10.0])}, make=make),)
 
 
-def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
-    """With noise of 0.1 s and samples of 0.2 s, a run of 3 steps, 12 ms, would be too short for either. The error includes the
-    noise."""
+def test_the_error_includes_the_noise_of_the_case_and_the_delay_does_not():
     noisy = replace(SMALL, sensor=Sensor(noise=Noise(std=0.05, sample_time=0.1)))
     (plain,) = trade_off(SMALL, BRIEF, knobs=_two_gains(), plants=2).clouds
     found = trade_off(noisy, BRIEF, knobs=_two_gains(), plants=2)
     np.testing.assert_array_equal(found.clouds[0].onset, plain.onset)
     assert (found.clouds[0].error != plain.error).all()
     assert any("without the case's measurement noise" in note for note in found.notes)
-    member = noisy, Sampled(Mrac(gamma=1.0), 0.2)
-    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # the page is written and not rejected
 
 
 @pytest.mark.parametrize("gain", [None, 2.0])
@@ -240,32 +231,6 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
     assert "none of the tunings that were tried (2 of MRAC) tracks the model" in refusal(
         lambda: trade_off(still, BRIEF, knobs=idle, plants=1)
     )
-
-
-def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):
-    """With a clock that follows the model exactly, the result is the model's three numbers."""
-    call, member, step = 0.3, 2e-3, 5e-8
-    monkeypatch.setattr(forecast, "_timed", lambda members, _, steps: call + len(members) * (member + steps * step))
-    members = [(section_v, Mrac(gamma=1.0))] * 100
-    found = forecast.Cost.measured(members, Simulation(t_end=60.0, dt=1e-4))
-    assert (found.call, found.member, found.step) == pytest.approx((call, member, step), rel=1e-6)
-
-
-def test_forecast_is_refined_by_what_was_seen():
-    """With an expected time of 30 s, the estimates determine the fraction of each part, and the pace determines its duration."""
-    expected = forecast.Forecast({"a": 10.0, "b": 20.0})
-    assert expected.total("a", 0.0, 0.0) == 30.0
-    assert expected.total("a", 0.5, 10.0) == 60.0  # a sixth of it took 10 s
-    expected.finished["a"] = 20.0
-    assert expected.total("b", 0.0, 0.0) == 60.0
-    assert expected.total("b", 1.0, 33.0) == 53.0
-
-
-def test_a_forecast_wrong_by_a_factor_of_four_is_right_after_a_tenth():
-    """65 s of work are estimated as 260 s, as on a machine that was busy while the small ensembles were timed."""
-    expected = forecast.Forecast({"a": 80.0, "b": 180.0})
-    for seconds in range(7, 20):
-        assert expected.total("a", seconds / 20, seconds) == pytest.approx(65.0)
 
 
 def _found(section_v, onset, loss) -> TradeOff:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate, Progress
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.plants import parameters_of, plants_of
-from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
@@ -137,7 +136,6 @@ def trade_off(
     longest: float | None = None,
     judge: Judge | None = None,
     lost: Lost | None = None,
-    estimate: Callable[[float], None] | None = None,
     progress: Progress | None = None,
 ) -> TradeOff:
     """Run every tuning of every scheme on the plant of the case and on ``plants`` - 1 others drawn from the known set.
@@ -146,9 +144,9 @@ def trade_off(
     longest   largest delay tried [s]; by default as in ``delay_margins``
     judge     the criteria for being lost and for a limit cycle; by default derived from the model's motion
     lost      the criterion for losing the commanded motion
-    estimate  called once with the expected total seconds, measured on a part of the work
-    progress  its fractions are fractions of the time, by a forecast that is refined in every round Raises InputError for a
-    problem without a known set.
+    progress  called with the completed fraction of the work
+
+    Raises InputError for a problem without a known set.
     """
     started = time.perf_counter()
     TRADE_OFF.require(problem)
@@ -160,15 +158,13 @@ def trade_off(
     chosen, left_out = default_knobs(problem, simulation, density=density, own=own) if knobs is None else (knobs, ())
     family = plants_of(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
-    forecast = Forecast.of(members, plants, simulation)
-    if estimate is not None:
-        estimate(time.perf_counter() - started + sum(forecast.expected.values()))
     motion, by = ReferenceMotion.of(problem, simulation), Judging(judge or Judge(), lost or Lost())
-    found = []
+    found, done, whole = [], 0, sum(map(len, members.values()))
     for k in chosen:
-        with forecast.timed(k.scheme):
-            group, part = members[k.scheme], _in_time(progress, forecast, k.scheme)
-            found.append(_delay_margins(group, plants, simulation, longest=longest, by=by, progress=part))
+        group = members[k.scheme]
+        part = part_of(progress, done / whole, len(group) / whole)
+        found.append(_delay_margins(group, plants, simulation, longest=longest, by=by, progress=part))
+        done += len(group)
     clouds = tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True))
     _require_motion(clouds)
     checks = _at_finer_step(chosen, clouds, found, problem, simulation, longest, by)
@@ -301,6 +297,8 @@ def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion)
     return said
 
 
+RUNS_EACH = 16.5
+"""Number of simulations per member, measured on Section V. Many members are lost early in the scan, and bisections follow."""
 TUNINGS_EACH_DENSITY = 6.5
 """Number of tunings of all schemes, divided by the square of the density. Section V has 932 tunings with a density of 12."""
 STEP_SECONDS = 1e-8
@@ -346,18 +344,3 @@ def _cloud(k: TuningGrid, found: DelayMargins, scale: float, plants: int) -> Clo
         for values in (np.where(found.tracks, error, np.nan), found.onset.tolerates, found.loss.tolerates)
     )
     return Cloud(scheme=k.scheme, tunings=tuple(k.tunings()), error=error, onset=onset, loss=loss)
-
-
-def _in_time(progress: Progress | None, forecast: Forecast, part: str) -> Progress | None:
-    """Return a progress function of a part that reports the fraction of the elapsed time, which never decreases."""
-    if progress is None:
-        return None
-    begun, before, told = time.perf_counter(), sum(forecast.finished.values()), 0.0
-
-    def advanced(fraction: float) -> None:
-        nonlocal told
-        seconds = time.perf_counter() - begun
-        told = max(told, min(1.0, (before + seconds) / forecast.total(part, fraction, seconds)))
-        progress(told)
-
-    return advanced
