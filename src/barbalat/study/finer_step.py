@@ -150,7 +150,6 @@ def delays_confirmed(
     numbers: Array,
     longest: float | None = None,
     by: Judging | None = None,
-    threads: int | None = None,
 ) -> list[Confirmed]:
     """Whether a finer step confirms the delays ``found`` for each of M members.
 
@@ -163,7 +162,7 @@ def delays_confirmed(
     beside = _either_side(found)
     fine = refined(simulation)
     ideals = Ideals(fine, beside) if 0 < len(beside) <= SIZES_TRIED else Ideals.over(fine, longest)
-    return _confirmed(members, found, ideals, asking, numbers, by or Judging(), threads)
+    return _confirmed(members, found, ideals, asking, numbers, by or Judging())
 
 
 def gains_confirmed(
@@ -174,7 +173,7 @@ def gains_confirmed(
     asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
     beside = _either_side(found)
     ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)
-    return _confirmed(members, found, ideals, asking, numbers, by, None)
+    return _confirmed(members, found, ideals, asking, numbers, by)
 
 
 @dataclass(frozen=True)
@@ -200,11 +199,10 @@ def _confirmed(
     asking: _Asking,
     numbers: Array,
     by: Judging,
-    threads: int | None,
 ) -> list[Confirmed]:
     fine, changes = ideals.simulation, [list[str]() for _ in members]
-    undelayed = Undelayed.run(members, fine, by.judge, numbers, threads)
-    judged = JudgedRuns(members, fine, undelayed, numbers, ideals, by, threads)
+    undelayed = Undelayed.run(members, fine, by.judge, numbers)
+    judged = JudgedRuns(members, fine, undelayed, numbers, ideals, by)
     count = found.oscillates.astype(int)
     for i in np.flatnonzero(found.oscillates & ~judged.oscillates):
         changes[i].append(f"at {fine.step} it does not oscillate without a delay")

@@ -67,10 +67,10 @@ def name_of(chunk: Chunk) -> str:
     return f"members-{chunk.first:012}.parquet"
 
 
-def require_parquet(purpose: str = "a store") -> None:
+def require_parquet() -> None:
     """Raise InputError if the packages for reading and writing Parquet are missing."""
     for module in ("pyarrow", "filelock"):
-        validate.require_extra(module, "study", purpose)
+        validate.require_extra(module, "study", "a store")
 
 
 def read_index(folder: Path) -> StoreIndex | None:

@@ -326,24 +326,24 @@ class Replayed:
         return [name for name, value in own.items() if name in stored and not np.array_equal(stored[name], value, equal_nan=True)]
 
 
-def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
+def replay(study: Study, member: int, *, progress: Progress | None = None) -> Replayed:
     """Run the member with this number on the kernel of its sweep, because a kernel made for it alone would round differently.
 
     A recorded run accumulates its sums in different blocks, so the metrics are taken from the unrecorded run.
     """
     validate.whole("member", member, least=0, most=len(study) - 1)
     settling, row = Settling(study), study.values(member, 1)
-    case, columns = study.varied.at(row[0]), settling.run(np.array([member]), threads=threads)
+    case, columns = study.varied.at(row[0]), settling.run(np.array([member]))
     results = []
     for i, (controller, name) in enumerate(zip(case.controllers, study.controllers, strict=True)):
         (factor,) = settled_by(columns.__getitem__, name)
         own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
         part = part_of(progress, i / len(case.controllers), 1 / len(case.controllers))
-        results.append(_recorded(own, member, i, controller, threads, part))
+        results.append(_recorded(own, member, i, controller, part))
     return Replayed(number=member, case=case, results=tuple(results), columns=columns)
 
 
-def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) -> dict[str, tuple[int, Result]]:
+def worst_runs(study: Study, found: SweepResult) -> dict[str, tuple[int, Result]]:
     """The worst member of each controller and its recorded run, with the step that settled it.
 
     Among the members of the worst class, this is the one that was lost first, or else the one with the largest error in the tail.
@@ -363,26 +363,24 @@ def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) 
         (factor,) = settled_by(found.column, name)[[worst]]
         own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
         try:
-            runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
+            runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], None)
         except StalledError:  # a single run has different rounding errors, which may decide whether it slides
             continue
     return runs
 
 
-def _recorded(
-    study: Study, member: int, number: int, controller: Controller, threads: int | None, progress: Progress | None
-) -> Result:
+def _recorded(study: Study, member: int, number: int, controller: Controller, progress: Progress | None) -> Result:
     """A member's run with one controller; its metrics are those of the unrecorded run."""
     row = study.values(member, 1)
     case, setting = study.varied.at(row[0]), study.setting(row[0], windows=MOST_WINDOWS)
     members = setting.members(row, study.plan.streams(member, 1))[number]
-    (plain,) = batches_run(study.setting(row[0]), [study_members(study, member)[number]], threads=threads)
+    (plain,) = batches_run(study.setting(row[0]), [study_members(study, member)[number]])
     if members.attempts is not None:
         seen = Observation.of(case.problem, controller, case.simulation, None, number=int(members.numbers[0]))
         seen.run(progress)
         return replace(seen.result(None, measured=False), metrics=plain.metrics(case.simulation.grid))
     batch = Batch.part(replace(members, loop=ClosedLoop.of(case.problem, controller)), slice(0, 1), record=True)
-    run([batch], setting.signals, case.simulation, threads=threads, progress=progress)
+    run([batch], setting.signals, case.simulation, progress=progress)
     found = result_of(case.problem, controller, case.simulation, batch)
     return replace(found, metrics=plain.metrics(case.simulation))
 

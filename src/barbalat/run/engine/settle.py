@@ -20,17 +20,14 @@ from barbalat.run.results.result import Result, Results
 from barbalat.solvers.simulation import Simulation
 
 
-def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
+def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS) -> Results:
     """Return the results, with the class at a finer step wherever the verdict has not been examined (``verdict.settled`` is
     None).
 
     Runs that left their region of stability are left to ``check_numerics``. A result is unchanged if none of the tried factors
     resolves the run, or if the finer run would take more steps than ``afforded_steps`` or than the budget allows.
     """
-    settled, pending = dict(results), [name for name, one in results.items() if _open(one, afforded_steps)]
-    for i, name in enumerate(pending):
-        settled[name] = _settled(results[name], part_of(progress, i / len(pending), 1 / len(pending)))
-    return Results(settled)
+    return Results({name: _settled(one) if _open(one, afforded_steps) else one for name, one in results.items()})
 
 
 def halved(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
@@ -70,8 +67,8 @@ def _affordable(result: Result, factor: float, afforded: int) -> bool:
     return steps_within(result.problem, [result.loop], result.simulation, int(steps)) >= steps
 
 
-def _settled(result: Result, progress: Progress | None) -> Result:
-    batch, finer = _finer(result, result.finer_by, progress)
+def _settled(result: Result) -> Result:
+    batch, finer = _finer(result, result.finer_by, None)
     assert result.judge is not None
     kind = judged(batch, finer, Terms.of(result.problem, finer, result.judge)).verdict(0).kind
     return replace(result, finer_kind=kind)

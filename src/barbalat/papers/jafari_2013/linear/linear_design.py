@@ -41,21 +41,6 @@ UNSTABLE_ERROR_FACTOR = 10.0
 """A loop is taken to be unstable if its error exceeds this multiple of the model's amplitude."""
 
 
-@dataclass(frozen=True)
-class ComparedController:
-    """A controller in the comparison."""
-
-    controller: Controller
-
-    @property
-    def name(self) -> str:
-        return self.controller.name
-
-    @property
-    def linear(self) -> bool:
-        return isinstance(self.controller, LinearFeedback)
-
-
 @dataclass(frozen=True, eq=False)
 class TailErrors:
     """Tail errors max |e| over SIZES at the corner, without and with DELAY, and at the theta of Section V; NaN if the run
@@ -73,7 +58,7 @@ L1_NAME, PI_NAME = "L1-AC, Γ = 100, κ = 0.02 s", "PI"
 def claims() -> list[Claim]:
     """Measure both rows. Without the extra ``robust`` they include only the PI controller, and say so."""
     contestants, missing = _contestants()
-    measured = {c.name: _measure(c.controller) for c in contestants}
+    measured = {c.name: _measure(c) for c in contestants}
     against_pi = claim(measured[L1_NAME].plain, measured[PI_NAME].plain)
     return [_adaptive_against_linear(contestants, measured, missing), against_pi, _non_adaptive(contestants, missing)]
 
@@ -82,12 +67,12 @@ THETAS = ((0.0, 0.0), (4.0, -3.0), (5.0, 5.0), (5.0, -5.0), (-5.0, 5.0), (-5.0, 
 """The centre of Section V's known set, the theta of Section V, and the corners of the set."""
 
 
-def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
+def _non_adaptive(contestants: list[Controller], missing: str) -> Claim:
     """Decide whether a fixed linear design follows at the centre and at the corners of the known set."""
     sentence, problems = SENTENCES["non-adaptive-cannot"], [variant(theta=theta) for theta in THETAS]
-    shares = {c.name: tail([(problem, c.controller) for problem in problems]) / amplitude() for c in contestants}
+    shares = {c.name: tail([(problem, c) for problem in problems]) / amplitude() for c in contestants}
     worst = {name: float(np.where(np.isnan(found), np.inf, found).max()) for name, found in shares.items()}
-    linear = {c.name: worst[c.name] for c in contestants if c.linear}
+    linear = {c.name: worst[c.name] for c in contestants if _is_linear(c)}
     best = min(linear, key=lambda name: linear[name])
     following = [f"{name} {100 * share:.2g} %" for name, share in linear.items() if share < UNFOLLOWED_SHARE]
     return Claim(
@@ -112,7 +97,7 @@ def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
     )  # fmt: skip
 
 
-def _contestants() -> tuple[list[ComparedController], str]:
+def _contestants() -> tuple[list[Controller], str]:
     known = section_v.problem().known
     controllers: list[Controller] = [
         Mrac(gamma=section_v.MODERATE_GAIN, name="MRAC, Γ = 10"),
@@ -129,7 +114,11 @@ def _contestants() -> tuple[list[ComparedController], str]:
         ]
     except InputError as error:
         missing = f". The H∞ designs are omitted: {error}"
-    return [ComparedController(controller) for controller in controllers], missing
+    return controllers, missing
+
+
+def _is_linear(controller: Controller) -> bool:
+    return isinstance(controller, LinearFeedback)
 
 
 def _measure(controller: Controller) -> TailErrors:
@@ -146,10 +135,10 @@ def amplitude() -> float:
     return float(50 * 4 / abs((0.5j) ** 2 + 0.5j + 0.3))
 
 
-def _adaptive_against_linear(contestants: list[ComparedController], measured: dict[str, TailErrors], missing: str) -> Claim:
+def _adaptive_against_linear(contestants: list[Controller], measured: dict[str, TailErrors], missing: str) -> Claim:
     sides = {"plain": "without a delay", "delayed": f"with an input delay of {1e3 * DELAY:g} ms"}
     beside = {
-        part: [_against_the_best(c.name, words, getattr(measured[c.name], part), _best_linear(contestants, measured, part)) for c in contestants if not c.linear]
+        part: [_against_the_best(c.name, words, getattr(measured[c.name], part), _best_linear(contestants, measured, part)) for c in contestants if not _is_linear(c)]
         for part, words in sides.items()
     }  # fmt: skip
     sentence = SENTENCES["adaptive-against-linear"]
@@ -163,7 +152,7 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
     ]
     least, best = {}, {}
     for part in sides:
-        errors = {c.name: at_one(getattr(measured[c.name], part)) for c in contestants if not c.linear}
+        errors = {c.name: at_one(getattr(measured[c.name], part)) for c in contestants if not _is_linear(c)}
         least[part] = float(np.nanmin(list(errors.values())))
         best[part] = at_one(_best_linear(contestants, measured, part))
     return Claim(
@@ -192,9 +181,9 @@ def _ahead(readings: list[Reading]) -> str:
     return f"better at every size: {'; '.join(always) or 'none'}"
 
 
-def _best_linear(contestants: list[ComparedController], measured: dict[str, TailErrors], part: str) -> Array:
+def _best_linear(contestants: list[Controller], measured: dict[str, TailErrors], part: str) -> Array:
     """Return the smallest error of a linear design at each size, infinite if all are lost."""
-    errors = [getattr(measured[c.name], part) for c in contestants if c.linear]
+    errors = [getattr(measured[c.name], part) for c in contestants if _is_linear(c)]
     return np.min([np.where(np.isnan(e), np.inf, e) for e in errors], axis=0)
 
 
@@ -210,14 +199,14 @@ def _against_the_best(name: str, words: str, errors: Array, linear: Array) -> Re
     )
 
 
-def _step_effect(contestants: list[ComparedController], measured: dict[str, TailErrors]) -> float:
+def _step_effect(contestants: list[Controller], measured: dict[str, TailErrors]) -> float:
     """Return the largest relative change of the errors, at size 1 and with the delay, when the step is halved."""
     problem = given(1.0, DELAY)
-    fine = {c.name: float(tail([(problem, c.controller)], STEP / 2)[0]) for c in contestants}
+    fine = {c.name: float(tail([(problem, c)], STEP / 2)[0]) for c in contestants}
     return max(abs(at_one(measured[c.name].delayed) / fine[c.name] - 1) for c in contestants)
 
 
-def _chart(key: str, contestants: list[ComparedController], measured: dict[str, TailErrors], part: str) -> Chart:
+def _chart(key: str, contestants: list[Controller], measured: dict[str, TailErrors], part: str) -> Chart:
     delayed = part == "delayed"
     level = Curve("a fifth of the model's amplitude", [SIZES[0], SIZES[-1]], [UNFOLLOWED_SHARE * amplitude()] * 2)
     return Chart(
@@ -240,8 +229,8 @@ def _until_lost(label: str, errors: Array) -> Curve:
     return Curve(label, SIZES[:end], errors[:end])
 
 
-def _table(contestants: list[ComparedController], measured: dict[str, TailErrors]) -> Listing:
-    found = certify(section_v.problem(), tuple(c.controller for c in contestants), Simulation(t_end=T_END, dt=STEP))
+def _table(contestants: list[Controller], measured: dict[str, TailErrors]) -> Listing:
+    found = certify(section_v.problem(), contestants, Simulation(t_end=T_END, dt=STEP))
     rows = []
     for c in contestants:
         v, m = found[c.name].values, measured[c.name]

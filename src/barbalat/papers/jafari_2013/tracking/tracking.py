@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -104,16 +105,6 @@ def bound_10(size: int = MEMBERS) -> Claim:
         would_change="as for (9), but for a kappa below kappa_max",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
-
-
-def bound_9_further() -> Claim:
-    """Measure the row on bound (9) with more random problems."""
-    return bound_9(MORE_MEMBERS)
-
-
-def bound_10_further() -> Claim:
-    """Measure the row on bound (10) with more random problems."""
-    return bound_10(MORE_MEMBERS)
 
 
 def best_at_zero() -> Claim:
@@ -365,11 +356,17 @@ ROWS = (
         {"bound-9": "the standard MRAC's bound (9)"},
         place=40,
         quick=True,
-        sharper=bound_9_further,
+        sharper=partial(bound_9, MORE_MEMBERS),
         sharper_seconds=6.0,
     ),
     Measurement(
-        bound_10, 0.8, {"bound-10": "L1-AC's bound (10)"}, place=50, quick=True, sharper=bound_10_further, sharper_seconds=8.0
+        bound_10,
+        0.8,
+        {"bound-10": "L1-AC's bound (10)"},
+        place=50,
+        quick=True,
+        sharper=partial(bound_10, MORE_MEMBERS),
+        sharper_seconds=8.0,
     ),
     Measurement(best_at_zero, 0.2, {"best-kappa-zero": "the bound (10) is best without a filter"}, place=70, quick=True),
     Measurement(constant_command, 0.4, {"constant-command": "errors for constant r"}, place=80, quick=True),
