@@ -12,9 +12,9 @@ import pytest
 from barbalat import KnownParameters, LinearFeedback, ReferenceModel, Sampled, Simulation, TransferFunction, simulate
 from barbalat.export.contents import Contents
 from barbalat.export.fmu.base_units import base_unit
-from barbalat.export.own_run import own_run_warning
 from barbalat.export.source import header
 from barbalat.export.texts import Printed, comment, comments
+from barbalat.export.write import own_run_warning
 from barbalat.exports import export_controller
 from barbalat.judge.settings import Judge
 from barbalat.lowering.c99 import DOUBLE

@@ -8,7 +8,7 @@ from flint import arb, arb_mat
 from scipy.linalg import expm
 
 from barbalat import InputError
-from barbalat.certificates.bounds.command_generator import generator
+from barbalat.certificates.bounds.known_command import generator
 from barbalat.linear.followed import Motion, followed
 from barbalat.signals import Chirp, Constant, Sine, Sines, Square, Step, Steps
 

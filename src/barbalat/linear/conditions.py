@@ -55,20 +55,12 @@ def _largest_real_part(shape: tuple[int, int], entries: bytes) -> tuple[float, b
 
 
 def require_controllable(fields: str, A: Array, b: Array) -> None:
-    """Raise InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus)."""
-    unit, half = scaled(A)
-    balanced, scale = balance(unit)
-    column = scaled(b)[0] / (scale if b.ndim == 1 else scale[:, None])
-    size = float(np.abs(column).max())
-    n = len(b)
-    norm = float(np.linalg.norm(balanced, 2))
-    for eigenvalue in np.linalg.eigvals(balanced):
-        pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
-        # a factor of 100 because the eigenvalue also has a few rounding errors
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
-            raise InputError.of(
-                fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
-            )
+    """Raise InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus); b is (n,) or
+    (n, m)."""
+    mode = unobservable_mode(A.T, b.reshape(len(b), -1).T)
+    if mode is not None:
+        shown = mode if mode.imag else mode.real
+        raise InputError.of(fields, f"must be controllable, but b = {show(b)} does not reach the mode at {shown:.6g}")
 
 
 def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex | None:
@@ -85,7 +77,8 @@ def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex
         if not stable_too and eigenvalue.real < -rounding(balanced):
             continue
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:  # as for ``require_controllable``
+        # a factor of 100 because the eigenvalue also has a few rounding errors
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
             return complex(eigenvalue * half * 2)
     return None
 

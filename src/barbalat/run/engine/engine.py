@@ -254,10 +254,6 @@ class Group:
             self.state[own + rows] = np.array(memory.begins)[rows, None]
         return before
 
-    def twin(self, watch: Watch) -> Group:
-        """A copy of the group at the same step, to be continued separately."""
-        return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past), watch=watch)
-
     def independent_copy(self) -> Group:
         """A copy of the group at the same step that continues independently, with the same watch."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past))

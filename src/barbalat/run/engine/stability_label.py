@@ -8,7 +8,7 @@ step. The windows depend only on the run's steps, so the result does not depend 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -155,7 +155,8 @@ class Run:
     def _advance(self, place: Place, stop: int, watch: Watch | None = None) -> Place:
         """The run continued to a later step."""
         begin, in_pieces = place.step, self.batch.program.shape.in_pieces
-        group = place.group.twin(watch or Watch(self.batch.program.shape.states, begin, max(stop, begin + 1), CHUNK_STEPS))
+        watch = watch or Watch(self.batch.program.shape.states, begin, max(stop, begin + 1), CHUNK_STEPS)
+        group = replace(place.group.independent_copy(), watch=watch)
         while begin < stop:
             steps = min(CHUNK_STEPS, stop - begin)
             table = signal_table(self.problem.signals, self.simulation, begin, steps, in_pieces=in_pieces)
