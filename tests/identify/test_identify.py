@@ -89,12 +89,10 @@ def test_the_set_is_that_of_enumerated_vertices():
     for sign in (-1.0, 1.0):
         rows = np.vstack([-every.Q - sign * every.Q_error, every.Q - sign * every.Q_error, [[-sign, 0.0]]])
         right = np.concatenate([every.left_error - every.left, every.left_error + every.left, [0.0]])
-        for i, j in combinations(range(len(rows)), 2):
-            pair = rows[[i, j]]
-            if abs(np.linalg.det(pair)) > 1e-12:
-                point = np.linalg.solve(pair, right[[i, j]])
-                if (rows @ point <= right + 1e-9).all():
-                    points.append(point)
+        pairs = np.array(list(combinations(range(len(rows)), 2)))
+        pairs = pairs[np.abs(np.linalg.det(rows[pairs])) > 1e-12]
+        crossed = np.linalg.solve(rows[pairs], right[pairs][..., None])[..., 0]
+        points += list(crossed[(crossed @ rows.T <= right + 1e-9).all(axis=1)])
     found = enclose(every)
     assert found.exact
     assert np.allclose(found.lower, np.min(points, axis=0), rtol=1e-6) and np.allclose(
