@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from barbalat.papers.jafari_2013.section_v import Runs
 
 
+gc.set_threshold(50_000, 50)  # as every command sets it; scanning what is imported took a fifth of the collection's time
 hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")  # the duration of an example depends on the machine; a test that checks it is flaky
 
