@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -152,7 +153,23 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse as argparse does, except that an option with several values does not take CASE if it is given nowhere
         else."""
-        return super().parse_known_args(args if args is None else self._with_case_first(list(args)), namespace)
+        given = list(sys.argv[1:] if args is None else args)
+        self._require_known_options(given)
+        return super().parse_known_args(self._with_case_first(given), namespace)
+
+    def _require_known_options(self, args: Sequence[str]) -> None:
+        """End the program at an option with an unknown name, before argparse reports what is missing because of it."""
+        known = self._option_string_actions
+        for one in args:
+            name = one.partition("=")[0]
+            if name == "--" or name in ("-h", "--help") or (self._subparsers is not None and not one.startswith("-")):
+                return  # what follows is no option, is not read, or belongs to a command
+            is_option = one.startswith("-") and len(one) > 1 and " " not in one and not VALUE.match(one)
+            if is_option and not any(option.startswith(name) for option in known):
+                from barbalat.validate import nearest
+
+                near = nearest(name.lstrip("-"), (option.lstrip("-") for option in known))
+                self.error(f"unknown option {name}; {f'did you mean --{near}?' if near else f'{self.prog} --help lists them'}")
 
     def _with_case_first(self, args: list[str]) -> list[str]:
         """Return the arguments, with CASE in front if an option with several values would take it."""
@@ -201,9 +218,7 @@ class Parser(argparse.ArgumentParser):
         if message.startswith(REQUIRED):
             return self._missing(message.removeprefix(REQUIRED).split(", "))
         if message.startswith(UNKNOWN):
-            given = message.removeprefix(UNKNOWN)
-            meant = hint(given.split()[0].partition("=")[0], re.findall(r"--[\w-]+", self.format_help()))
-            return f"does not know {given!r}{meant or f'; {self.prog} --help lists its arguments'}"
+            return f"does not know {message.removeprefix(UNKNOWN)!r}; {self.prog} --help lists its arguments"
         if found := CHOICE.match(message):
             known = re.findall(r"[\w.-]+", found["known"])
             meant = hint(found["given"].strip("'\""), known)
