@@ -12,9 +12,12 @@ import pytest
 from barbalat import KnownParameters, Mrac
 from barbalat.cases.load import load_case, parse_case
 from barbalat.cli import main
+from barbalat.comparison.contest.contest import _rank as contest_rank
+from barbalat.comparison.contest.validation import Draws, Validation
 from barbalat.comparison.design.design import Candidate, Design, _failed_by_better
 from barbalat.comparison.design.meeting import StepTest, _levels, measured
 from barbalat.controllers import BaselineAlone
+from barbalat.report.design import rows, sentences
 from barbalat.signals import Constant, Sine, Square, Step, Steps
 from barbalat.sweeps.statistics import Share
 
@@ -67,6 +70,7 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     told = json.loads(first)
     name = told["recommended"]
     best = told["candidates"][name]
+    assert told["headline"].startswith(f"{name} meets the specification") and best["failed"]["judged"] == 8
     assert best["meets"] and max(best["factor"].values()) <= 1
     assert best["worst"]["settling"] <= 1.5 and best["worst"]["u_max"] <= 8.0
     unmet = any(share["count"] for share in best["held_out"].values())
@@ -76,7 +80,7 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     case = load_case("made/design.toml")
     assert [one.name for one in case.controllers] == [name]
     page = Path("made/report.html").read_text()
-    assert f"{name} meets the specification" in page and "explorer.html" in page
+    assert told["headline"] in page and "explorer.html" in page
     compiler = shutil.which("cc")
     if compiler:
         subprocess.run([compiler, "-O1", "-o", "t", "made/design_selftest.c", "made/design_controller.c", "-lm"], check=True)
@@ -258,6 +262,54 @@ def test_plants_join_the_tuning_where_a_better_tuned_controller_fails():
     np.testing.assert_array_equal(_failed_by_better([better, meeting, worse], on), [1, 0, 1])
     np.testing.assert_array_equal(_failed_by_better([better, worse], on[::2]), [2, 1, 1])
     assert not _failed_by_better([meeting, worse], on[1:]).any()
+
+
+def validated(*failed):
+    """A candidate that meets the specification, tracks within 0.1 and fails in these of the contest's validation runs."""
+    none = np.zeros(len(failed), dtype=bool)
+    lost = np.array(failed, dtype=bool)
+    return Validation(
+        error=np.where(lost, np.inf, 0.1), diverged=none, lost=lost, delay=none, gain_up=none, gain_down=none,
+        effort=np.ones(len(failed)), unsound=lost,
+    )  # fmt: skip
+
+
+def among(**held_out):
+    """A design whose candidates all meet the specification, in the order of the contest and with these validation runs."""
+    made = {name: candidate(name, False, noise=0.5) for name in held_out}
+    order = sorted(held_out, key=lambda name: contest_rank(made[name].tuned, held_out))
+    commands = np.array([[0.58, 0.56], [1.42, 1.93], [1.0, 1.0], [1.0, 1.0]])
+    problem = SimpleNamespace(plant=SimpleNamespace(baseline=None), observer=None, noise=None)
+    contest = SimpleNamespace(
+        held_out=held_out, draws=Draws(problems=[None] * 4, streams=np.arange(4), commands=commands), problem=problem
+    )
+    specification = SimpleNamespace(settling=None, overshoot=None, noise=1.0)
+    return Design(
+        case=SimpleNamespace(problem=SimpleNamespace(labels=None)), specification=specification, test=None, sample_time=0.01,
+        model_settling=1.0, candidates=tuple(made[name] for name in order), contest=contest,
+    )  # fmt: skip
+
+
+def test_a_controller_that_fails_under_other_commands_is_not_said_simply_to_meet():
+    """It fails in three of four validation runs. Its headline, its reasons, its row and its sentence say so."""
+    found = among(ADRC=validated(1, 1, 1, 0))
+    failed = (
+        "3 of 4 validation runs, whose commands are 0.58 to 1.4 times as large and 0.56 to 1.9 times as fast, were lost, ended "
+        "in a limit cycle, or followed the model in no component"
+    )
+    only = "meets the specification under the command of the case only"
+    assert found.recommended.name == "ADRC" and found.headline == f"ADRC {only}: {failed}"
+    assert any(failed in said for said in found.reasons)
+    assert rows(found)[-1] == ["ADRC", "no failed run under other commands", "", "", "", "3 of 4 runs"]
+    ((_, said, meets),) = sentences(found)
+    assert not meets and said.endswith(failed) and said.startswith("meets it under the command of the case only: it has noise")
+
+
+def test_a_controller_without_failures_under_other_commands_is_recommended_first():
+    found = among(ADRC=validated(1, 0, 0, 0), MRAC=validated(0, 0, 0, 0))
+    assert found.recommended.name == "MRAC" and found.headline == "MRAC meets the specification"
+    assert [meets for *_, meets in sentences(found)] == [True, False]
+    assert not any("other commands" in said for said in found.reasons)
 
 
 def test_what_is_lost_on_a_validation_plant_meets_nothing():

@@ -93,6 +93,8 @@ def _write(folder: Folder, found: Design, text: CaseText) -> None:
     from barbalat.validate import InputError
 
     which = "the recommended controller" if found.recommended else "the closest candidate, which does not meet the specification"
+    if found.recommended and found.failure(found.recommended):
+        which = f"{which}, which meets the specification under the command of the case only"
     said, explorer, written = [], None, None
     try:
         written = with_controller(text, found.controller)

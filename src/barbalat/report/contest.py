@@ -37,11 +37,9 @@ def rule(found: Contest) -> str:
 
 def held_out(found: Contest) -> str:
     """A sentence on the validation runs of the tuned schemes."""
-    sizes, paces = found.draws.commands.T
     return (
         f"{counted(len(found.draws), 'plant')} of {drawn_from(found.problem)} that no tuning used, with a command "
-        f"{sizes.min():.2g} to {sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, "
-        f"and new noise"
+        f"{found.draws.words}, and new noise"
     )
 
 

@@ -17,23 +17,22 @@ COLUMNS = (
 )
 
 
-def title(found: Design) -> str:
-    """Which schemes meet the specification, or that none does."""
-    first = found.recommended
-    return "No scheme meets the specification" if first is None else f"{first.name} meets the specification"
-
-
 def rows(found: Design) -> list[list[str]]:
     """Return a row for each scheme and requirement: the required value, the achieved value, the used fraction of the limit, and
     the number of validation plants that violate the requirement."""
-    return [_row(found, one, name) for one in found.candidates for name in one.factor]
+    return [row for one in found.candidates for row in [*(_row(found, one, name) for name in one.factor), *_failed(found, one)]]
+
+
+def _failed(found: Design, one: Candidate) -> list[list[str]]:
+    share = found.failed(one)
+    return [] if share is None else [[one.name, "no failed run under other commands", "", "", "", f"{share.count} of {share.judged} runs"]]
 
 
 def _row(found: Design, one: Candidate, name: str) -> list[str]:
     share = one.held_out.get(name)
     unseen = "not tried" if share is None else f"{share.count} of {share.judged}"
     if name == LOST:
-        return [one.name, "never lost or in a limit cycle", "", "", "", unseen]
+        return [one.name, "never lost or in a limit cycle under the command of the case", "", "", "", unseen]
     asked, labels = number_text(float(getattr(found.specification, name))), found.case.problem.labels
     units = {"settling": ("s",), "delay": ("s",), "u_max": () if labels is None else labels.input_units}.get(name)
     return [
@@ -47,18 +46,25 @@ def _row(found: Design, one: Candidate, name: str) -> list[str]:
 
 
 def sentences(found: Design) -> list[tuple[str, str, bool]]:
-    """Return for each candidate its name, a sentence on the requirements that it meets or violates, and whether it meets all
-    of them."""
-    return [(one.name, one.sentence, one.meets) for one in found.candidates]
+    """Return for each candidate its name, a sentence on the requirements that it meets or violates and on failed validation runs,
+    and whether it meets all requirements and failed in no run."""
+    return [_sentence(found, one) for one in found.candidates]
+
+
+def _sentence(found: Design, one: Candidate) -> tuple[str, str, bool]:
+    failure = found.failure(one)
+    only, also = ("", "") if failure is None else (" under the command of the case only", f"; {failure}")
+    said = f"meets it{only}: it {one.sentence}" if one.meets else one.sentence
+    return one.name, f"{said}{also}", one.meets and failure is None
 
 
 def show(screen: Screen, found: Design) -> None:
     """Print the recommendation, its reasons and a sentence on every candidate."""
-    screen.title(title(found))
+    screen.title(found.headline)
     for said in found.reasons:
         screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")
     screen.title("All candidates")
-    for name, said, meets in sentences(found):
-        screen.line(f"{name} {'meets it: it ' if meets else ''}{said}.", start="- ")
+    for name, said, _ in sentences(found):
+        screen.line(f"{name} {said}.", start="- ")
     for said in grouped_omissions(found.contest.left_out):
         screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")

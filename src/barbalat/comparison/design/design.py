@@ -177,6 +177,32 @@ class Design:
         """The recommended controller, or the controller that is closest to the specification."""
         return self.candidates[0].tuned.controller
 
+    def failed(self, one: Candidate) -> Share | None:
+        """The fraction of the contest's validation runs, with other plants and commands, in which a candidate failed; None if no
+        tuning of it satisfies the rule of the search."""
+        held = self.contest.held_out.get(one.name)
+        return None if held is None else held.failures["lost"]
+
+    def failure(self, one: Candidate) -> str | None:
+        """A sentence on the validation runs in which a candidate failed; None if it failed in none."""
+        share = self.failed(one)
+        if share is None or not share.count:
+            return None
+        return (
+            f"{share.count} of {counted(share.judged, 'validation run')}, whose commands are {self.contest.draws.words}, were "
+            f"lost, ended in a limit cycle, or followed the model in no component"
+        )
+
+    @property
+    def headline(self) -> str:
+        """Which controller meets the specification, and whether it fails under other commands; or that none meets it."""
+        first = self.recommended
+        if first is None:
+            return "No scheme meets the specification"
+        failure = self.failure(first)
+        meets = f"{first.name} meets the specification"
+        return meets if failure is None else f"{meets} under the command of the case only: {failure}"
+
     @property
     def reasons(self) -> list[str]:
         """Sentences on the recommendation and its reasons, on the tightest requirement, and on what no scheme can change."""
@@ -184,10 +210,11 @@ class Design:
         said = []
         if first.meets:
             said.append(f"{first.name} is recommended: it {first.sentence}")
+            said += self._failing_otherwise()
             others = [one.name for one in self.candidates[1:] if one.meets]
             if others:
                 also = "meets" if len(others) == 1 else "meet"
-                said.append(f"{', '.join(others)} {also} the specification too, with larger errors on validation plants")
+                said.append(f"{', '.join(others)} {also} the specification too, with more failed validation runs or larger errors")
             said.append(
                 f"the tightest requirement is {first.tightest}: {first.factor[first.tightest] * 100:.0f} % of the limit is used"
             )
@@ -215,6 +242,17 @@ class Design:
         if self.added_noise is not None:
             decides = "" if self.specification.noise is None else ", on which the required noise fraction of u depends"
             said.append(f"{self.added_noise}{decides}")
+        return said
+
+    def _failing_otherwise(self) -> list[str]:
+        """Return sentences on the failures of the recommended controller under other commands, and on candidates without any."""
+        failure = self.failure(self.candidates[0])
+        if failure is None:
+            return []
+        sound = [one.name for one in self.candidates if (share := self.failed(one)) is not None and not share.count]
+        said = [f"the specification does not ask for other commands, but {failure}"]
+        if sound:
+            said.append(f"candidates that failed in none of these runs miss the specification: {'; '.join(sound)}")
         return said
 
     @property
@@ -257,9 +295,14 @@ class Design:
                 "steps": [{"from": one.start, "to": one.end} for one in self.test.stages],
             },
             "model_settling": finite(self.model_settling), "added_noise": self._added_as_json(),
-            "recommended": None if first is None else first.name, "reasons": self.reasons,
-            "candidates": {one.name: one.as_json() for one in self.candidates}, "contest": contest,
+            "recommended": None if first is None else first.name, "headline": self.headline, "reasons": self.reasons,
+            "candidates": {one.name: one.as_json() | {"failed": self._failed_as_json(one)} for one in self.candidates},
+            "contest": contest,
         }  # fmt: skip
+
+    def _failed_as_json(self, one: Candidate) -> dict[str, Any] | None:
+        share = self.failed(one)
+        return None if share is None else share.as_json()
 
     def _added_as_json(self) -> dict[str, Any] | None:
         """Return the noise that the design added, in the plant's units."""
@@ -406,8 +449,9 @@ def _sample_time(case: Case, problem: Problem) -> float:
 
 
 def _rank(one: Candidate, place: int) -> tuple[bool, int, float, int]:
-    """Return the key for sorting. Candidates that meet everything come first, in the contest's order. The others are sorted by
-    the number of requirements that they violate beyond any factor, and then by their distance from the remaining requirements."""
+    """Return the key for sorting. Candidates that meet everything come first, in the contest's order: by failed validation runs,
+    then by error. The others are sorted by the number of requirements that they violate beyond any factor, and then by their
+    distance from the remaining requirements."""
     beyond = sum(math.isinf(value) for value in one.misses.values())
     return not one.meets, 0 if one.meets else beyond, 0.0 if one.meets else one.distance, place
 
