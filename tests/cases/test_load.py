@@ -451,6 +451,27 @@ def test_a_second_spelling_is_understood():
     assert parse_case(constant).problem.reference(np.zeros(1)) == [3.0]
 
 
+PHYSICAL = ("[parameters]", "[plant.input]", "[sensor]", "[labels]", "[truth]", "[specification]", "[judge]")
+"""Tables of the template that are comments."""
+
+
+def test_the_template_with_its_physical_options_is_a_case():
+    """The options are commented lines; with these tables, the formulas and a sample time in place of theta, they fit together."""
+    lines, active = [], False
+    for line in text_to_start_from().splitlines():
+        option = line.removeprefix("# ")
+        active = option.startswith(PHYSICAL) or (active and line.startswith("# ") and not option.startswith("["))
+        physical = line.startswith("# ") and option.startswith(
+            ('A = [[0.0, 1.0], [0.0, "', 'b = [0.0, "', "poles = [-3", "follow")
+        )
+        dropped = line.startswith(("A_m", "b =", "theta", "k_0", "[uncertainty]", "lower", "upper"))
+        lines.append(option if active or physical else "" if dropped else line)
+    text = "\n".join(lines).split("[[controller]]")[0]
+    case = parse_case(text + '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 20.0\nsample_time = 0.01\n')
+    assert case.problem.plant.physical is not None and case.problem.truth is not None and case.specification is not None
+    assert all(f"# {table}" in text_to_start_from() for table in PHYSICAL)
+
+
 def test_the_template_names_every_solver_and_every_kind_of_command():
     lines = text_to_start_from().splitlines()
     (solver,) = (line for line in lines if line.startswith("solver"))

@@ -263,8 +263,7 @@ DIFFERENCES: dict[type, Differences] = {
             "parameters": Key(
                 Mapping[str, float | Parameter],
                 "physical parameters by name, a number or a table: a string in plant.A, plant.b, plant.x0, plant.input, "
-                "sensor or "
-                "truth is a formula of them",
+                "sensor or truth, except its friction, is a formula of them",
                 None,
             ),
             "baseline": Key(

@@ -63,7 +63,9 @@ class Truth(Settings):
     states       names of the truth's states, or of the first of them; states with the names of the plant's states are the plant's
                  states. Alternatively a matrix (n, N) that computes the plant's states from them. Needed if N differs from the
                  plant's n
-    friction     smooth Coulomb friction in the rates of states
+    friction     smooth Coulomb friction in the rates of states, a table for each: state; coulomb, a deceleration, which is the
+                 friction torque divided by the inertia; width, the rate at which 76 % of it acts. All are numbers; a friction
+                 that depends on parameters is a term, such as "-T_c/J*tanh(x2/0.01)"
     terms        by a state's name, a formula that is added to its rate, for example a saturating spring or a dead zone. It may
                  contain x1, x2, ... of the truth, u (u1, u2, ... with several inputs) as it reaches the plant, and parameters
     """
