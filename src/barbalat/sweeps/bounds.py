@@ -123,9 +123,9 @@ class Bounds:
         row = self.study.tried.middle.copy()
         row[others] = values
         case = self.study.varied.at(row)
-        (certificate,) = certify(case.problem, [case.controllers[place]], case.simulation).values()
-        over_the_set = bool(self.thetas or self.parameters)
-        entry = certificate.entry("error_bound_worst" if over_the_set else "error_bound")
+        key = "error_bound_worst" if self.thetas or self.parameters else "error_bound"
+        (certificate,) = certify(case.problem, [case.controllers[place]], case.simulation, keys=(key,)).values()
+        entry = certificate.entry(key)
         known = case.problem.uncertainty if isinstance(case.problem, Problem) else None
         bound = np.nan
         if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float):
