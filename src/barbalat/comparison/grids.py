@@ -141,7 +141,7 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
         problem = replace(problem.design, observer=None, sensor=None)
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
         plain = Mrac(gamma=1.0, theta_hat0=start_of(problem))
-        found = certify(problem, (plain,), simulation.stepped)[plain.name].values.get("gamma_max")
+        found = certify(problem, (plain,), simulation.stepped, keys=("gamma_max",))[plain.name].values.get("gamma_max")
         how = "gamma_max of certify"
     else:
         found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation with theta known"

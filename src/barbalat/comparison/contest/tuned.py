@@ -203,7 +203,7 @@ def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation:
     """Return the examined values of the certificate on the plant of the problem, if there are any."""
     if not entrant.knobs.aims:
         return {}
-    certificate = certify(problem, (controller,), simulation)[controller.name]
+    certificate = certify(problem, (controller,), simulation, keys=entrant.knobs.aims)[controller.name]
     found = {}
     for key in entrant.knobs.aims:
         value = certificate.values.get(key)
