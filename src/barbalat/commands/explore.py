@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
         "--out",
         metavar="FILE",
         default=DEFAULT_FILE,
-        help=f"file for the page; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} writes to standard output and opens no browser",
+        help=f"file for the page; default: {DEFAULT_FILE}. {STANDARD_OUTPUT} writes to standard output and opens no browser",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
     conclude(parser, execute)

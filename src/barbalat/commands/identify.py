@@ -52,8 +52,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--out", metavar="FILE",
-        help="the case file to write; a page and a picture are written to the same folder; with --replay, the page to write, "
-        "NAME.html",
+        help="the case file to write, with a page and a picture in the same folder; with --replay, the page to write, NAME.html",
     )  # fmt: skip
     parser.add_argument(
         "--replay", metavar="CASE",

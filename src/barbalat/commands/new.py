@@ -29,8 +29,8 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",
-        help=f"the case file to write, or FILE.py for a law; an existing file is never overwritten; {STANDARD_OUTPUT} is "
-        f"standard output",
+        help=f"the case file to write, or FILE.py for a law; {STANDARD_OUTPUT} is standard output. An existing file is never "
+        "overwritten",
     )
     parser.add_argument("--from", dest="source", metavar="CASE", help="copy this bundled case instead of the template")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")

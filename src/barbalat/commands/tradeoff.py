@@ -37,7 +37,7 @@ def add(commands: Commands) -> None:
         type=whole,
         default=6,
         metavar="N",
-        help="number of values per setting; the default, 6, takes under a minute; 12 takes four times as long",
+        help="number of values per setting; default 6, which takes under a minute (12 takes four times as long)",
     )
     parser.add_argument(
         "--share",

@@ -47,7 +47,7 @@ export function renew(judge, memory, rows) {
 }
 
 // The scale of each component, as in judge/scale.py, with the response to the disturbances of the case file.
-// judge.initial lists, for each component, the rows of its states and their factors; it is empty if an output is measured.
+// The list judge.initial has, for each component, the rows of its states and their factors. It is empty if an output is measured.
 function scaleOf({ judge, states }, kept) {
   const model = Array.from(kept.of("largest y_m"));
   const most = Math.max(0, ...model);
@@ -215,8 +215,9 @@ function frequencyOf(times, values) {
   return up.length > 1 ? (2 * Math.PI * (up.length - 1)) / (up[up.length - 1] - up[0]) : 0;
 }
 
-// A run beyond its end: commands and disturbances are held, and the measurement has no noise. advance(blocks, length, step, table)
-// advances the loop and returns the rows of its blocks; state is the whole state, with the memory after the loop's own states.
+// A run beyond its end: commands and disturbances are held, and the measurement has no noise. The function
+// advance(blocks, length, step, table) advances the loop and returns the rows of its blocks. The argument state is the whole state,
+// with the memory after the loop's own states.
 export class Continued {
   constructor(task, held, state, good, advance) {
     Object.assign(this, { task, held, state, good, advance, step: task.grid.steps, places: placesOf(task.judge.rows) });
