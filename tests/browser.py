@@ -4,7 +4,7 @@
 
 Without arguments it makes and checks the pages of the quick ``reproduce`` and of two bundled cases. A folder is treated as a
 site: all of its pages are read through a server. Each page is opened at desktop width and, in dark mode, at phone width, and
-checked for accessibility at both; for a page of a site, the commit selects one of the two widths, and with --one-in it also
+checked for accessibility at both. For a page of a site, the commit selects one of the two widths, and with --one-in it also
 selects the pages that are opened. Each fault is printed on a line, and the exit code is then 1.
 
 The browser is the system's: see ``chromium``.

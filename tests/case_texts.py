@@ -64,4 +64,4 @@ name = "MRAC"
 scheme = "mrac"
 gamma = 3.0
 """
-"""A small drive with a sine command, simulated with a tolerance under MRAC."""
+"""A small drive with a sine command, simulated under MRAC with variable steps."""

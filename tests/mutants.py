@@ -1,7 +1,7 @@
 """Mutation of exported source: ``./dev mutants`` compiles mutants of each export and lets the export's self-test find them.
 
 There is an export for every combination of scheme, problem (known set, one input or two, regressor), form, law and modification
-among the tests' examples; ``--quick`` draws a few of them for a minute, and ``--all`` uses every example. The mutants of an
+among the tests' examples. ``--quick`` draws a few of them for a minute, and ``--all`` uses every example. The mutants of an
 export are compiled once, and a number selects one. Mutants that the export's README calls killed must be killed, and those proven
 equivalent must not. The exit code is 1 if this is violated or a score is below 97 %. Kinds below 97 % are named.
 

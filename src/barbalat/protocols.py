@@ -102,7 +102,8 @@ class Dynamics(Protocol):
 class Equations(Protocol):
     """A scheme bound to the known part of a plant. The state is a NamedTuple of arrays that has a field ``theta_hat``, (p,).
 
-    Its p estimates need not be the problem's parameters: they may be a network's weights, or (0,) if nothing is estimated.
+    Its p estimates need not be the problem's parameters: they may be the weights of a network, or an empty vector, (0,), if
+    nothing is estimated.
     """
 
     def initial(self) -> NamedTuple:

@@ -90,7 +90,7 @@ def require_sampled(name: str, *, sampled: bool) -> None:
     """Raise InputError for a controller that does not act at samples if a target requires samples."""
     if not sampled:
         raise InputError(
-            f"{name} is continuous, but a flight computer works from sample to sample: give it a sample_time [s] in its "
+            f"{name} is continuous, but a flight computer needs a sampled controller: give it a sample_time [s] in its "
             "[[controller]] table, or wrap it as Sampled(controller=..., sample_time=...)"
         )
 

@@ -1,8 +1,8 @@
 """Checks your own controller or adaptive law by the tests that the package applies to its schemes.
 
 ``check(MyLaw())`` binds it to problems of every kind, compares runs with an integration by SciPy that shares no code with the
-kernel, and tests ensembles, a freeze and the exported C. It returns the findings as plain sentences, or raises ``CheckFailed``,
-which lists all failures.
+kernel, and tests ensembles, a freeze and the exported C. The function returns the findings as plain sentences, or raises
+``CheckFailed``, which lists all failures.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The weight of the states in sets derived from ranges of parameters: the largest motions of the model, or the judge's bands."""
+"""The scaling of the states in sets derived from ranges of parameters: the largest motions of the model, or the judge's bands."""
 
 from __future__ import annotations
 

@@ -185,8 +185,9 @@ filter = { kappa = 0.1 }
 
 
 def beside_a_baseline(text):
-    """The document of a case in which the command also enters the integral of the error directly, the adaptive part of L1-AC
-    departs from the baseline, and the linear controller is a gain, without a state. All its guaranteed numbers are proven."""
+    """The document of a case with three properties: the command also enters the integral of the error directly, the adaptive part
+    of L1-AC departs from the baseline, and the linear controller is a gain without a state. All its guaranteed numbers are
+    proven."""
     case = parse_case(text)
     document = document_of(case, certify(case.problem, case.controllers, case.simulation))
     barbalat_check.check(document)

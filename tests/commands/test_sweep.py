@@ -67,7 +67,7 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     page = (tmp_path / "map" / "report.html").read_text()
     assert all(f'<a href="{name}">explorer</a>' in page for name in explorers)
     again = "repeated at half the step"
-    assert again in page and "by default 100 times its scale, which is normally the model" in page
+    assert again in page and "by default 100 times its scale (normally the largest" in page
     assert page.index("verdicts") < page.index("Failures")
     assert again in " ".join(capsys.readouterr().out.split())
     assert "Failures" in page and "Over the grid" in page and "above the guaranteed bound" in page

@@ -179,7 +179,7 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
     chosen, left_out = default_knobs(apart, BRIEF, density=2)
     assert {"MRAC", "L1-AC"} <= {one.scheme for one in chosen}
     assert ("Baseline" in {one.scheme for one in chosen}) == (gain is not None)  # no other fixed loop accepts an unknown gain
-    assert any("estimates start in its middle, [1.5]" in sentence for sentence in left_out)
+    assert any("estimates start at its centre, [1.5]" in sentence for sentence in left_out)
     for one in [each for each in chosen if each.scheme != "Baseline"]:
         start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
         assert start[0] == 1.5

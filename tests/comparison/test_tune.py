@@ -1,5 +1,5 @@
-"""Tunings: comparison with brute force, with a bound known in closed form and with the fronts of trade-offs; the case file; bad
-input."""
+"""Tunings are compared with brute force, with a bound known in closed form and with the fronts of trade-offs. Further tests are
+on the case file and on bad input."""
 
 from __future__ import annotations
 
@@ -327,7 +327,7 @@ def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
         ({"subject_to": ["delay_onset_simulated < 0.1"]}, "needs a lower limit on the delay above 0"),
         (
             {"subject_to": ["delay_onset_simulated >= 1e-3"]},
-            "less than the smallest delay that can be simulated, two steps, 0.002 s",
+            "shorter than the shortest that can be simulated, two steps, 0.002 s",
         ),
         ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a metric"),
         (

@@ -157,7 +157,7 @@ ROOMS = {
     "solvers": lambda value: isinstance(value, Tableau),
 }
 NO_CHOICE_OF_A_CASE = (Sampled, Clock, Linear, AUTO)
-"""Classes that a case file does not select by a kind: sampling is two keys of every controller, t is needed by a plant's formula,
+"""Classes that a case file does not select by a kind. Sampling is two keys of every controller, t is needed by a plant's formula,
 phi(x) = x is used without a key, and auto is the solver that a tolerance selects."""
 
 

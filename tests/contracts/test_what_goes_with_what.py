@@ -261,7 +261,7 @@ def test_every_scheme_tolerates_open_numbers_with_every_option_and_plant(scheme,
 @pytest.mark.full
 @pytest.mark.parametrize("scheme", NAMES)
 def test_every_target_builds_every_scheme(scheme):
-    """The targets alternate over a scheme's cells. A target that accepts continuous time builds both forms."""
+    """Successive cells of a scheme are built for successive targets. A target that accepts continuous time builds both forms."""
     for (k, cell), (target, build) in zip(enumerate(cells_of(scheme)), cycle(TARGETS_BUILT.items()), strict=False):
         sampled = at_samples(cell)
         if sampled is not cell.controller and target.startswith("export"):

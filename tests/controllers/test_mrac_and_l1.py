@@ -94,8 +94,8 @@ def test_a_matched_disturbance_enters_with_the_input(problems):
 def test_without_its_filter_l1_is_mrac(problems, n, projection):
     """By Section III.A, x_hat = x_m for all t with C = 1. The two programs differ only in the order of their sums.
 
-    The tolerance 4000 * 10 * 1e-16 = 4e-12 is for a rounding of 1e-16 of states of order 10 in each of 4000 steps in a loop that
-    does not amplify, because gamma is small and the estimates converge. A wrong term would cause 1e-3 or more.
+    The tolerance 4000 * 10 * 1e-16 = 4e-12 is for a rounding of 1e-16 of states of order 10 in each of 4000 steps. The loop does
+    not amplify it, because gamma is small and the estimates converge. A wrong term would cause 1e-3 or more.
     """
     simulation = Simulation(t_end=16.0, dt=2.0**-8)
     pair = [

@@ -296,7 +296,7 @@ class TestMargins:
     @pytest.mark.parametrize("kind", OBSERVERS)
     @pytest.mark.parametrize("lag", [0.0, 0.03])
     def test_the_sampled_loop_with_its_delay_loses_stability_at_its_margin(self, kind, lag):
-        """The eigenvalues of plant, lag, controller and observer from sample to sample, around whole samples of delay."""
+        """The eigenvalues of the sampled-data loop of plant, lag, controller and observer, around whole samples of delay."""
         problem = posed(kind, truth=None, sensor=Sensor(lag=lag) if lag else None)
         alone = Sampled(controller=BaselineAlone(nominal=problem.plant.theta), sample_time=T)
         margin = certify(problem, [alone], SIMULATION)["Baseline"].values["delay_margin"]
@@ -586,7 +586,7 @@ def test_why_there_is_no_filter_is_told():
         (KalmanObserver([-1.0, 1.0], 1.0, measured=["angle"]), "observer.Q must be positive semi-definite"),
         (
             DerivativeObserver(9.0, measured=["rate"]),
-            "kind derivative does not give state 1: it is neither measured nor the rate",
+            "kind derivative does not give state 1, which is neither measured nor the rate",
         ),
         (DerivativeObserver(9.0, measured=[[2.0, 0.0]]), "observer.measured must have a single 1 in each row for derivatives"),
         (DerivativeObserver(9.0, measured=["angle", "rate"]), "nothing to differentiate, because all states are measured"),

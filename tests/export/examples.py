@@ -139,7 +139,7 @@ def _examples():
 
 @cache
 def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant | L1OutputPiecewiseConstant]]:
-    """(id, problem, controller) for every accepted combination. The names are converted to identifiers of C."""
+    """(id, problem, controller) for every accepted combination. The names are converted to C identifiers."""
     found = []
     for number, (problem, controller) in enumerate(_examples()):
         for discretization in ("midpoint", "euler"):

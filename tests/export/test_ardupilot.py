@@ -433,7 +433,7 @@ def compile_and_run(main, tmp_path) -> str:
 @pytest.mark.parametrize(
     ("beginning", "given", "message"),
     [
-        ("Mrac-several-euler", {}, "needs a controller of one axis, .* got 2 inputs, 2 commands and 2 measured"),
+        ("Mrac-several-euler", {}, "needs a single-axis controller .* got 2 inputs, 2 commands and 2 measurements"),
         ("Mrac-state-euler", {"closed_loop": True}, "exports only the controller"),
     ],
 )

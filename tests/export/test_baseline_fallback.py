@@ -1,4 +1,4 @@
-"""The baseline as the fallback after an outage: it acts without a bump and with the same bits in C."""
+"""The baseline as the fallback after an outage: it acts without a bump, and the C is bit-identical."""
 
 from __future__ import annotations
 

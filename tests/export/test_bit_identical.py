@@ -129,7 +129,7 @@ def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
 
 
 def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_command() -> None:
-    """x_m of the controller is compared with the exact solution for a command that is constant from sample to sample."""
+    """x_m of the controller is compared with the exact solution for a command that is held between samples."""
     from scipy.linalg import expm
 
     for problem, name in ((STATE, "Mrac-state-euler"), (OUTPUT, "LinearOutput-output-midpoint")):

@@ -152,7 +152,7 @@ def test_flights_are_counted_together() -> None:
     [
         ("no-such-cc -O1", "CC names 'no-such-cc', which is not on this machine's PATH"),
         ("'cc", "a quotation mark is not closed"),
-        ("true", "true does not compile the export: it left no library"),
+        ("true", "true does not compile the export: it wrote no library"),
         ("false", "exit code 1"),
     ],
 )

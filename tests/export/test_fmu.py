@@ -163,7 +163,7 @@ int main(void)
 @needs("gcc", "aarch64-linux-gnu-gcc", "qemu-aarch64")
 @pytest.mark.full
 def test_a_unit_made_on_linux_has_a_binary_for_aarch64_too(tmp_path) -> None:
-    """It is made by the cross compiler, and in qemu it gives the same bits as this machine's binary."""
+    """It is made by the cross compiler, and in qemu its results are bit-identical to those of this machine's binary."""
     import fmpy
 
     path = write_units(tmp_path, *EXAMPLES[one("Mrac-free-midpoint")], SHORT, 3)["controller"]

@@ -196,7 +196,7 @@ PATTERNS = {
 
 
 class SectionV:
-    """Section V's plant and model from sample to sample under a held u, computed exactly by matrix exponentials."""
+    """Section V's plant and model at the samples under a held u, computed exactly by matrix exponentials."""
 
     def __init__(self, controller: str) -> None:
         problem = load_case("paper").problem
@@ -272,7 +272,7 @@ IN_GAPS = sorted(
 
 
 class ExactLoop:
-    """A linear plant and its model from sample to sample under a held u, computed exactly, with an exported controller."""
+    """A linear plant and its model at the samples under a held u, computed exactly, with an exported controller."""
 
     def __init__(self, problem, controller) -> None:
         limits = problem.plant.input.saturation

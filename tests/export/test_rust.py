@@ -79,5 +79,5 @@ def test_its_functions_of_plain_arguments_compile_without_a_warning(tmp_path) ->
 
 
 def test_the_closed_loop_is_refused(tmp_path) -> None:
-    with pytest.raises(InputError, match="the target rust exports only the controller"):
+    with pytest.raises(InputError, match="the rust target exports only the controller"):
         crate(KINDS[1], tmp_path, closed_loop=True)

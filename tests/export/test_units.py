@@ -80,7 +80,9 @@ def test_the_export_of_a_controller_that_is_lost_says_so(tmp_path) -> None:
     told: list[str] = []
     out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "lost", judge=bound, note=told.append)
     (sentence,) = told
-    assert re.fullmatch(r"Do not fly this export as it is: in the run of the case known is lost at t = [\d.]+ s.*\.", sentence)
+    assert re.fullmatch(
+        r"Do not fly this export as it is: when this case is simulated, known is lost at t = [\d.]+ s.*\.", sentence
+    )
     assert f"**{sentence}**" in (out / "README.md").read_text()
     told.clear()
     out = export_controller(STATE, KNOWN, SIMULATION, out=tmp_path / "kept", note=told.append)
@@ -97,8 +99,8 @@ def test_the_export_of_a_controller_that_is_lost_says_so(tmp_path) -> None:
     ids=["limit cycle", "less gain", "at its limits"],
 )
 def test_the_export_of_a_controller_that_oscillates_or_saturates_says_so(gain, delay, limit, losses, verdict) -> None:
-    """A PI controller with a delay has its limit cycle without any fault; the last loop has 12 of 13 samples lost, and a limit
-    of half the control that the command needs."""
+    """A PI controller with a delay has its limit cycle without any fault; in the last loop 12 of 13 samples are lost, and the
+    limit is half of the control that the command needs."""
     lost = tuple((13 * k * T + T, 13 * (k + 1) * T) for k in range(100 if losses else 0))
     case = replace(
         STATE,
@@ -109,7 +111,7 @@ def test_the_export_of_a_controller_that_oscillates_or_saturates_says_so(gain, d
     )
     law = Sampled(controller=LinearFeedback(controller=TransferFunction([gain, gain], [1.0, 0.0])), sample_time=T)
     told = own_run_warning(case, law, Simulation(t_end=12.0, dt=T / 2), None)
-    wanted = f"In the run of the case the judge's verdict on Linear is: {verdict}\\." if verdict else ""
+    wanted = f"When this case is simulated, the judge's verdict on Linear is: {verdict}\\." if verdict else ""
     assert re.fullmatch(wanted, told), told
 
 
@@ -128,7 +130,7 @@ def test_the_export_says_if_the_shell_refuses_the_own_run_after_the_test_vectors
         guarded = replace(late, shell=Shell(range={"x_1": [-limit, limit]}))
         out = export_controller(guarded, KNOWN, Simulation(t_end=15.0, dt=5e-3), out=tmp_path / "out", note=told.append)
     (sentence,) = told
-    assert sentence.startswith("In the run of the case without faults, ")
+    assert sentence.startswith("When this case is simulated without faults, ")
     assert (
         sentence.endswith(": widen the limits of the shell.")
         and "% of the 1500 samples were lost or rejected by the shell" in sentence

@@ -1,4 +1,5 @@
-"""Derivatives of metrics: against closed forms, against differences of the same runs, and rejected where there is none."""
+"""Derivatives of metrics are compared with closed forms and with differences of the same runs, and are rejected where they do not
+exist."""
 
 from dataclasses import replace
 
@@ -226,7 +227,7 @@ def test_numbers_without_derivatives_are_named_with_the_reason(tmp_path):
 def test_a_diverging_run_has_no_derivatives(tmp_path):
     text = LINEAR.format(theta=2.9).replace("t_end = 1.0", "t_end = 100.0").replace("nominal = [0.4]", "nominal = [-2.0]")
     (one,) = sensitivity(written(tmp_path, text), to=["plant.theta[0]"], of=["max_abs_u"]).derivatives
-    assert one.at is None and one.derivative is None and one.refused == "a run beside this value diverges, or the run itself does"
+    assert one.at is None and one.derivative is None and one.refused == "the run, or a run near this value, diverges"
 
 
 @pytest.mark.parametrize(

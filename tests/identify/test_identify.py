@@ -161,7 +161,7 @@ def test_the_fit_finds_the_plant_and_its_interval_holds_it():
 def test_a_slope_that_the_data_contradict_is_refused():
     rng = np.random.default_rng(1)
     recording, noise, _ = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
-    with pytest.raises(InputError, match=r"slope of x0 is 0\.1, but the data, including their noise, move by at least"):
+    with pytest.raises(InputError, match=r"slope of x0 is 0\.1, but even allowing for their noise the data change by at least"):
         identify(recording, noise=noise, slope={"x0": 0.1})
 
 
@@ -190,7 +190,7 @@ def test_outputs_that_are_not_the_whole_state_are_a_finding():
     rng = np.random.default_rng(0)
     recording, _, _ = recorded(rng, np.array([[0.0, 1.0], [-400.0, -0.4]]), np.array([[0.0], [30.0]]), 0.01, 800, 1e-5)
     position = replace(recording, outputs=recording.outputs[:, :1], output_names=("x0",))
-    assert any("perhaps the outputs are not the whole state" in one for one in identify(position).findings)
+    assert any("Perhaps the outputs are not the whole state" in one for one in identify(position).findings)
     assert not any("whole state" in one for one in identify(recording, derivatives={"x0": "x1"}).findings)
 
 
@@ -256,7 +256,7 @@ def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
         found = identify(Recording(t, unstable().inputs, q[:, None], ("u",), ("q",)))
         assert found.restarted is not None and (found.fit["q"] < found.held_fit["q"]) == worse
         assert any("predicts q worse than a state that is held from the last restart" in said for said in found.findings) == worse
-        assert any("the ranges describe no plant" in said for said in found.findings)
+        assert any("The ranges describe no plant" in said for said in found.findings)
         assert "s ahead and fits q" in report.sentence(found) and "restarts from the measured state every" in report.caption(
             found
         )
@@ -290,9 +290,11 @@ def test_a_contradiction_of_within_and_the_data_is_said_as_one():
     with pytest.raises(InputError) as told:
         identify(recording, noise=noise, slope=slope, within={("x0", "x0"): (-3.0, -2.5)})
     said = str(told.value)
-    assert "an equation of x0' that lies within the bounds of within explains them only with bounds on noise and slope" in said
-    assert "without within, some other equation explains them" in said
-    assert float(said.split("slope that are ", maxsplit=1)[1].partition(" times larger")[0]) > 1
+    assert (
+        "an equation of x0' whose coefficients are limited by within explains them only if the bounds on noise and slope" in said
+    )
+    assert "Without within, some other equation explains them" in said
+    assert float(said.split("slope are ", maxsplit=1)[1].partition(" times larger")[0]) > 1
 
 
 def test_the_smallest_factor_is_that_of_a_grid_and_its_bounds_are_explained():

@@ -1,5 +1,4 @@
-"""Bounds from sample to sample, compared with sums in exact arithmetic, for states of very different sizes and slowly decaying
-loops."""
+"""Bounds at the samples, compared with sums in exact arithmetic, for states of very different sizes and slowly decaying loops."""
 
 from fractions import Fraction
 

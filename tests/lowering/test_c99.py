@@ -1,4 +1,4 @@
-"""The C99 printer compared with the LLVM kernel: two compilers have the same bits for one list of operations."""
+"""The C99 printer compared with the LLVM kernel: the results of two compilers for one list of operations are bit-identical."""
 
 from __future__ import annotations
 

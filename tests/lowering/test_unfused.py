@@ -1,4 +1,4 @@
-"""Steps without fused multiply-adds: the bits of LLVM and of a C compiler for a processor that has no FMA are the same."""
+"""Steps without fused multiply-adds: the results of LLVM and of a C compiler for a processor without FMA are bit-identical."""
 
 from __future__ import annotations
 

@@ -457,7 +457,7 @@ def test_one_number_has_one_verdict(section_v_runs, quick):
     (check,) = [one for one in checks if "proportional to kappa" in one.statement]
     factor = float(re.search(r"multiplies it by ([\d.]+)", check.measured)[1])
     reading = [one for one in quick[0]["bias-kappa"].readings if one.literal][2]
-    (of_row,) = re.findall(r"the error grows ([\d.]+) times from 0.01 to 0.02 s", reading.measured)
+    (of_row,) = re.findall(r"the error grows by a factor of ([\d.]+) from 0.01 to 0.02 s", reading.measured)
     assert factor == pytest.approx(float(of_row), rel=0.01)
     assert check.holds and reading.holds and abs(factor / 2 - 1) < PROPORTIONAL_SHARE
 

@@ -70,7 +70,7 @@ def test_a_fault_is_a_signal_like_others() -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (Dropout, "a dropout needs share or times, which determine when it is present"),
+        (Dropout, "a dropout needs share or times, which determine when it acts"),
         (lambda: Dropout(share=1.5), "share must be at most 1, got 1.5"),
         (lambda: Dropout(share=0.1, times=[[0, 1]]), "give either share or times, got both"),
         (lambda: Dropout(times=[[2, 1]]), "times must be intervals [start, end] with 0 <= start < end, got [2, 1]"),

@@ -256,8 +256,8 @@ def test_a_certificate_says_how_noise_enters_the_simulated_margins():
     (loss,) = (text for text in found.assumptions if text.startswith("delay_margin_simulated"))
     assert NOISE_SENTENCE in found.assumptions
     assert (
-        "has grown by 1 times the largest |x_m|" in loss
-        and "; with the measurement noise and without" in loss
+        "grows by 1 times the largest |x_m|" in loss
+        and "holds both with and without measurement noise" in loss
         and "{" not in loss
     )
 

@@ -87,7 +87,7 @@ def test_what_stands_for_a_step() -> None:
 
 def test_a_delay_below_the_resolution_is_no_delay_that_is_tried() -> None:
     said = refusal(lambda: tune(CASE, "rms_e", subject_to=["delay_margin_measured >= 1e-5"], plants=1))
-    assert "requires less than the smallest delay that can be simulated, 0.0004 s" in said
+    assert "is shorter than the shortest that can be simulated, 0.0004 s" in said
 
 
 def test_the_verdict_on_a_run_that_stalls_is_that_of_a_lost_one() -> None:

@@ -97,7 +97,7 @@ def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
     assert again.as_json() == found.as_json()
     assert plain.as_json() | {"audit": None} == found.as_json() | {"audit": None}
     assert plain.audit.sentences == [
-        "no member was repeated at half its step, so any share may be due to the solver: none was requested"
+        "no member was repeated at half its step, so any fraction may be due to the solver: none was requested"
     ]
 
 

@@ -1,4 +1,5 @@
-"""Chunks on a cluster: the same bits on any processor, workers that die, and a scheduler that is missing or disappears."""
+"""Chunks on a cluster: bit-identical results on any processor, workers that die, and a scheduler that is missing or
+disappears."""
 
 from __future__ import annotations
 

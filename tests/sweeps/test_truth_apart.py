@@ -1,4 +1,4 @@
-"""A sweep varies the simulated plant and keeps the design. With --redesign both are made anew."""
+"""A sweep varies the simulated plant and keeps the design. With --redesign both are computed again."""
 
 import json
 

@@ -40,7 +40,7 @@ class Guarantee:
     M_0: float | None = None
 
 
-SMALL_ENOUGH = "with a normalised law {} must be small enough for x to stay bounded; the limit is not known"
+SMALL_ENOUGH = "with a normalised law x stays bounded if {} is small enough; the limit is not known"
 CORNERS = "nothing is guaranteed if the projection cuts corners"
 
 
@@ -69,7 +69,7 @@ def with_modifications(
 ) -> Guarantee:
     """The guarantee of a normalised scheme whose law has V' <= 0 without leakage and dead zone.
 
-    With a leakage or a dead zone, epsilon m_s is not square integrable, only small in the mean; the proof that x stays bounded
+    With a leakage or a dead zone, epsilon m_s is not square integrable, only small in the mean. The proof that x stays bounded
     then requires it to be small enough, but no threshold is known. For example, with a dead zone wider than the largest epsilon
     m_s nothing is learnt, and an unstable loop stays unstable. Source: Ioannou and Sun, section 9.3.
     """

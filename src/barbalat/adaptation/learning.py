@@ -36,7 +36,7 @@ class CompositeLearning(Settings):
                    forgetting, R then grows like t, and so does the rate Gamma gamma_c R of the law, which the step must resolve
 
     With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f, zeta' = z + b^+ A_m x + u,
-    zeta(0) = b^+ x(0); phi' = (phi(x) - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With m^2 = 1 + phi'phi and the
+    zeta(0) = b^+ x(0) and phi' = (phi(x) - phi)/tau_f, phi(0) = 0. No derivative of x is needed. With m^2 = 1 + phi'phi and the
     weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so Q = R theta, and V = e'P e + theta_tilde'Gamma^-1
     theta_tilde has V' = -|e|^2 - 2 gamma_c theta_tilde'R theta_tilde. Without forgetting lambda_min(R) never falls: once the data
     have excited all directions for a finite time, e and theta_tilde converge exponentially, without persistent excitation.
@@ -88,7 +88,7 @@ class CompositeLearning(Settings):
         """The memory one sample of length T [s] later; ``x`` and ``regressor`` are taken at its middle. Q = R theta is kept
         exactly.
 
-        The filters use the midpoint rule; forgetting is exact; the capacity is never exceeded.
+        The filters use the midpoint rule, forgetting is exact, and the capacity is never exceeded.
         """
         zeta, phi, R, Q = memory
         b_plus, half = _left_inverse(b), T / 2 / self.time_constant

@@ -1,5 +1,5 @@
-"""Modifications of a law: leakage terms -Gamma w theta_hat and dead zones, and the errors for modifications that a law does not
-admit."""
+"""Modifications of a law: leakage terms -Gamma w theta_hat and dead zones, and the errors raised for modifications that a law
+does not admit."""
 
 from __future__ import annotations
 

@@ -245,8 +245,8 @@ TOKEN = re.compile(
 
 @dataclass(frozen=True)
 class TomlSize:
-    """longest  largest number of parts of a key; squares: the sum of their squares; equals: keys with a value; nested: levels of
-    brackets"""
+    """``longest`` is the largest number of parts of a key; ``squares`` is the sum of their squares, ``equals`` counts keys with a
+    value, and ``nested`` counts levels of brackets."""
 
     longest: int
     squares: int

@@ -78,7 +78,8 @@ def _numbers(name: str, table: Tables, keys: tuple[str, ...], values: Mapping[st
 
 
 def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPlant:
-    """The plant of a case file as formulas; ``tables`` are those of the file, ``parameters`` the checked parameters by name."""
+    """The plant of a case file as formulas; ``tables`` are those of the file, ``parameters`` the checked parameters keyed by
+    name."""
     declared = [Parameter(name, **(one if isinstance(one, dict) else {"value": one})) for name, one in parameters.items()]
     plant = tables["plant"]
     more = {key: plant.get(key) for key in ("x0", "input")}

@@ -50,7 +50,7 @@ class OwnFile:
 
     @property
     def classes(self) -> dict[str, type]:
-        """The controller classes that the file defines, by name."""
+        """The controller classes that the file defines, keyed by name."""
         found = {name: kind for name, kind in vars(self.module).items() if isinstance(kind, type) and "bind" in dir(kind)}
         return {name: kind for name, kind in found.items() if kind.__module__ == self.module.__name__}
 

@@ -31,9 +31,9 @@ class Apart:
     """The effect of the truth of a case on its certificates.
 
     departures  the differences from the plant and the declared sets
-    claimed     by controller, whether the design has any guarantee about the motion
-    voids       by controller, the keys whose guarantees don't hold for the simulated plant
-    cells       by controller, the cells of Table 1 that don't hold for it
+    claimed     keyed by controller: whether the design has any guarantee about the motion
+    voids       keyed by controller: the keys whose guarantees don't hold for the simulated plant
+    cells       keyed by controller: the cells of Table 1 that don't hold for it
     """
 
     departures: tuple[Departure, ...]
@@ -69,9 +69,9 @@ def apart(
 ) -> Apart | None:
     """The check of a problem's truth; None if the simulated plant is the design plant.
 
-    A simulated plant outside the declared sets voids every guarantee about the motion. If its theta and gain are inside the sets
-    but differ from those of the design, a guarantee remains valid if the certificate for the simulated plant guarantees the same
-    value, because the value was then computed for the whole set.
+    A simulated plant outside the declared sets voids every guarantee about the motion. Its theta and gain may be inside the sets
+    but differ from those of the design. A guarantee then remains valid if the certificate for the simulated plant guarantees the
+    same value, because the value was computed for the whole set.
     """
     if not isinstance(problem, Problem) or problem.simulated is None:
         return None

@@ -152,7 +152,7 @@ def small_enough(present: str) -> Assumption:
     """The modelling error of the case, if any, is small enough; the threshold is not known."""
     return Assumption(
         "the modelling error of the case is small enough",
-        f"{present}: it is not known whether that is small enough" if present else "",
+        f"{present}: whether it is small enough is not known" if present else "",
     )
 
 

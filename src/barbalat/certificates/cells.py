@@ -77,9 +77,9 @@ def advice(key: str, text: str) -> Entry:
 
 
 COUNTS_ON_DAMPING = (
-    "the method is unstable on the imaginary axis, so its limits rely on the damping of the law frozen at theta_hat = "
-    "theta; with a different estimate the state obeys A_m - b theta_tilde', which can remove that damping: runs leave the "
-    "region of stability somewhat below the limits"
+    "the method is unstable on the imaginary axis, so its limits rely on the damping of the law frozen at theta_hat = theta. "
+    "With a different estimate the state obeys A_m - b theta_tilde', which can remove that damping, so runs leave the region of "
+    "stability somewhat below the limits"
 )
 
 

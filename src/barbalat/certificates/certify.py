@@ -145,11 +145,11 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
 
 
 STEP_KEYS = ("step_max", "gamma_max", "step_max_at_model", "gamma_max_at_model")
-"""Entries on the limits of a fixed step, which do not apply to a run with a tolerance."""
+"""Entries on the limits of a fixed step, which do not apply to a variable-step run."""
 
 
 def _without_step(certificate: Certificate) -> Certificate:
-    """The certificate for runs whose steps follow from a tolerance."""
+    """The certificate for variable-step runs."""
     entries = tuple(entry for entry in certificate.entries if entry.key not in STEP_KEYS)
     notes = tuple(
         note for note in certificate.notes if not any(word in note for word in (*STEP_KEYS, "limit on the step", "at dt ="))

@@ -51,7 +51,7 @@ QUANTITIES = {
     "error_bound": Quantity("bound on every component of e, at all times"),
     "error_bound_worst": Quantity("the same for the worst theta of the known set"),
     "error_bound_command": Quantity(
-        "bound on every component of e under the case's command up to t_end, for any theta of the known set"
+        "bound on every component of e for any theta of the known set, under the case's command up to t_end"
     ),
     "adaptation_frequency": Quantity("frequency of the frozen oscillator of adaptation", "rad/s"),
     "gamma_max": Quantity(
@@ -77,7 +77,7 @@ QUANTITIES = {
         "the smallest margins found over the known set or the parameters' ranges, and where", form=Form.OVER_THE_SET
     ),
     "delay_margin_adapting": Quantity(
-        "delay margin linearised at the largest constant command, including the law; without limits", "s"
+        "delay margin of the loop with its law, linearised at the largest constant command, without limits", "s"
     ),
     "delay_margin_measured": Quantity("measured on the case with its limits: largest delay before loss or a limit cycle", "s"),
     "gain_margin_measured": Quantity("measured on the case with its limits: tolerated factor and divisor of the input's gain"),

@@ -56,7 +56,7 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
             apart = stability is not None and stability.kind == OF_THE_DESIGN
             said = f"; the following is {OF_THE_DESIGN}" if apart else ""
             return Line("condition", f"holds: {of} {size} < 1{said}", OF_THE_DESIGN if apart else condition.kind)
-        return Line("condition", f"not shown: {of} {size}, but less than 1 is required", "does not apply")
+        return Line("condition", f"not shown: {of} {size} is not below 1", "does not apply")
     if stability is None or not stability.applies:
         return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
     bounded = f"bounded, {OF_THE_DESIGN}" if stability.kind == OF_THE_DESIGN else "bounded"

@@ -153,7 +153,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
                 folder.write(PAGE, page.dispersed_flights(found))
                 folder.commit()
     except SimulatorFailed as error:
-        kept = f"; the results in {options.store} are kept; run the same command again to continue"
+        kept = f". The results in {options.store} are kept; run the same command again to continue"
         stays = "" if options.store is None else kept
         say(f"barbalat: {error}{stays}")
         return 1

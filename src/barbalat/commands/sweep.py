@@ -247,7 +247,7 @@ SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 
 EXIT_FAILED = 1
-"""Exit code of failures with valid input."""
+"""Exit code if a member fails although the input is valid."""
 
 
 def _run(

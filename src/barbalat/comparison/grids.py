@@ -47,7 +47,7 @@ def default_knobs(
     if reach.theta_hat0 is not None:
         usual = "0 is" if problem.known.theta_0 is None else "the baseline's parameters are"
         middle = ", ".join(f"{value:.6g}" for value in reach.theta_hat0)
-        left_out.append(f"{usual} not in the known set: estimates start in its middle, [{middle}]")
+        left_out.append(f"{usual} not in the known set, so estimates start at its centre, [{middle}]")
     kept, refused = [], []
     for knobs in candidates:
         try:
@@ -70,7 +70,7 @@ def unresolved(highest: float, how: str, simulation: Simulation) -> str:
 
 
 STEPS_EACH_RESOLUTION = 2
-"""Number of steps with a tolerance (about 1.5 rad of the fastest oscillation each) per longest stable step of RK4 (2.8 rad)."""
+"""Number of variable steps (about 1.5 rad of the fastest oscillation each) per longest stable step of RK4 (2.8 rad)."""
 
 
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
@@ -132,8 +132,8 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     """Return an estimate of the largest Gamma that the step resolves, and a text on how it was found.
 
     For phi(x) = x, one input and a known gain, it is gamma_max of ``certify``. Otherwise it follows from the same frozen
-    oscillator with the largest regressor of the loop with known theta, including u if its gain is estimated: the bound of
-    ``certify`` covers everything that the known set allows and would exclude gains that cases use. Faults, a shell and an
+    oscillator with the largest regressor of the loop with known theta, including u if its gain is estimated. The bound of
+    ``certify`` covers everything that the known set allows, so it would exclude gains that cases use. Faults, a shell and an
     observer are ignored. Raises InputError if the step resolves no gain.
     """
     problem = problem.nominal
@@ -148,7 +148,7 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     if not found:
         if simulation.tolerance is not None:
             raise InputError(
-                "no adaptive gain is small enough for this command, because a run takes too many steps; make the run shorter"
+                "no adaptive gain is small enough for this command, because a run takes too many steps. Make the run shorter"
             )
         raise InputError(
             f"simulation.dt = {simulation.dt:g} s is too large to resolve any adaptive gain for this command; make it smaller"
@@ -160,7 +160,7 @@ def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> fl
     known, controller = ideal(problem)
     run = simulate(known, [controller], replace(simulation, record_points=4000))[controller.name]
     if np.isfinite(diverged := run.metrics.diverged_at[0]):
-        raise InputError(f"the plant cannot track its model: even with theta known, the loop diverges at t = {diverged:.4g} s")
+        raise InputError(f"the plant cannot track its model: the loop diverges at t = {diverged:.4g} s even with theta known")
     square = np.array([np.sum(problem.plant.regressor(x) ** 2) for x in run.x])
     if problem.input_gain is not None:
         square += np.max(run.u.reshape(len(run.t), -1) ** 2, axis=1)

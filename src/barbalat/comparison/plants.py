@@ -137,7 +137,7 @@ def require_delays(problems: Sequence[TrackingProblem], simulation: Simulation) 
         except InputError:
             raise InputError(
                 f"the parameter ranges include plants with an input delay of {one.delay:.3g} s, but a delay must be 0 or at "
-                f"least one solver step, {simulation.dt:g} s: raise the lower end of the range, or make simulation.dt smaller"
+                f"least one solver step ({simulation.dt:g} s): raise the lower end of the range, or reduce simulation.dt"
             ) from None
 
 

@@ -42,7 +42,7 @@ def different_starts(problem: Problem, controllers: Sequence[Controller]) -> lis
     first, start = next(iter(known.items()))
     return [
         f"{name} starts with estimates of {validate.show(other)}, and {first} with {validate.show(start)}"
-        ": the initial estimates are given in the case, or in the controller's class, and are not tuned"
+        ": the initial estimates come from the case or from the controller's class, and are not tuned"
         for name, other in known.items()
         if not np.array_equal(other, start)
     ]

@@ -180,7 +180,9 @@ def _initial_feedforward(given: float | Array | None, known: Known, interval: Pa
     wanted = np.array(given, dtype=float).reshape(-1)
     if interval is None or interval.contains(wanted):
         return wanted
-    raise InputError(f"k_r0 must lie {interval}, which is k_0 over the interval of the input gain, got {validate.show(given)}")
+    raise InputError(
+        f"k_r0 must lie {interval}, which is k_0 divided by the interval of the input gain, got {validate.show(given)}"
+    )
 
 
 def sets_of_ideal_gains(known: Known) -> tuple[KnownSet | None, ParameterBox | None]:

@@ -30,8 +30,7 @@ class Predictor:
     """Predictor (8) and law (7) in one implicit step; with C = 1 this is MRAC.
 
     V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde decreases by at least T |x_tilde|^2 per sample, for every Gamma and
-    T. The predictor uses the estimate after projection onto the known set: with C = 1, the predictor then follows the reference
-    model.
+    T. The predictor uses the estimate after projection onto the known set, so with C = 1 it follows the reference model.
     """
 
     continuous: Equations

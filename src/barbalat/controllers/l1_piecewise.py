@@ -33,7 +33,7 @@ PATENT_NOTE = (
 
 
 class State(NamedTuple):
-    """The states from sample to sample; no parameter is estimated."""
+    """The discrete-time states; no parameter is estimated."""
 
     theta_hat: Value  # (0,)
     x_hat: Value  # (n,) predictor
@@ -44,7 +44,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """The equations from sample to sample."""
+    """The discrete-time equations."""
 
     sample_time: float
     predictor: PredictorStep
@@ -102,9 +102,9 @@ class Equations:
 class L1PiecewiseConstant(Scheme):
     """u = C(s)[k_0 r - sigma_hat_m - H_m(s)^-1 H_um(s) sigma_hat_um], sigma_hat = -B^-1 Phi^-1 e^(A_m T) x_tilde at each sample.
 
-    B = [b, b_um] with b'b_um = 0, Phi = A_m^-1 (e^(A_m T) - I), predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from
-    sample to sample, x_tilde = x_hat - x. The scheme is always sampled: it has no alternative discretization, no adaptive gain
-    and no known set.
+    B = [b, b_um] with b'b_um = 0, Phi = A_m^-1 (e^(A_m T) - I), predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact at the
+    samples, x_tilde = x_hat - x. The scheme is always sampled: it has no alternative discretization, no adaptive gain and no
+    known set.
 
     sample_time  T [s]; a whole number of solver steps if these are fixed
     filter       C(s): stable, strictly proper, C(0) = 1, discretised by the trapezoidal rule; starts at rest. ``None`` means C =
@@ -195,7 +195,7 @@ def input_directions(b: Array) -> Array:
 class Realisation(NamedTuple):
     """s[k+1] = A s[k] + B y[k], u[k] = C s[k] + D y[k] with y = (x, r), the measurement at sample k.
 
-    s = (x_hat, the filter's states before their sample); in the exact form, x_hat is e^(A_m T) x + Phi b u from the last sample,
+    s = (x_hat, the filter's states before their sample). In the exact form, x_hat is e^(A_m T) x + Phi b u from the last sample,
     so the predictor does not depend on its previous state.
     """
 

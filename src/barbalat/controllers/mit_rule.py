@@ -77,8 +77,8 @@ class MitRule(Scheme):
     gamma_r     adaptive gain of the feedforward, > 0; by default gamma, if that is a number
     output      c, (n,): c'e is the error whose square is minimised; the first state by default
     normalization  alpha > 0 of the normalised rule, which divides by alpha + |G[phi]|^2 + G[r]^2; not normalised by default
-    feedforward_only  hold k_x_hat at theta_hat0: for a plant k_p G(s), omega = k_p, and the model k_0 G(s), the rule is then the
-                      textbook's theta' = -gamma e y_m, with gamma_r = gamma k_0; off by default
+    feedforward_only  hold k_x_hat at theta_hat0; off by default. For a plant k_p G(s), omega = k_p, and the model k_0 G(s), the
+                      rule is then the textbook's theta' = -gamma e y_m, with gamma_r = gamma k_0
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
     k_r0        k_r_hat(0), by default k_0, or the nearest value that the interval of the input gain allows
     projection  onto the known set divided by the input gain; on by default if there is a known set

@@ -31,7 +31,7 @@ class State(NamedTuple):
 
 
 def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> Array:
-    """Uniformly distributed in [-spread, spread); a seed gives the same bits with every version of NumPy.
+    """Uniformly distributed in [-spread, spread); a seed gives bit-identical numbers with every version of NumPy.
 
     NumPy guarantees this only for a generator's raw bits, not for its distributions.
     """
@@ -114,7 +114,7 @@ class NetworkMrac(Scheme):
     theta'phi(x).
 
     With mu = b'P e, h' = (0, 1 - tanh^2(z)) and the leakage w, each neuron has W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
-    V_i' = gamma_v (mu'W_i h_i' x_bar - w V_i), where W_i has a weight for each input: all inputs share the hidden layer. The
+    V_i' = gamma_v (mu'W_i h_i' x_bar - w V_i), where W_i has a weight for each input. All inputs share the hidden layer. The
     e-modification is w = nu |mu|_1. phi(x) is not used: the network uses x itself. W_hat starts at zero.
 
     gamma       adaptive gain > 0 of the outer weights

@@ -1,4 +1,4 @@
-"""The predictor and the estimate of the piecewise-constant law from sample to sample, in the exact form or in the form of flight
+"""The predictor and the estimate of the piecewise-constant law in discrete time, in the exact form or in the form of flight
 codes."""
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class AsFlown(Settings):
         return validate.vector("as_flown.nominal", self.nominal, parameters)
 
     def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
-        """The step from sample to sample, with the assumed T [s]."""
+        """The step over a sample, with the assumed T [s]."""
         a = self.poles(len(A_m))
         with np.errstate(over="ignore"):  # for T far longer than the time scale of the loop, the factor tends to 0
             decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0

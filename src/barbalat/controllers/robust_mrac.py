@@ -132,8 +132,8 @@ class RobustMrac(Scheme):
     The paper's W_c0 = -c_0'(sI - A_m)^-1 with a plus in front contradicts that identity.
 
     Windup. With xi' = A_m xi + b sat(u) the model z = theta'phi is exact for every limit, and so is
-        c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a + sat(u) - u]:
-    the part of u beyond the limit affects e but not learning. With u instead, epsilon would contain W_m(s)[sat(u) - u], which
+        c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a + sat(u) - u].
+    The part of u beyond the limit affects e but not learning. With u instead, epsilon would contain W_m(s)[sat(u) - u], which
     no theta explains.
 
     Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). The treatment of windup is derived here from

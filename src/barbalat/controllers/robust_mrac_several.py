@@ -1,6 +1,6 @@
 """Robust and normalised MRAC for several inputs: the parametric model (13) with an equation for each input.
 
-With C_0 (m, n) in place of c_0', W_m(s) = C_0 (sI - A_m)^-1 B is square: z = C_0 (x - xi) = phi'theta with phi (p m, m), and
+With C_0 (m, n) in place of c_0', W_m(s) = C_0 (sI - A_m)^-1 B is square. z = C_0 (x - xi) = phi'theta with phi (p m, m), and
 epsilon, which drives the law, is a vector. For C_0 = B'P, W_m is strictly positive real. See docs/equations.md, section 12.
 """
 

@@ -16,7 +16,7 @@ DISCRETIZATIONS = ("midpoint", "euler")
 
 @dataclass(frozen=True, eq=False)
 class Euler(SampledForm):
-    """The continuous equations with explicit Euler steps from sample to sample: a common choice, which may chatter."""
+    """The continuous equations with an explicit Euler step per sample: a common choice, which may chatter."""
 
     continuous: Equations
     sample_time: float

@@ -181,7 +181,7 @@ def require_separable(modifications: Modifications) -> None:
         )
     if modifications.learning is not None:
         raise InputError(
-            "composite learning cannot be combined with a baseline: its memory assumes that only u and theta'phi enter"
+            "composite learning cannot be combined with a baseline: its memory assumes that only u and theta'phi drive the plant"
         )
 
 

@@ -70,10 +70,11 @@ class TuningScale:
     theta_hat0: Vector | None = None
 
     def sampled(self, sample_time: float, beyond: float) -> TuningScale:
-        """The ranges for a contest of sampled controllers: gains ``beyond`` times as large, time constants from half a sample to
-        ten times the slowest one.
+        """The ranges for a contest of sampled controllers: gains ``beyond`` times as large, time constants from half a sample
+        period to ten times the slowest one.
 
-        The midpoint form of a lag has its pole at zero if the time constant is half a sample, and oscillates if it is shorter.
+        The midpoint form of a lag has its pole at zero if the time constant is half a sample period, and oscillates if it is
+        shorter.
         """
         return replace(
             self,

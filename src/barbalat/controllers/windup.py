@@ -31,9 +31,9 @@ class ModifiedError(Settings):
     u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without a remedy; omega_hat = 1 if the input gain is known, and
     otherwise sat(u) is the regressor of omega in the law. Then exactly (e - e_d)' = A_m (e - e_d) - b (theta_tilde'phi +
     omega_tilde sat(u)), so V = (e - e_d)'P(e - e_d) + theta_tilde'Gamma^-1 theta_tilde, with omega_tilde included in theta_tilde,
-    decreases as without a limit: the estimates and e - e_d are bounded. x_m + e_d is the adapted reference model. Boundedness of
-    e_d itself is not claimed: with a limited input, an unstable plant can diverge from a sufficiently large initial state for any
-    estimates.
+    decreases as without a limit. Therefore the estimates and e - e_d are bounded; x_m + e_d is the adapted reference model.
+    Boundedness of e_d itself is not claimed: with a limited input, an unstable plant can diverge from a sufficiently large
+    initial state for any estimates.
 
     Source: Karason and Annaswamy (1994), IEEE TAC 39(11); Lavretsky and Hovakimyan (2007), Automatica 43(3), whose estimated gain
     on the control deficiency is omega_hat here.

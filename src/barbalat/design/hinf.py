@@ -1,8 +1,8 @@
 """Mixed-sensitivity H-infinity design: the fastest loop that the unmodelled dynamics allow.
 
-||[W_S S; W_KS K S; W_T T]||_inf <= 1 where W_T is the size of the unmodelled dynamics, so |W_T T| <= 1 guarantees stability, and
-W_S = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2 requires the bandwidth w_B and that |S| is proportional to the square of the
-frequency below it, as with a PI controller on this plant. The largest feasible w_B is found by bisection. Source: Skogestad and
+||[W_S S; W_KS K S; W_T T]||_inf <= 1 where W_T is the size of the unmodelled dynamics, so |W_T T| <= 1 guarantees stability. W_S
+= (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2 requires the bandwidth w_B; below it |S| must be proportional to the square of the
+frequency, as with a PI controller on this plant. The largest feasible w_B is found by bisection. Source: Skogestad and
 Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
 """
 

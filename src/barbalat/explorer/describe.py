@@ -346,7 +346,7 @@ WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECE
 def judged(target: Target) -> bool:
     """Whether a page judges the step.
 
-    Large loops, and laws that take explicit steps from sample to sample, are judged only by ``barbalat run``.
+    Large loops, and sampled laws that take explicit steps, are judged only by ``barbalat run``.
     """
     reader = target.family.reader
     equations = reader.loop.equations

@@ -14,7 +14,7 @@ class FigureGoal:
     """A goal for the largest entry of a controller's metric over every step, which is compared with a bound or with a fraction of
     a different metric.
 
-    share_of  None for a bound; "start" for the same metric of the lesson's first run; or the name of a different controller
+    share_of  None for a bound, "start" for the same metric of the lesson's first run, or the name of a different controller
     """
 
     controller: str

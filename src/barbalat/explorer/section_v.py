@@ -142,7 +142,8 @@ WITH_A_DELAY = (
             "The input has a delay of 50 ms. Without the delay τ would be excellent, but with it the run diverges or leaves its "
             "limits."
         ),
-        goal="Find a τ that tolerates this delay with an error below 3 in the tail: neither too small nor too large.",
+        goal="Find a τ, neither too small nor too large, with which the loop tolerates this delay and the error in the tail is "
+            "below 3.",
         checks=(
             SettingGoal(path=DELAY_PATH, relation=">=", value=0.05),
             BoundedGoal(controller="Robust MRAC"),

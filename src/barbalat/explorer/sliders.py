@@ -295,9 +295,9 @@ class Together:
     """What is known about combinations of the numbers. Two numbers that one search found incompatible remain incompatible in the
     next search, which uses different values.
 
-    kinds    (N,) the kind of each number. Numbers of one kind belong to one vector or matrix, which constructors take as a
-             whole. If an entry of one must not be moved with an entry of another, the same is assumed of all pairs of their
-             entries, because the difference may show only at few values, in a last bit
+    kinds    (N,) the kind of each number. Numbers of one kind belong to one vector or matrix, which constructors take as a whole.
+             If an entry of one must not be moved with an entry of another, the same is assumed of all pairs of their entries. The
+             difference may show only at few values, in a last bit
     apart    (N, N) whether two numbers must not be moved together
     outcome  a function that returns the outcome of a setting with these moves, each of a different number
     dropped  numbers that fail by themselves

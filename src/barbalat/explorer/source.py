@@ -30,7 +30,7 @@ class Source(ABC):
 
     @abstractmethod
     def numbers(self) -> Iterator[tuple[FieldPath, float]]:
-        """Yield all numbers with their places."""
+        """Yield every number and its location."""
 
     @abstractmethod
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:

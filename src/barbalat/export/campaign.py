@@ -189,7 +189,7 @@ EXPECTED_FLIGHTS = 70
 
 
 def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
-    """Faults by name: the faults of the case, and lost measurements, which every controller eventually encounters."""
+    """Faults keyed by name: the faults of the case, and lost measurements, which every controller eventually encounters."""
     found: dict[str, tuple[Fault, ...]] = {"the case's own": tuple(own)} if own else {}
     found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
     words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
@@ -281,9 +281,9 @@ class _Flights:
         return 1.0 - float(blocks.lengths[: len(within)][within].sum()) / self.simulation.steps
 
     def instants(self, controller: Controller) -> list[int]:
-        """Samples from which an outage probably does harm, the likeliest first: after jumps and corners of commands and
-        disturbances and at the largest rate before the next one, at the largest |e|, |u| and rate of the run without faults,
-        and evenly spread."""
+        """Samples from which an outage probably does harm, the likeliest first. They lie after jumps and corners of commands and
+        disturbances, at the largest rate before the next one, and at the largest |e|, |u| and rate of the run without faults;
+        further samples are evenly spread."""
         run = result_of(self.problem, controller, self.simulation, self.quiet)
         t, last = run.t, int(self._samples(self.quiet)) - 1
         rate = _sized(np.gradient(run.x.reshape(len(t), -1), t, axis=0))

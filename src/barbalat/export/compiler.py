@@ -62,7 +62,7 @@ def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: 
             if done.returncode == 0 and (folder / library).exists():
                 return (folder / library).read_bytes()
             told = done.stderr.decode(errors="replace").strip().splitlines()  # in any encoding
-            said = (told or [f"it left no library, and ended with exit code {done.returncode}"])[0]
+            said = (told or [f"it wrote no library and ended with exit code {done.returncode}"])[0]
         except (OSError, subprocess.TimeoutExpired) as error:
             said = str(error)
     raise InputError(f"{compiler[0]} does not compile the export: {said}")

@@ -53,8 +53,8 @@ def _rates(printed: Printed) -> Iterator[str]:
 
 
 def _change(ends: tuple[Any, Any], most: Any, sign: int) -> tuple[Any, Any, Any]:
-    """A last value and the farthest value from it in this direction whose difference, as rounded, is at most ``most``; also the
-    next one, which is None if the farthest value is at the end of the range."""
+    """A last value, the farthest value from it in this direction whose difference, as rounded, is at most ``most``, and the value
+    after that. The last one is None if the farthest value is at the end of the range."""
     end, numbers = ends[sign > 0], type(most)
     last = numbers(0) if ends[0] <= 0 <= ends[1] and most <= abs(end) else ends[sign < 0]
     value = last + sign * most

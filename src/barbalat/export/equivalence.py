@@ -29,7 +29,7 @@ undetected."""
 MOST = 1e30
 """Assumed largest size of an intermediate number if no bound is proved for all of them: far beyond the range of accepted
 results."""
-ASSUMED = f", provided that all intermediate results are numbers of at most {MOST:g}"
+ASSUMED = f", provided that no intermediate result exceeds {MOST:g}"
 """The words that end the description of a proof that needs this assumption."""
 WORK = 1_000_000
 """Largest total number of operations in the cases of all proofs of one export, in each of the two passes."""

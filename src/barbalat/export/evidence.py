@@ -133,7 +133,7 @@ def outcomes(found: tuple[int, int], program: Program) -> str:
         f"both outcomes of each. These samples exercise at least {taken} of the {of} outcomes."
     )
     several = any(op.name in ("and", "or") for op in program.operations)
-    more = " Conditions joined by && or || are not counted in that; `./dev mutants` measures them where clang-19 is installed."
+    more = " These counts omit conditions joined by && or ||; `./dev mutants` measures them if clang-19 is installed."
     return fill(said + (more if several else ""), 128)
 
 

@@ -49,7 +49,7 @@ class InTheLoop:
         if len(apart):
             return f"the states differ from t = {a.t[apart[0]]:g} s on"
         if len(a.states) != len(b.states):
-            return "one of the two diverges, or diverges earlier than the other"
+            return "only one of the two diverges, or one diverges earlier"
         names = [name for name, value in a.figures.items() if repr(value) != repr(b.figures[name])]
         return f"the metrics differ: {', '.join(names)}" if names else ""
 

@@ -1,7 +1,7 @@
-"""Run-time parameters of an export: gains, limits and initial estimates of the case that enter the operations unchanged.
+"""Run-time parameters of an export: gains, limits and initial estimates of the case that the operations use unchanged.
 
-A number that occurs unchanged in the loop and in its initial state becomes a parameter; a number from which others follow, such
-as A_m, which determines P, or the pole of a filter, is compiled in. The lists are those of an ensemble whose members differ in
+A number that occurs unchanged in the loop and in its initial state becomes a parameter. A number from which others follow is
+compiled in, such as A_m, which determines P, or the pole of a filter. The lists are those of an ensemble whose members differ in
 these numbers.
 """
 

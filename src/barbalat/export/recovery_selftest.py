@@ -71,7 +71,7 @@ def leads_out_of_range(contents: Contents, poked: list[range]) -> tuple[bool, bo
 
 
 def pushed(contents: Contents, poked: list[range]) -> tuple[int, str] | None:
-    """If these entries are at the end of their range: a sample, and C that pushes its result out of range with a bump; None if
+    """If these entries are at the end of their range, a sample, and C that pushes its result out of range with a bump. None if
     every u vanishes in the rounding of such a bump."""
     u, vectors = list(contents.layout.u.rows), contents.vectors
     large = 4 + int(np.argmax(np.abs(vectors.states[4:-1, u]).max(axis=1)))

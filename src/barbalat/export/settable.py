@@ -37,7 +37,7 @@ def settable(printed: Printed) -> dict[str, str]:
     }
     return {name: filled(f"{name}.txt", **given) for name in names} | {
         "advances": _ADVANCES.format(macro=printed.macro),
-        "unchanged": "        before.change = 0L; /* what the previous parameters give may be what is out of range */\n",
+        "unchanged": "        before.change = 0L; /* the result of the previous parameters may be out of range */\n",
         "no_change": "    c->change = 0L;\n",
     }
 

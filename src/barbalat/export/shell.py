@@ -16,9 +16,9 @@ from barbalat.lowering import c99
 from barbalat.validate import Array, counted
 
 REFUSALS = 10
-"""Number of good samples in a row with a result out of range after which the learnt values are discarded: longer than the usual
-burst of bad samples and, at the sample times of flight computers, shorter than the time that a vehicle tolerates without
-control."""
+"""Number of good samples in a row with a result out of range after which the learnt values are discarded. They last longer than
+the usual burst of bad samples and, at the sample times of flight computers, shorter than the time that a vehicle tolerates
+without control."""
 CLOCK_TOLERANCE = 1e-3
 """Relative difference allowed between a measured sample time and that of the export. A crystal is accurate to 100 ppm, and a
 clock that counts microseconds measures 1 ms to within 0.1 %. For the law, an error of 0.1 % in the sample time is equivalent to
@@ -52,7 +52,7 @@ def shell(printed: Printed) -> dict[str, str]:
         "command_lost": " || ".join(_command_lost(printed)),
         "fall_back": _fall_back(printed),
         "refuse": _refuse(printed, timed=timed),
-        "result_refused": "it counts as a miss, and u and the state keep their values unless the fallback acts"
+        "result_refused": "it counts as a miss; u and the state keep their values unless the fallback acts"
         if ends
         else "u is held, and after the first the controller begins again",
         "restart_fade": f"{macro}_FADE" if ends else "0L",
@@ -399,7 +399,8 @@ def _macros(printed: Printed) -> str:
 
 
 def baseline_terms(printed: Printed, state: str) -> list[str]:
-    """C text of the entries of the baseline, product by product as in ``Around``, from the members of the state ``c->``."""
+    """C expressions for the terms of the baseline, computed from the members of ``c->``, with the products in the order of
+    ``Around``."""
     around, layout = printed.contents.around, printed.contents.layout
     if around is None or around.baseline is None:
         return []
@@ -553,13 +554,16 @@ def shell_readme(printed: Printed) -> str:
         names, labels = printed.contents.problem.handed_names, printed.contents.problem.measured_labels
         units = ["" if labels is None else readable(labels.unit(i)[1:-1]) for i in range(len(names))]
         limits = [f"{readable(names[i])} from {around.low[i]:g} to {around.high[i]:g} {units[i]}".rstrip() for i in around.ranged]
-        rates = [f"{readable(names[i])} by {around.rate[i] / T:g} {units[i]}".rstrip() + " per second" for i in around.rated]
-        same = [f"{readable(names[i])} equal to the previous one for {counted(most, 'sample')}" for i, most in around.repeats]
+        rates = [
+            f"{readable(names[i])} changes by at most {around.rate[i] / T:g} {units[i]}".rstrip() + " per second"
+            for i in around.rated
+        ]
+        same = [f"{readable(names[i])} repeats its value for at most {counted(most, 'sample')}" for i, most in around.repeats]
         told.append(f"*Plausible measurements*: {', '.join([*limits, *rates, *same])}; any other measurement counts as lost.")
     if around.checks_commands:
         names = printed.contents.problem.command_names
         limits = [f"{names[i]} from {around.command_low[i]:g} to {around.command_high[i]:g}" for i in around.command_ranged]
-        rates = [f"{names[i]} by {around.command_rate[i] / T:g} per second" for i in around.command_rated]
+        rates = [f"{names[i]} changes by at most {around.command_rate[i] / T:g} per second" for i in around.command_rated]
         told.append(
             f"*Plausible commands*: {', '.join([*limits, *rates])}; the last good command replaces any other, and the status has "
             f"{macro}_COMMAND_LOST."
@@ -577,18 +581,18 @@ def shell_readme(printed: Printed) -> str:
             f"*The longest outage*: after {around.longest:.0f} consecutive misses {acts}, and the status has {macro}_FALLBACK. "
             f"The next good sample begins with the u applied at that time; the difference from the u that the controller "
             f"computes fades out over {counted(round(around.fade), 'sample')}. "
-            f"A sample that would lead out of range ({macro}_RESULT_REFUSED) is a miss, too. If it is beyond the longest outage, "
-            "the controller also begins again at it, as by a start that keeps the estimates and with u within its limits, so "
-            f"that the next good sample can end the outage; from the {REFUSALS}th such good sample in a row on with the initial "
-            f"estimates{rested}, and the fallback continues from a u of zero."
+            f"A sample that would lead out of range ({macro}_RESULT_REFUSED) is a miss, too. If it comes after the longest "
+            f"outage, the controller also restarts at it, so that the next good sample can end the outage. This restart keeps "
+            f"the estimates and keeps u within its limits. From the {REFUSALS}th such good sample in a row on, the restart uses "
+            f"the initial estimates{rested}, and the fallback continues from a u of zero."
         )
     if around.band is not None:
         told.append(
-            f"*The time between two calls* is checked: within {around.band:g} s of the nominal time, the nominal time is used "
-            f"({macro}_JITTER); if it is a larger whole number of sample times, the missed calls are processed as misses "
-            f"({macro}_MISSED_CALLS), so that a call after m missed ones computes m + 1 "
-            f"samples, at most {(around.longest or 0) + 1:.0f}, and takes correspondingly longer; any other time, and a time "
-            f"beyond the longest outage, is a miss after which the fallback acts at once ({macro}_WRONG_SAMPLE_TIME)."
+            f"*The time between two calls* is checked. A time within {around.band:g} s of the nominal time is replaced by the "
+            f"nominal time ({macro}_JITTER). If the time is a larger whole number of sample times, the missed calls are "
+            f"processed as misses ({macro}_MISSED_CALLS): a call after m missed ones computes m + 1 samples, at most "
+            f"{(around.longest or 0) + 1:.0f}, and takes correspondingly longer. Any other time, and a time beyond the longest "
+            f"outage, is a miss after which the fallback acts at once ({macro}_WRONG_SAMPLE_TIME)."
         )
     return "".join(f"\n{fill(one, 128, initial_indent='- ', subsequent_indent='  ')}" for one in told)
 

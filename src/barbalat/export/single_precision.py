@@ -172,7 +172,8 @@ def _share(progress: Progress, i: int, count: int) -> Progress:
 
 def _with(certificate: Certificate, found: PrecisionLimit) -> Certificate:
     said = (
-        f"measured on the run of the case, by comparing the compiled 32-bit export with the 64-bit simulation: {found.sentence}"
+        f"measured when this case is simulated, by comparing the compiled 32-bit export with the 64-bit simulation: "
+        f"{found.sentence}"
     )
     if found.at is None:
         return certificate.with_entries(certificate.entries, said)

@@ -222,7 +222,7 @@ def header(printed: Printed) -> str:
         members += [
             f"{printed.real} parameter[{macro}_PARAMETERS]; /* set by {printed.name}_set */",
             f"{printed.real} previous[{macro}_PARAMETERS]; /* before a change that is to fade out */",
-            "long change; /* samples over which this change fades out, from the next good sample on; 0: there is none */",
+            "long change; /* number of good samples over which the change fades out; 0: no change is fading */",
         ]
     estimates = [f"{printed.real} theta_hat[{macro}_ESTIMATES]; /* estimates */"] if p else []
     state = contents.measures_state
@@ -271,8 +271,8 @@ def _starting(printed: Printed) -> str:
     if not printed.contents.measures_state:
         return "model and filters start at rest"
     if printed.contents.problem.fixed_observer is None:
-        return "model and filters start at the measured state x"
-    return "model, filters and observer start at the smallest state that gives the measured y"
+        return "the model and filters start at the measured state x"
+    return "the model, filters and observer start at the smallest state that gives the measured y"
 
 
 def _wrong_time(contents: Contents) -> dict[str, str]:

@@ -46,7 +46,7 @@ class Target:
 
     name      name in --target
     help      what the user gets, in one phrase
-    files     contents of the files by name; raises InputError for an unsupported request
+    files     contents of the files keyed by name; raises InputError for an unsupported request
     check     the shell command that checks an export, given the quoted folder and whether it contains the closed loop
     float32   whether numbers always have 32 bits
     parameters  whether numbers of the case can be run-time parameters; FMUs always have them
@@ -69,7 +69,7 @@ class Target:
 
 
 def targets() -> dict[str, Target]:
-    """All targets by name; raises InputError for an entry point that can't be imported."""
+    """All targets keyed by name; raises InputError for an entry point that can't be imported."""
     return {one.name: one for found in slices("barbalat.export", GROUP, "target") for one in found.TARGETS}
 
 

@@ -1,7 +1,7 @@
 """Test vectors selected for the faults that they detect: single samples from states that a simulation may never reach.
 
-Candidates are drawn around the samples of the simulation: scaled states, states at rest, states with zeros of either sign,
-estimates on the faces of the known set, frozen states, and states before the first sample. For each comparison in the list,
+Candidates are drawn around the samples of the simulation. They are scaled states, states at rest, states with zeros of either
+sign, estimates on the faces of the known set, frozen states, and states before the first sample. For each comparison in the list,
 candidates at which its sides are equal or neighbouring numbers are found by bisection. A candidate is kept if it detects a mutant
 of the list that no earlier vector detected.
 """

@@ -55,7 +55,7 @@ def export_controller(
     parameters           make gains, limits and initial estimates parameters that can be set within bounds while the C code runs;
                          in FMUs they are always parameters
     sources_only         write FMUs without a binary for this machine, which would require a C compiler
-    judge                the judge of the run of the case, as in ``simulate``
+    judge                the criteria for the verdict on the simulation of the case, as in ``simulate``
     note                 called with a sentence if the controller is lost in that run or the shell rejects samples of it; the
                          README also contains the sentence
 
@@ -69,7 +69,7 @@ def export_controller(
         raise InputError(f"sources_only is for FMUs: the target {target} always has sources")
     if parameters and not chosen.parameters:
         able = ", ".join(one.name for one in known.values() if one.parameters)
-        raise InputError(f"parameters are for the target {able}; FMUs always have them; got {target}")
+        raise InputError(f"parameters can be added only for the target {able} (FMUs always have them), got {target}")
     into = validate.local_path("out", out)
     require_case(problem, simulation)
     if problem.handed_controls and not chosen.handed:
@@ -111,20 +111,21 @@ AFTER_A_BIT_ERROR = (
 
 
 def own_run_warning(problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None) -> str:
-    """A warning if the run of the case with this controller is lost or diverges, ends in a limit cycle, or is off and mostly at
-    its limits, or if its shell rejects samples of that run without faults or has a rate without a range; otherwise empty."""
+    """A warning about the simulation of the case with this controller; empty if there is none. It warns of a run that is lost or
+    diverges, ends in a limit cycle, or is off and mostly at its limits, and of a shell that rejects samples of that run without
+    faults or has a rate without a range."""
     (run,) = simulate(problem, [controller], simulation, judge=judge).values()
     if run.verdict is not None and run.verdict.kind is Class.LOST:
-        return f"Do not fly this export as it is: in the run of the case {controller.name} is {run.verdict}."
+        return f"Do not fly this export as it is: when this case is simulated, {controller.name} is {run.verdict}."
     said = []
     if run.verdict is not None and _is_poor(run.verdict):
-        said.append(f"In the run of the case the judge's verdict on {controller.name} is: {run.verdict}.")
+        said.append(f"When this case is simulated, the judge's verdict on {controller.name} is: {run.verdict}.")
     if problem.shell is not None:
         if problem.faults:
             run = simulate(replace(problem, faults=()), [controller], simulation)[controller.name]  # type: ignore[type-var]
         missed = with_missed_samples({controller.name: run})[controller.name].missed
         told = None if missed is None else missed.sentence
-        said += [f"In the run of the case without faults, {told}: widen the limits of the shell."] if told else []
+        said += [f"When this case is simulated without faults, {told}: widen the limits of the shell."] if told else []
         alone = ", ".join(name for name in problem.shell.rate if name not in problem.shell.range)
         said += [f"{alone}: shell.rate without shell.range. {AFTER_A_BIT_ERROR}"] if alone else []
     return " ".join(said)

@@ -79,7 +79,7 @@ def checked(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
 def _confirmed(tangent: float, value: float, instant: float, pairs: Sequence[Pair], *, dt: float, scale: float) -> Checked:
     slopes = [pair.slope for pair in pairs]
     if not isfinite(value) or not all(map(isfinite, slopes)):
-        return Checked(inf, "a run beside this value diverges, or the run itself does")
+        return Checked(inf, "the run, or a run near this value, diverges")
     if not isfinite(tangent):
         return Checked(slopes[1], "its tangent overflows: neighbouring motions separate exponentially (chaos or chattering)")
     finest = pairs[-1]
@@ -138,7 +138,7 @@ def _reason(tangent: float, value: float, instant: float, pairs: Sequence[Pair],
     both = f"its tangent gives {tangent:.5g}, but differences give {finest.slope:.5g}"
     if abs(tangent - finest.slope) <= NEARLY_WITHIN * abs(finest.slope):
         return f"{both}: the run changes branch (a limit, a projection) inside solver steps; a smaller simulation.dt is needed"
-    return f"{both}: an event has a jump, which the tangent lacks"
+    return f"{both}: an event has a jump, which the tangent does not include"
 
 
 def _passing(instant: float, others: tuple[float, float]) -> str:

@@ -22,7 +22,7 @@ def is_definition(problem: TrackingProblem, path: FieldPath, known: Mapping[Fiel
 
     A row of A with a single entry of 1 or -1, where b is zero, says that one state is the rate of another. The coefficient 1 at
     one end of a denominator fixes the common factor of numerator and denominator, and equal last coefficients of an actuator or
-    filter make its static gain one. ``known`` contains the numbers of the case by path.
+    filter make its static gain one. ``known`` contains the numbers of the case keyed by path.
     """
     if isinstance(problem, Problem) and len(path.keys) == 4 and path.vector in (*OF_THE_DESIGN, OF_THE_TRUTH):
         _, _, row, column = path.keys

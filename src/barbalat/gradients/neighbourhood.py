@@ -75,8 +75,8 @@ class Unmovable:
 def in_steps(source: CaseText | Case, controllers: Sequence[Controller]) -> tuple[CaseText | Case, str | None]:
     """The case with fixed steps, and a sentence on how they were found from its tolerance; None if they are its own.
 
-    Derivatives are those of a discrete run. Steps that follow from a tolerance are chosen anew in each run, and tangents do not
-    see the choice; fixed steps make the same choice in all.
+    Derivatives are those of a discrete run. Variable steps are chosen in each run, and tangents do not see the choice; fixed
+    steps are the same in all runs.
     """
     own = source if isinstance(source, Case) else source.case()
     found = fixed_steps(own.problem, controllers, own.simulation)
@@ -94,7 +94,7 @@ def varied_of(source: CaseText | Case, paths: Sequence[FieldPath], *, redesign: 
 
 
 def numbers_of(source: CaseText | Case, paths: Sequence[FieldPath] = ()) -> dict[FieldPath, float]:
-    """The numbers of the case by path. If ``paths`` contain entries of theta, these are included for a plant given by A."""
+    """The numbers of the case keyed by path. If ``paths`` contain entries of theta, these are included for a plant given by A."""
     if isinstance(source, Case):
         return {path: float(value) for path, value in in_case(source)}
     return {path: float(value) for path, value in in_tables(tables_with(source, paths))}
@@ -146,8 +146,8 @@ def _not_given(path: FieldPath, known: Mapping[FieldPath, float]) -> InputError:
         return InputError(f"the case gives no number {path}{near}")
     tables = dict.fromkeys(str(FieldPath(one.keys[: 1 + isinstance(one.keys[1], int)])) for one in known if len(one.keys) > 1)
     if path.keys[0] in {one.keys[0] for one in known}:
-        return InputError(f"the case gives no number {path}: write it into the case first")
-    return InputError(f"the case gives no number {path}; its numbers are in {', '.join(tables)}")
+        return InputError(f"the case does not give {path}: write it into the case first")
+    return InputError(f"the case does not give {path}; its numbers are in {', '.join(tables)}")
 
 
 MOST_NAMED = 8

@@ -38,7 +38,7 @@ def require_slopes(recording: Recording, noise: Mapping[str, float], slope: Mapp
             least, at = (moved[k] - 2 * noise[name]) / h[k], f"at t = {recording.times[k]:g} s"
             raise InputError.of(
                 f"slope of {name}",
-                f"is {slope[name]:g}, but the data, including their noise, move by at least {least:.4g} per second {at}",
+                f"is {slope[name]:g}, but even allowing for their noise the data change by at least {least:.4g} per second {at}",
             )
 
 

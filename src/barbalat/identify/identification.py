@@ -43,13 +43,13 @@ def identify(
     delay: float = 0.0,
     held_out: float = DEFAULT_HELD_OUT,
 ) -> Identification:
-    """Identify x' = A x + B u from samples of all states x, with inputs held from sample to sample.
+    """Identify x' = A x + B u from samples of all states x, with inputs held between samples.
 
     data         a CSV file with a header line, whose columns ``inputs``, ``outputs`` and ``time`` name, or a Recording
-    noise        by output: a bound on the measurement error. Together with ``slope`` it gives the set of all plants that explain
-                 the data
-    slope        by output: a bound on |x'| over the recording [unit/s], which bounds the error of the trapezoidal rule
-    derivatives  by output: the output that is its exact derivative; the row of that output is not identified
+    noise        keyed by output: a bound on the measurement error. Together with ``slope`` it gives the set of all plants that
+                 explain the data
+    slope        keyed by output: a bound on |x'| over the recording [unit/s], which bounds the error of the trapezoidal rule
+    derivatives  keyed by output: the output that is its exact derivative; the row of that output is not identified
     within       by (state, name): known bounds on the coefficient of ``name`` in the row of ``state``; the nominal row and all
                  ranges lie within them
     offset       whether each unknown row has a constant term; the plant then describes deviations from the
@@ -158,9 +158,10 @@ def _unexplained(name: str, every: Windows, limits: Array | None) -> str:
         )
     outside = "some other equation explains them" if free <= 1 else f"the best equation needs them {_up(free)} times larger"
     return (
-        f"no parameters explain the data within the stated bounds: an equation of {name}' that lies within the bounds of within "
-        f"explains them only with bounds on noise and slope that are {_up(least_factor(every, limits))} times larger; "
-        f"without within, {outside}"
+        f"no parameters explain the data within the stated bounds: an equation of {name}' whose coefficients are limited by "
+        f"within explains them only if the bounds on noise and slope are {_up(least_factor(every, limits))} times larger. "
+        f"Without "
+        f"within, {outside}"
     )
 
 

@@ -4,9 +4,9 @@ Over a window of samples the plant x' = A x + B u with held inputs gives, row by
 
     x_i(end) - x_i(start) = sum_j A_ij (integral of x_j) + sum_l B_il (integral of u_l).
 
-Both sides are known from the measurements with bounded errors: |y - x| <= nu gives the left side within 2 nu_i, and the
-trapezoidal sum of y_j is the integral of x_j within E_j = sum over the steps of h nu_j + L_j h^2 / 4, where the second term
-follows from |x_j'| <= L_j. A row a explains a window if
+Both sides are known from the measurements with bounded errors. |y - x| <= nu gives the left side within 2 nu_i. The trapezoidal
+sum of y_j is the integral of x_j within E_j = sum over the steps of h nu_j + L_j h^2 / 4, where the second term follows from
+|x_j'| <= L_j. A row a explains a window if
 
     |dy - Q a| <= 2 nu_i + sum_j E_j |a_j|,
 
@@ -110,9 +110,9 @@ def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
 def least_factor(windows: Windows, within: Array | None = None) -> float:
     """The smallest common factor of the error bounds, as far as found, with which some row explains the windows.
 
-    The largest ratio of a misfit to its bound is minimised over the rows of each orthant by linear programmes (Dinkelbach 1967,
-    Management Science 13(7)); with more than ``MOST_ORTHANTS`` noisy coefficients, only over the orthant of the least-squares
-    row.
+    Linear programmes minimise the largest ratio of a misfit to its bound over the rows of each orthant (Dinkelbach 1967,
+    Management Science 13(7)). With more than ``MOST_ORTHANTS`` noisy coefficients, only the orthant of the least-squares row is
+    searched.
     """
     scaled, scale = _by_columns(windows)
     bounds = _everything(len(scale)) if within is None else within * scale[:, None]

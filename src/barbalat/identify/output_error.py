@@ -2,7 +2,7 @@
 
 With independent measurement errors this is maximum likelihood (Ljung, System Identification, 2nd ed., section 7.4): neither the
 sampling interval nor noise in a regressor biases it. The initial states of segments and the size of the errors of each state are
-estimated too. Segments that become longer from pass to pass lead from a rough first guess to the whole recording; for an unstable
+estimated too. Segments that become longer from pass to pass lead from a rough first guess to the whole recording. For an unstable
 plant, segments stay so short that an initial error grows over at most ``MOST_GROWTH`` time constants.
 """
 

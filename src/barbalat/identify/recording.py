@@ -26,7 +26,7 @@ CONSTANT = "constant"
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """times (N,) [s], increasing; inputs (N, m), each held until the next time; outputs (N, n), the measured states."""
+    """times (N,) [s] increase, inputs (N, m) are held until the next time, and outputs (N, n) are the measured states."""
 
     times: Array
     inputs: Array

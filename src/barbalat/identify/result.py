@@ -18,8 +18,8 @@ CONFIDENCE = 0.95
 LEAST_FIT = 0.7
 """Smallest fit at which the ranges are accepted as describing a plant."""
 CORRELATED = 0.3
-"""Correlation of residuals from sample to sample at which the correct interval for a constant is 1.4 times as wide as for
-independent errors."""
+"""Correlation of successive residuals at which the correct interval for a constant is 1.4 times as wide as for independent
+errors."""
 LEAST_PER_PERIOD = 4.0
 """Least number of samples in a period; with two or fewer, an oscillation has the same samples as a slower oscillation."""
 NOISE_ALONE = 3.0
@@ -75,16 +75,16 @@ class Row:
 class Identification:
     """The result of ``identify``; ``case_text`` writes it as a case file.
 
-    fit         by state, on the validation samples: 1 - |y - simulated| / |y - mean|, with the nominal plant simulated from the
-                initial state that fits these samples best; None if the simulation diverged
+    fit         keyed by state, on the validation samples: 1 - |y - simulated| / |y - mean|, with the nominal plant simulated from
+                the initial state that fits these samples best; None if the simulation diverged
     restarted   an unstable nominal plant is simulated for at most this number of samples and then restarted from the measured
-                state: an error at the start grows by a factor of e at most; None if the simulation is never restarted
+                state, so an error at the start grows by a factor of e at most; None if the simulation is never restarted
     held_fit    with restarts, the fit of a prediction that holds the measured state from one restart to the next
     predicted   (N, n), the nominal plant's states over the validation samples; at a restart the end of the earlier prediction
-    held_factor by state: the factor by which the error bounds would have to grow for the nominal plant to explain the validation
-                windows; None without error bounds
-    residual    by state: RMS of the fit's residuals
-    correlation by state: of these residuals from one sample to the next
+    held_factor keyed by state: the factor by which the error bounds would have to grow for the nominal plant to explain the
+                validation windows; None without error bounds
+    residual    keyed by state: RMS of the fit's residuals
+    correlation keyed by state: the correlation of successive residuals
     reference   (n + m,) with an offset, the means of the samples used for the fit: the plant describes deviations from them, and
                 the constant of a row is x' there; None without an offset
     delay       delay of all inputs [s]; ``recording`` contains the delayed inputs
@@ -111,14 +111,14 @@ class Identification:
 
     @property
     def means(self) -> dict[str, float] | None:
-        """With an offset, the means of the samples used for the fit, by name; the constants of the rows are x' there."""
+        """With an offset, the means of the samples used for the fit, keyed by name; the constants of the rows are x' there."""
         names = (*self.recording.output_names, *self.recording.input_names)
         return None if self.reference is None else dict(zip(names, map(float, self.reference), strict=True))
 
     @property
     def operating_point(self) -> dict[str, float] | None:
-        """With an offset, the equilibrium of the nominal plant that is nearest to the means of the samples in terms of standard
-        deviations, by name; None without an offset, or if the plant has no equilibrium."""
+        """With an offset, the equilibrium of the nominal plant, keyed by name; None without an offset, or if the plant has no
+        equilibrium. Of several equilibria it is the one nearest to the means of the samples in terms of standard deviations."""
         if self.reference is None:
             return None
         names = (*self.recording.output_names, *self.recording.input_names)
@@ -190,7 +190,7 @@ class Identification:
                     f"the set of {row.state}' is a convex outer set: it has too many noisy regressors for a search by orthants"
                 )
         if not self.converged:
-            said.append("the fit's search did not end at a minimum: its coefficients and intervals are not to be trusted")
+            said.append("the fit's search did not end at a minimum, so do not trust its coefficients and intervals")
         if self.other is not None:
             said.append(self.other.sentence)
         where = "held-out samples" if self.trained < len(self.recording.times) else "samples"
@@ -199,8 +199,8 @@ class Identification:
         if follow := [name for name, value in self.correlation.items() if value > least]:
             largest = max(self.correlation[name] for name in follow)
             said.append(
-                f"the residuals of {', '.join(follow)} are not noise: their correlation from sample to sample is {largest:.2g}, "
-                "because of a disturbance, dead time, nonlinearity or missing state; the intervals are too narrow"
+                f"the residuals of {', '.join(follow)} are not noise: the correlation of successive residuals is {largest:.2g}, "
+                f"because of a disturbance, dead time, nonlinearity or missing state; the intervals are too narrow"
             )
         fastest = float(np.abs(np.linalg.eigvals(self.A).imag).max()) * mean_interval(self.recording)
         if fastest > 2 * np.pi / LEAST_PER_PERIOD:
@@ -235,16 +235,16 @@ class Identification:
                 (noisy if white and value <= NOISE_ALONE * self.residual[name] else wrong).append(name)
         said = []
         if still:
-            said.append(f"the {where} hold no motion of {', '.join(still)} and validate nothing there")
+            said.append(f"the {where} contain no motion of {', '.join(still)}, so they validate nothing about it")
         if wrong:
             before = "" if self.horizon is None else f"over {self.horizon:.3g} s, "
             worse = ", ".join(name for name in wrong if fits[name] < (self.held_fit or {}).get(name, -np.inf))
             held = f", and predicts {worse} worse than a state that is held from the last restart" if worse else ""
             said.append(
                 f"{before}the nominal plant does not explain the {where} (fit of {self._told(wrong)}; at least "
-                f"{100 * LEAST_FIT:.0f} % is needed){held}: the ranges describe no plant, and a case file with them is not to be "
-                "trusted; perhaps the outputs are not the whole state (encoders need the rates as well), or the plant "
-                "is not linear or accumulates disturbances"
+                f"{100 * LEAST_FIT:.0f} % is needed){held}. The ranges describe no plant, so do not trust a case file with "
+                f"them. Perhaps the outputs are not the whole state (encoders need the rates as well), or the plant is not "
+                f"linear or accumulates disturbances"
             )
         if noisy:
             said.append(

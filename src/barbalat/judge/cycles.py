@@ -48,8 +48,8 @@ def suspects(reversals: Array) -> Array:
 def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Array:
     """Return whether the driving signals explain the reversals of each member (M,) that follows.
 
-    This requires that no control reverses more than twice per turn of the commands and disturbances, that the path of each
-    control between turns is at most twice theirs, and that no control is at its limits for long. ``reversals``, ``swings`` and
+    This has three conditions. No control reverses more than twice per turn of the commands and disturbances, the path of each
+    control between turns is at most twice theirs, and no control is at its limits for long. ``reversals``, ``swings`` and
     ``limited``, the fraction of the tail, are (M, m). A cycle that is smaller or slower than the control's response to the
     command may remain hidden.
     """

@@ -134,8 +134,8 @@ class Verdict:
     figures        IAE and similar metrics; None if they were not requested
     bands          the bands of all components, as text
     of_the_solver  whether a finer step gives the same class without the oscillation that the run shows
-    suspect        a description of what looks like a limit cycle if the run cannot be continued, as with a flight model; else
-        empty
+    suspect        a description of a suspected limit cycle if the run cannot be continued, as with a flight model; otherwise
+                   empty
     """
 
     kind: Class

@@ -35,8 +35,8 @@ def driven_response(
 def _over_an_interval(A: Array, B: Array, dt: float) -> tuple[Array, Array, Array]:
     """The factors, as rows, of the state and of the signal values at both ends of an interval.
 
-    They follow from one exponential of the system augmented with its signals and their slopes (Van Loan 1978). SciPy's ``lsim``
-    gives the same bits, but its module takes half a second to import, one eighth of the time of a command.
+    They follow from one exponential of the system augmented with its signals and their slopes (Van Loan 1978). The results of
+    SciPy's ``lsim`` are bit-identical, but its module takes half a second to import, one eighth of the time of a command.
     """
     from scipy.linalg import expm
 

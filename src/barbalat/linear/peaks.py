@@ -7,9 +7,9 @@ For a loop with a delay, the peaks of |S| and |T| are found by branch and bound 
 
 |S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With the zeros and poles r_i of X, the
 middle w_m of an interval and half its width delta,
-    |X(w)/X(w_m) - 1| <= q = (1 + delta d) prod (1 + delta/|j w_i - r_i|) - 1,
-where w_i = w_m for a zero, and for a pole w_i is the w of the interval nearest to it. So |1 + X| >= |1 + X(w_m)| - q |X(w_m)|
-over the interval.
+    |X(w)/X(w_m) - 1| <= q = (1 + delta d) prod (1 + delta/|j w_i - r_i|) - 1.
+For a zero w_i = w_m; for a pole w_i is the w of the interval nearest to it. So |1 + X| >= |1 + X(w_m)| - q |X(w_m)| over the
+interval.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ FIELD = "reference_model.poles"
 def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     """A - b K with the requested poles, where K is found by state feedback; b is (n,) or (n, m).
 
-    A complex pole is given once, as [real, imaginary], or as a complex number; a pole may be repeated as often as there are
-    inputs; with one input, any number of times.
+    A complex pole is given once, as [real, imaginary], or as a complex number. A pole may be repeated as often as there are
+    inputs, or with one input any number of times.
 
     Source: Ackermann's formula for repeated poles with one input; otherwise Tits and Yang (1996), in SciPy's implementation.
     """

@@ -1,13 +1,13 @@
 """The uncertainty that a linear loop tolerates: mu of the matched family over all frequencies, and the parameters that
 destabilise it.
 
-A grid proves nothing between its points, so every peak of mu is refined, the frequencies at which a single real parameter could
-act are computed, and the destabilising parameters found by mu are verified by eigenvalues.
+A grid proves nothing between its points. Therefore every peak of mu is refined, the frequencies at which a single real parameter
+could destabilise the loop are computed, and the destabilising parameters found by mu are verified by eigenvalues.
 
 The family is the matched one, (1) and (11): real parameters, and complex dynamics at the plant's input.
 
 All uncertainty in x' = (A_m + b theta') x + b (1 + W Delta)[u] enters at the control input, so the matrix between the
-uncertainty's ports has rank one and mu has a closed form (Young, 1994: for rank one the upper bound of mu is exact): with a_i =
+uncertainty's ports has rank one and mu has a closed form (Young, 1994: for rank one the upper bound of mu is exact). With a_i =
 w_i e_i'(jw I - A)^-1 b S(jw), the responses of the states to a perturbation at the plant's input, and rho = |W T|,
 
     mu = max {t real: t = sum delta_i a_i + rho z, |delta_i| <= 1, |z| <= 1}

@@ -129,7 +129,7 @@ def phase_crossings(crossings: Crossings, delay: float, crossovers: Array) -> Ar
     """All w at which L e^(-j w d) is negative and real, up to the w beyond which |L| stays below the largest such magnitude that
     is under 1.
 
-    Above the last crossover w_c, the delay alone causes a crossing: zeros and poles rotate the phase by at most pi each, so it
+    Above the last crossover w_c, the delay alone causes a crossing. Zeros and poles rotate the phase by at most pi each, so it
     falls through an odd multiple of pi before w_c + (R + 2) pi/d. If k is the factor at that crossing, smaller factors cannot
     occur beyond the last w with k |L| = 1.
     """

@@ -1,12 +1,12 @@
-"""A linear loop with a sampled controller, zero-order hold and a delay of any length: exact from sample to sample.
+"""A linear loop with a sampled controller, zero-order hold and a delay of any length, exact at the samples.
 
-Between samples X' = A X + E v; at a sample X becomes J X, and the controller's output u = C X is held and reaches the plant as
+Between samples X' = A X + E v. At a sample X becomes J X, and the controller's output u = C X is held and reaches the plant as
 v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, at f T:
 
     X[k+1] = J (e^(A T) X[k] + e^(A (1-f) T) Gamma(f T) u[k-l-1] + Gamma((1-f) T) u[k-l]),  Gamma(t) = integral_0^t e^(A s) ds E.
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
-margins and peaks at one input are those of L(z) on the unit circle with the other inputs closed; with z = (1 + s T/2)/(1 - s T/2)
+margins and peaks at one input are those of L(z) on the unit circle with the other inputs closed. With z = (1 + s T/2)/(1 - s T/2)
 they are those of a continuous system. Margins that do not follow from a single L(z) are found by a search.
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are not whole samples) and 8.2.
@@ -14,11 +14,12 @@ Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.
 Neither the delay margin nor the margin for a common gain on all inputs follows from a single transfer function.
 
 The search starts from a stable loop and advances by steps over which stability is certain. For a delay, the step is certain if
-|change of L| < |1 + L| at every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For
-a factor k on all inputs, det(I + k L) = 0 means that k is -1/lambda for an eigenvalue lambda of L: k may change by its distance
-from all of these. Near the boundary the number of unstable modes decides. For a factor it follows from the eigenvalues, and for
-a long delay, which makes their matrix large, from the argument principle: the closed loop's determinant turns around zero along a
-circle as often as there are modes outside. The delay at which stability is lost is a zero of the determinant on the unit circle.
+|change of L| < |1 + L| at every frequency. L changes by R e^(A t) E (1 - 1/z) dt as the edge of v moves through the sample. For a
+factor k on all inputs, det(I + k L) = 0 means that k is -1/lambda for an eigenvalue lambda of L: k may change by less than its
+distance to each of these. Near the boundary the number of unstable modes decides. For a factor it follows from the eigenvalues.
+For a long delay, which makes their matrix large, it follows from the argument principle: the closed loop's determinant turns
+around zero along a circle as often as there are modes outside. The delay at which stability is lost is a zero of the determinant
+on the unit circle.
 
 The delay of one input, with the others closed, is the delay of the loop with one input whose resolvent is
 
@@ -119,7 +120,7 @@ class SampledLoop:
         return np.asarray(self.J @ self.over(self.T)[0])
 
     def closed(self, delay: float | Array, factor: float = 1.0) -> Array:
-        """The closed loop's matrix from sample to sample; ``factor`` multiplies all inputs."""
+        """The discrete-time matrix of the closed loop; ``factor`` multiplies all inputs."""
         M, N, C = self.broken(delay)
         return np.asarray(M + factor * N @ C)
 
@@ -250,7 +251,7 @@ def gain_margins(loop: SampledLoop, delay: float) -> tuple[float, float]:
 
 def _stable(loop: SampledLoop, delay: float) -> SampledLoop:
     if not (radius := loop.radius(delay)) < 1:
-        raise InputError(f"unstable from sample to sample: spectral radius {radius:.6g}")
+        raise InputError(f"the sampled-data loop is unstable: spectral radius {radius:.6g}")
     return loop
 
 

@@ -26,7 +26,7 @@ MOST_PROVEN = 12_000
 """Largest number of samples that ``barbalat-check`` follows."""
 BLOCK_SAMPLES = 64
 """Number of samples that are summed together."""
-TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or its states differ too much in size, for a bound"
+TOO_CLOSE = "the sampled-data loop is too close to instability, or its states differ too much in size, for a bound"
 
 
 @dataclass(frozen=True, eq=False)

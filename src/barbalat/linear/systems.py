@@ -352,7 +352,7 @@ def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
         product = A @ adjugate
         den.append(-float(np.trace(product)) / (k + 1))
         adjugate = product + den[-1] * np.eye(n)
-    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|; below n rounding errors of this bound they are zero
+    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|; values below n rounding errors of this bound are treated as zero
     bound = np.linalg.norm(c) * np.linalg.norm(b) * np.linalg.norm(A, 2) ** np.arange(n)
     leading = 0
     while leading < n and abs(num[leading]) <= 10 * n * np.finfo(float).eps * bound[leading]:

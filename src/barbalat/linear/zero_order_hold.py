@@ -1,4 +1,4 @@
-"""A linear system from sample to sample with an input that is held in between; exact for every sample time."""
+"""The discrete-time form of a linear system whose input is held between samples; exact for every sample time."""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ class Around:
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
-        """The shell and the faults; None without either; raises InputError for times that do not fit the sample time T [s]."""
+        """The shell and the faults, or None without either. Raises InputError for times that do not fit the sample time T [s]."""
         shell = problem.shell
         if shell is None and not problem.faults:
             return None
@@ -478,7 +478,8 @@ class Around:
         return np.concatenate([one.reshape(1) for one in each])
 
     def _baseline(self, before: Held, taken: Taken) -> Value:
-        """k_r r - K z, product by product as in C, with the last good measurement and the baseline's previous states."""
+        """k_r r - K z from the last good measurement and the baseline's previous states, with the products in the order of the C
+        code."""
         assert self.baseline is not None
         r, z = taken.r.reshape(-1), np.concatenate([taken.y.reshape(-1), before.baseline])
         return np.concatenate([self._one_of(j, r, z).reshape(1) for j in range(len(self.baseline.K))])

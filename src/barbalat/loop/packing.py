@@ -20,7 +20,7 @@ class Held(NamedTuple):
 
     u: Value  # the control
     measured: Value  # the sampled measurement: the state, or y
-    x_m: Value  # the state of its reference model, from sample to sample
+    x_m: Value  # the state of its reference model at the samples
     r: Value  # the sampled command
     started: Value  # 0 before the first sample, then 1
     theta_hat: Value  # the estimates before this step's sample, if there is one

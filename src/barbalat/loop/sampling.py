@@ -39,7 +39,7 @@ class SampledController:
     """A scheme's equations, the reference model under a held command, and the values kept from one sample to the next.
 
     model     the problem's model: its initial state, and the part of its state that the plant should follow
-    discrete  the model from sample to sample
+    discrete  the model in discrete time
     inputs    number of entries of u
     commands  ``None`` for one command, a scalar
     around    the shell and the faults; None if every sample is used unchanged

@@ -3,8 +3,8 @@
 The order of a sum and the position of a fused multiply-add determine the last bit of a result. Both are therefore fixed only
 here, and no target may change them. This makes runs bit-identical.
 
-A sum or product of many terms is associated in the order in which its terms become available: a time step is one long chain of
-dependent operations, and a term that is available late should be followed by as few operations as possible.
+A sum or product of many terms is associated in the order in which its terms become available. A time step is one long chain of
+dependent operations, so a term that is available late should be followed by as few operations as possible.
 """
 
 from __future__ import annotations

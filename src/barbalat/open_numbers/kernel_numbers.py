@@ -20,12 +20,12 @@ Member = tuple[Any, ...]
 
 
 OTHER_STRUCTURE = (
-    "members must have the structure of the first one, and may differ only in the numbers that varied in a few trials: "
-    "narrow the range, or sweep its parts one by one; a delay must be 0 in all members, or at least one solver step in all"
+    "members must have the structure of the first one, and may differ only in the numbers that varied in a few trials. Narrow "
+    "the range, or sweep its parts one by one. A delay must be 0 in all members, or at least one solver step in all"
 )
 ROUNDING = 1e-9
-"""Fraction of the largest number of an array. A number that did not change with any tried value, and differs by at most this in
-some member, is the same number computed by different operations, such as an A_m that follows from a varied A. Every member then
+"""Fraction of the largest number of an array. A number may differ by at most this in some member although no tried value changed
+it. It is then the same number computed by different operations, such as an A_m that follows from a varied A, and every member
 uses the number of the first."""
 
 

@@ -39,8 +39,8 @@ def own_keys(given: Tables | Problem) -> frozenset[str]:
 def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None, own: frozenset[str]) -> None:
     """Put a number into the tables, at its place in [truth] if it belongs to the plant.
 
-    redesign  with False, plant.A and plant.b are those of the truth; with True, they and the parameters change in the design as
-              well, and everything is designed again; with None, plant.A and plant.b are those of the design, and parameters those
+    redesign  with False, plant.A and plant.b are those of the truth. With True, they and the parameters change in the design as
+              well, and everything is designed again. With None, plant.A and plant.b are those of the design, and parameters those
               of the truth
     own       the ``own_keys`` of the file. The numbers of these keys in [plant] belong to the design alone and are rejected if
               ``redesign`` is False

@@ -214,8 +214,8 @@ class VariedCase(Varied):
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
     """The tables of a case file in a form that contains ``paths``.
 
-    If one path is in theta and the plant is given by A, from which theta follows, A_m and that theta replace A. Raises InputError
-    if A, or a number that follows from it, is to vary as well.
+    If one path is in theta and the plant is given by A, from which theta follows, then A is replaced by A_m and that theta.
+    Raises InputError if A, or a number that follows from it, is to vary as well.
     """
     tables, paths = text.data(), tuple(paths)
     plant, model = tables.get("plant"), tables.get("reference_model")

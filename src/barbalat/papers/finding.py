@@ -45,8 +45,9 @@ class Source:
 class Reading:
     """One reading of a sentence: its statement, whether the measurement confirms it, and the deciding number.
 
-    role  literal; weaker, which supplies the condition of *holds if*; mended, which is the printed sentence with an obvious
-          mistake corrected; or supplementary, which is measured for information and does not influence the finding
+    role  *literal*, *weaker*, *mended* or *supplementary*. A weaker reading supplies the condition of *holds if*, a mended one is
+          the printed sentence with an obvious mistake corrected, and a supplementary one is measured for information and does not
+          influence the finding
     """
 
     says: str

@@ -1,8 +1,8 @@
 """The existing fixed controller, u_baseline = k_r r - K z. An adaptive law adds to it, and its closed loop is the reference
 model.
 
-z = [x; xi] contains the plant's state and the controller's state, xi' = F xi + G (r - H x), which may be the integral of the
-error or the states of a PID or of any linear system. On the nominal plant x' = A x + b u the loop is
+z = [x; xi] contains the plant's state and the controller's state, xi' = F xi + G (r - H x). This may be the integral of the error
+or the states of a PID or of any linear system. On the nominal plant x' = A x + b u the loop is
 
     z' = A_m z + B_m r,    A_m = A_z - b_z K,    A_z = [A 0; -G H F],    b_z = [b; 0],    B_m = [0; G] + b_z k_r,
 

@@ -94,7 +94,7 @@ def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departu
     yield from _of_the_parameters(problem, simulated)
     if simulated.S is not None:
         count = len(simulated.x0)
-        other = f"it has {validate.counted(count, 'state')}, and the plant has {plant.states}"
+        other = f"it has {validate.counted(count, 'state')}, but the plant has {plant.states}"
         yield Departure("the plant's states are a matrix times its states" if count == plant.states else other)
     else:
         theta, omega = _projected(problem, simulated)

@@ -63,7 +63,7 @@ class Fault(Settings):
         if self.share is not None and self.times:
             raise InputError("give either share or times, got both")
         if self.share is None and not self.times and not self.always:
-            raise InputError(f"a {self.kind} needs share or times, which determine when it is present")
+            raise InputError(f"a {self.kind} needs share or times, which determine when it acts")
 
     def there(self, t: Array, place: int) -> Array:
         """Return whether the fault at position ``place`` of its case is present at times t [s]."""

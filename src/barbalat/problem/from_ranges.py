@@ -218,7 +218,7 @@ class FromRanges:
             name = f"omega_{k + 1}" if len(self.input_gain or ()) > 1 else "omega"
             found = f"{name} in [{least:.6g}, {most:.6g}]"
             if gains is None:
-                said.append(f"{found}, and the input's gain is taken as known")
+                said.append(f"{found}, and the input's gain is assumed to be known")
             elif least < gains[k][0] * (1 - SAME_TO) or most > gains[k][1] * (1 + SAME_TO):
                 said.append(f"{found}, not only in [{gains[k][0]:.6g}, {gains[k][1]:.6g}]")
         return ", ".join(said)

@@ -14,9 +14,9 @@ After a lost sample nothing is corrected, and x_hat[k] = x_bar[k]. Filtered deri
 states continue at that rate. The sampled prediction contains the delay of the plant's input: z consists of x_hat and of those
 v[k-1], v[k-2], ... that have not arrived yet. The continuous observer ignores the delay.
 
-Like every baseline that acts only on the error of a measured state, a PI controller does not depend on the observer. x_hat then
-contains the measured value of this state, by means of rows of H and D. In sampled form z[k] contains y[k], or its prediction at a
-lost sample.
+Like every baseline that acts only on the error of a measured state, a PI controller does not depend on the observer. Rows of H
+and D then put the measured value of this state into x_hat. In sampled form z[k] contains y[k], or its prediction at a lost
+sample.
 """
 
 from __future__ import annotations
@@ -450,7 +450,7 @@ class DerivativeObserver(Observer):
             if not len(direct) and not rates:
                 raise InputError.of(
                     FIELD,
-                    f"kind derivative does not give state {j + 1}: it is neither measured nor the rate of a measured state; "
+                    f"kind derivative does not give state {j + 1}, which is neither measured nor the rate of a measured state; "
                     f"luenberger or kalman estimates it",
                 )
             found.append((j, int(direct[0]), False) if len(direct) else (j, rates[0], True))

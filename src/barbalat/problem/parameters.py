@@ -195,7 +195,7 @@ def require_parameter_name(name: object) -> None:
 def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
     """Parse a formula of parameters. Raises InputError, with the field, if it is not a formula or contains names that are not
     ``known``."""
-    shown = f"the parameters ({', '.join(known)})" if known else "parameters, of which there are none"
+    shown = f"the parameters ({', '.join(known)})" if known else "parameters (the case has none)"
     found = formula(field, text.text if isinstance(text, Symbolic) else text, FormulaNames(NAMES, shown))
     there = f"the parameters are {', '.join(known)}" if known else "there are none"
     for name in sorted(found.names - set(known)):

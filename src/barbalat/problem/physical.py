@@ -52,12 +52,12 @@ class PhysicalPlant(Settings):
 
     @cached_property
     def nominal(self) -> dict[str, float]:
-        """The parameters' values, by name."""
+        """The parameters' values, keyed by name."""
         return {one.name: one.value for one in self.parameters}
 
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """The smallest and the largest value of each parameter, by name."""
+        """The smallest and the largest value of each parameter, keyed by name."""
         return {one.name: one.range for one in self.parameters}
 
     def with_values(self, changed: Mapping[str, float]) -> dict[str, float]:

@@ -40,9 +40,8 @@ class Plant(Settings):
     Alternatively, give x' = A x + b (u + d) by A and b, with A_m or the ``poles`` that state feedback assigns to it. theta then
     solves the matching condition A = A_m + b theta', and phi(x) = x. A complex pole is given once, as [real, imaginary].
 
-    Alternatively, give x' = A x + b (u + d) with a ``baseline``, a fixed controller such as an ``LqiBaseline``: A_m is the closed
-    loop of the baseline and this plant, and the state in A_m, b, theta and x0 is x followed by the states of the baseline, [x;
-    xi].
+    Alternatively, give x' = A x + b (u + d) with a ``baseline``, a fixed controller such as an ``LqiBaseline``. A_m is the closed
+    loop of the baseline and this plant. The state in A_m, b, theta and x0 is x followed by the states of the baseline, [x; xi].
 
     Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and if no theta satisfies the matching
     condition; the message then gives the unmatched remainder.

@@ -118,8 +118,8 @@ class Problem(TrackingProblem, Settings):
 
     plant, reference_model             equations (1) and (2)
     reference                          the command r(t); a list of commands if k_0 is a matrix
-    uncertainty                        the known set Omega; for a plant with physical parameters, it follows from their ranges
-                                       unless it is given; so does input_gain, unless it or the set is given
+    uncertainty                        the known set Omega. For a plant with physical parameters, it follows from their ranges
+                                       unless it is given; input_gain does too, unless it or the set is given
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          other disturbances, each with its own direction
     input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of

@@ -300,7 +300,7 @@ class TrackingProblem:
         if self.fixed.external:
             return "needs a baseline that the export computes, but baseline.external = true leaves it to other code"
         if self.fixed_observer is not None:
-            return "needs the state itself, and the case has an observer, which predicts through an outage"
+            return "needs the state itself, but the case has an observer, which predicts it during an outage"
         return None
 
     @property

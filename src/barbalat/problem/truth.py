@@ -313,7 +313,7 @@ def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | N
 
 
 def _values(truth: Truth, plant: Plant) -> Mapping[str, float]:
-    """Return the values of the parameters in the simulated plant, by name."""
+    """Return the values of the parameters in the simulated plant, keyed by name."""
     return {} if plant.physical is None else plant.physical.with_values(truth.parameters)
 
 

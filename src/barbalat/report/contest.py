@@ -27,9 +27,9 @@ def rule(found: Contest) -> str:
     asked = found.rule
     until = "the loop begins to oscillate" if asked.until is Criterion.ONSET else "the motion is lost"
     return (
-        f"for each scheme the tuning with the smallest RMS |e| is chosen among those that tolerate {asked.delay_margin:g} s of "
-        f"added "
-        f"delay and an input gain multiplied or divided by {asked.gain_margin:g} before {until}, both without noise and with it. "
+        f"the rule chooses for each scheme the tuning with the smallest RMS |e| among those that tolerate "
+        f"{asked.delay_margin:g} s of added delay and an input gain multiplied or divided by {asked.gain_margin:g} before "
+        f"{until}. A tuning must tolerate them both with and without noise. "
         f"Error and margins are those of the worst of {counted(len(found.thetas), 'plant')}. Each scheme tries at most "
         f"{counted(asked.trials, 'tuning')}, on the same plants, command and noise"
     )
@@ -66,8 +66,8 @@ def summary(found: Contest) -> list[list[str]]:
 
 
 def failures(found: Contest) -> list[list[str]]:
-    """Return a row for each entrant that meets the rule: failed runs, with the upper end of their fraction; diverged runs; runs
-    that do not tolerate the delay and gains of the rule."""
+    """Return a row for each entrant that meets the rule. It contains the failed runs, with the upper end of their fraction, the
+    diverged runs, and the runs that do not tolerate the delay and gains of the rule."""
     rows = []
     for name, held in found.held_out.items():
         counted = held.failures
@@ -114,7 +114,7 @@ def own(found: Contest) -> list[list[str]]:
 
 
 def tuning(one: Qualified) -> str:
-    """The parameters chosen for an entrant, by name."""
+    """The parameters chosen for an entrant, keyed by name."""
     return ", ".join(f"{name} {value:.4g}" for name, value in one.tuning.items()) or "not tuned"
 
 

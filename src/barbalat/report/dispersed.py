@@ -35,9 +35,9 @@ def headings(found: DispersedComparison) -> tuple[str, ...]:
 def notes(found: DispersedComparison) -> tuple[str, ...]:
     """Return sentences that explain the tables."""
     chance = (
-        f"beyond chance: all controllers flew the same draws, so an exact sign test compares each pair of them through each "
-        f"failure by error and by losses; with Holm's correction over all {found.evidence.comparisons} comparisons that at "
-        f"least one draw decides, there is a probability of {100 * CONFIDENCE_LEVEL:.0f} % that no result is due to chance"
+        f"beyond chance: all controllers flew the same draws, so an exact sign test compares the errors and the losses of each "
+        f"pair of them in each failure case. With Holm's correction over all {found.evidence.comparisons} comparisons that at "
+        f"least one draw decides, the probability that no result is due to chance is {100 * CONFIDENCE_LEVEL:.0f} %"
     )
     name, short = found.campaign.vehicle.drawing.beside
     less = (

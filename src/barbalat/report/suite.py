@@ -57,7 +57,7 @@ def without(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _tuning(row: Mapping[str, Any]) -> str:
-    """The parameters by name. A value at an end of its range is marked."""
+    """The parameters keyed by name. A value at an end of its range is marked."""
     return ", ".join(f"{name} {value:.3g}{'*' if name in row['at_edge'] else ''}" for name, value in row["tuning"].items()) or "-"
 
 

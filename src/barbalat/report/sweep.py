@@ -73,15 +73,15 @@ def _judged(name: str) -> str:
 
 
 def meanings(found: SweepResult) -> list[str]:
-    """Return sentences, without full stops, on the meanings of the names of fractions."""
+    """Return sentences, without full stops, that explain the names of the fractions."""
     unexamined = found.evidence.unexamined.items()
     lacking = [f"Whether the estimates of {one} oscillate is not examined: {why}" for one, why in unexamined]
     if not found.judged:
         return [f"Diverged: {DIVERGES}", f"Estimates oscillate, at this step: {EXAMINED}", *lacking]
     return [
-        "Lost: diverged, or a component exceeded its limit, by default 100 times its scale, which is normally the largest "
-        "motion of the model; limit cycle: the control oscillates permanently; off: the error in the tail is outside its band, "
-        "by default 5 % of the scale; the table [judge] sets limits and bands",
+        "Lost: diverged, or a component exceeded its limit, by default 100 times its scale (normally the largest motion of the "
+        "model). Limit cycle: the control oscillates permanently. Off: the error in the tail is outside its band, by default 5 "
+        "% of the scale. The table [judge] sets limits and bands",
         "Not settled: within the budget no step distinguishes the plant from the solver; the intervals allow either verdict "
         "for these members",
         *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
@@ -166,7 +166,7 @@ def show(screen: Screen, found: SweepResult, labels: Labels | None) -> None:
     screen.line("")
     screen.table(("variance of", "controller", "due to", "share", "95 % interval"), grouped(explained), leads=3)
     for how in dict.fromkeys(one.estimator for one in found.evidence.sensitivities):
-        screen.line(f"Shares of the variance: {how}. Shares that are not listed cannot be distinguished from 0.")
+        screen.line(f"Shares of the variance: {how}. Fractions that are not listed cannot be distinguished from 0.")
     for note in found.evidence.notes:
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"Intervals: {found.evidence.intervals}.")

@@ -121,7 +121,7 @@ def write_sweep(
 
 
 def _worst_run(found: SweepResult, controller: str, member: int, result: Result) -> of_sweep.WorstRun:
-    """Return the run with the first panel of its page. A diverging run is cut off so that the model remains visible."""
+    """Return the run together with the first panel of its page. A diverging run is cut off so that the model remains visible."""
     panel, *_ = panels([result])
     title = f"{controller}, the worst: member {member}, {found.kind_of(controller, member)}"
     motion, *others = panel.series

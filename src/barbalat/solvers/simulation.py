@@ -149,7 +149,7 @@ class Simulation(Settings):
 
     @property
     def grid(self) -> Simulation:
-        """For a run with a tolerance, the recorded instants as a grid of fixed steps; the tail begins at one of them."""
+        """For a variable-step run, the recorded instants as a grid of fixed steps; the tail begins at one of them."""
         return Simulation(self.t_end, self.t_end / self.steps, record_points=self.steps, fused=self.fused)
 
     @property

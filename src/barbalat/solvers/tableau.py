@@ -109,5 +109,5 @@ EULER = Tableau("euler", 1, ((),), (1.0,), (0.0,))
 HEUN = Tableau("heun", 2, ((), (1.0,)), (1 / 2, 1 / 2), (0.0, 1.0))
 RK4 = Tableau("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 1 / 2, 1 / 2, 1.0))
 AUTO = Tableau("auto", 8, ((),), (1.0,), (0.0,))
-"""A placeholder for DOP853, the method of runs with a tolerance, whose coefficients are in ``order_eight``. It has no fixed
+"""A placeholder for DOP853, the method of variable-step runs, whose coefficients are in ``order_eight``. It has no fixed
 steps."""

@@ -194,7 +194,7 @@ def delay_margins(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, DelayMargins]:
-    """Return the delay margins of each controller on the problem, by name; the arrays have one entry.
+    """Return the delay margins of each controller on the problem, keyed by name; the arrays have one entry.
 
     Further arguments as in ``delay_margins_ensemble``.
     """

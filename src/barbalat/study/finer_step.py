@@ -94,8 +94,9 @@ class PlainRun:
         if self.label is not None and self.limits is not None:
             imaginary, real = self.limits
             said.append(
-                f"the run without a delay is {self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit is "
-                f"{imaginary:.3g} on the imaginary axis and {real:.3g} on the real one; an oscillation may be due to the solver"
+                f"the run without a delay is {self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit "
+                f"is {imaginary:.3g} on the imaginary axis and {real:.3g} on the real one, so an oscillation may be due to the "
+                f"solver"
                 f"{'' if self.settles else f'. A step {FINER_BY} times smaller leaves the region too and settles nothing'}"
             )
         return [*said, *filter(None, (self.damping,))]

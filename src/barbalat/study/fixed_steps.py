@@ -1,9 +1,9 @@
-"""Fixed steps for contests, pages and derivatives of a case with a tolerance: the longest steps with which its runs agree with
-the runs at the tolerance.
+"""Fixed steps for contests, pages and derivatives of a variable-step case: the longest steps with which its runs agree with the
+runs at the tolerance.
 
 A contest adds noise, which jumps every few milliseconds, and tries short delays and gains that are almost too high for the step.
-An ensemble of 64 tunings of MRAC on the first-order plant over 10 s takes 0.06 to 0.09 s of processor time at 20,000 fixed steps,
-and at a tolerance of 1e-6 0.4 s without noise, 1.4 s with it and 3 s with a delay, without the time to make its kernel, 0.6 to
+An ensemble of 64 tunings of MRAC on the first-order plant over 10 s takes 0.06 to 0.09 s of processor time at 20,000 fixed steps.
+At a tolerance of 1e-6 it takes 0.4 s without noise, 1.4 s with it and 3 s with a delay. Making its kernel takes a further 0.6 to
 1.4 s. Therefore a contest searches by fixed steps, and repeats only the tunings that it chooses at the tolerance.
 """
 
@@ -86,7 +86,7 @@ def fixed_steps(problem: TrackingProblem, controllers: Sequence[Controller], sim
     raise InputError.of(
         "simulation.tolerance",
         f"= {simulation.tolerance:g} does not determine a fixed step: even with {MOST_STEPS:.0e} fixed steps the errors and "
-        f"controls of the case's runs differ by more than {100 * AGREES:.0f} % from those at that tolerance; give simulation.dt",
+        f"controls of the case's runs differ by more than {100 * AGREES:.0f} % from those at that tolerance. Give simulation.dt",
     )
 
 

@@ -40,8 +40,8 @@ SIZES_TRIED = 16
 interpolated."""
 NOISE_SENTENCE = (
     "oscillation is judged on the same run without the case's measurement noise, which moves controls as fast as an oscillation "
-    "does; with the noise the loop must not be lost, nor may the noise add more to the run's RMS error than a third of the "
-    "judge's band beyond what it adds without the modelling error and with theta known"
+    "does. With the noise the loop must not be lost. The noise may add to the run's RMS error at most a third of the judge's "
+    "band more than it adds with theta known and without the modelling error"
 )
 NOISE_BAND_SHARE = 1 / 3
 """Fraction of the judge's band: the band limits the largest error, and an error as random as the noise has an RMS of a third of

@@ -21,8 +21,8 @@ CLOCK = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control that it would have applied; flown (N, m),
-    the recorded control; names (p,) of the estimates without a hat."""
+    """times (N,) are in [s], and theta_hat (N, p) is taken after each sample. proposed (N, m) is the control that it would have
+    applied, flown (N, m) the recorded control, and names (p,) are those of the estimates without a hat."""
 
     times: Array
     theta_hat: Array
@@ -44,7 +44,7 @@ class Replay:
 def replay_case(
     problem: Problem, controllers: Sequence[Controller], times: Array, measured: Array, inputs: Array, commands: Array
 ) -> dict[str, Replay]:
-    """Return the replay for each sampled controller of a case that estimates something, by name; raises InputError if no
+    """Return the replay for each sampled controller of a case that estimates something, keyed by name; raises InputError if no
     controller does."""
     validate.instance("problem", problem, Problem)
     loops = {one: ClosedLoop.of(problem.nominal, one) for one in controllers}

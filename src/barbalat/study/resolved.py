@@ -1,4 +1,4 @@
-"""The simulation of a study of a case with a tolerance: every run chooses its steps, and a grid replaces the step where a study
+"""The simulation of a study of a variable-step case. Every run chooses its steps, and a grid replaces the step where a study
 needs one."""
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ FEWEST_INSTANTS, MOST_INSTANTS = 2000, 50_000
 smallest number is enough to try delays and filters well beyond the time scales of the motion."""
 ATTEMPTS_EACH_INSTANT = 5
 """Number of steps in the case's runs for each recorded instant. The fastest oscillation advances by about 1.5 rad in a step, and
-RK4 is stable up to 2.8 rad in a step of the resolution, so gains can be tried at which the loop oscillates up to four times as
-fast as in the case's runs."""
+RK4 is stable up to 2.8 rad in a step of the resolution. Therefore gains can be tried at which the loop oscillates up to four
+times as fast as in the case's runs."""
 
 
 def resolved(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> Simulation:

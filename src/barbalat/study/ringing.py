@@ -44,8 +44,8 @@ def fills(metrics: Metrics, width: Array) -> Array:
 
 
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
-    """(p,) the width of the known set in the direction of each estimate; without a set, the width of -|theta|_2 ... |theta|_2;
-    infinite without theta.
+    """The width of the known set in the direction of each estimate, (p,). Without a set it is the width of -|theta|_2 ...
+    |theta|_2, or infinite without theta.
 
     The width is 0 where the set is nearly a point, because an estimate that is projected onto it hardly moves.
     """

@@ -33,8 +33,8 @@ from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Lost
 
 MEASURED_SENTENCE = (
-    "measured on the run of the case with its limits and commands, not a guarantee: the margin ends when the judge finds the "
-    "run lost or in a limit cycle, or when an oscillation grows throughout the observed time"
+    "measured by simulating this case with its limits and commands and is not a guarantee. The margin ends when the judge finds "
+    "the run lost or in a limit cycle, or when an oscillation grows throughout the observed time"
 )
 FILLED_SENTENCE = (
     "its estimates already cover the known set without a delay: the noise drives one of them from end to end in the last quarter"
@@ -129,9 +129,9 @@ class _Measured:
         onset, begun = float(self.delay.onset.tolerates[0]), self._begun
         limit = _limit(self.delay.onset.tolerates[0], self.delay.onset.loses[0], simulation)
         loss = (
-            "delay_margin_simulated was measured on the run of the case and is not a guarantee: the loop counts as lost when "
-            f"the judge finds it lost, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so "
-            f"a smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
+            f"delay_margin_simulated was measured by simulating this case and is not a guarantee. The loop counts as lost if "
+            f"the judge finds it lost or if the tail error grows by {self.by.lost.share:g} times the largest |x_m|; a smaller "
+            f"oscillation is tolerated{'. The margin holds both with and without measurement noise' if self.delay.noisy else ''}"
             f"{_limit(self.delay.loss.tolerates[0], self.delay.loss.loses[0], simulation)}"
         )
         drawn = Draft()
@@ -150,7 +150,7 @@ class _Measured:
     @property
     def _begun(self) -> str:
         """The reason why the margin is zero."""
-        return "; it already oscillates without a delay and without noise" if self.delay.oscillates[0] else ""
+        return ". The loop already oscillates without a delay and without noise" if self.delay.oscillates[0] else ""
 
     def _in_words(self, simulation: Simulation) -> str:
         if self.delay.oscillates[0]:
@@ -202,7 +202,7 @@ def less_than_half(measured: float, linear: float | None, largest: float = LONGE
 
 def half_sentence(measured: str, linear: Sequence[str]) -> str:
     """The finding that a measured margin is less than half of the linear margins."""
-    return f"the measured {measured} is less than half of {'; of '.join(linear)}: of linear loops, which have no limits"
+    return f"the measured {measured} is less than half of {'; of '.join(linear)}, which are for linear loops without limits"
 
 
 def _of_linear(value: float | None) -> str:
@@ -213,7 +213,7 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
     """A few words on the simulation."""
     commands = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in problem.commands))
     around = problem.surroundings
-    parts = [f"{simulation.t_end:g} s of the run of the case, {commands} command"]
+    parts = [f"this case simulated for {simulation.t_end:g} s, {commands} command"]
     if any(path.saturation is not None or path.rate_limit is not None for path in around.paths):
         parts.append("with the input's limits")
     if problem.delay > 0:
@@ -231,10 +231,10 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
 def _limit(tolerates: float, loses: float, simulation: Simulation) -> str:
     """The remark that the search ended at its first or last delay."""
     if np.isinf(loses):
-        return "; it tolerates the longest delay that was tried"
+        return ". The loop tolerates the longest delay that was tried"
     if tolerates == 0 and loses > 0:
         steps, shortest = "two steps, " * (simulation.tolerance is None), SHORTEST_DELAY_STEPS * simulation.resolution
-        return f"; it does not tolerate even the shortest delay that can be simulated, {steps}{shortest:g} s"
+        return f". The loop does not tolerate even the shortest delay that can be simulated, {steps}{shortest:g} s"
     return ""
 
 

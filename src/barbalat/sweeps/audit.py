@@ -72,7 +72,7 @@ class Audit:
         """The audit in sentences."""
         if self.share is None:
             finer = "1/32 of its tolerance" if self.tolerance else "half its step"
-            return [f"no member was repeated at {finer}, so any share may be due to the solver: {self.why}"]
+            return [f"no member was repeated at {finer}, so any fraction may be due to the solver: {self.why}"]
         low, high = self.share.interval
         again = f"of {validate.counted(len(self.members), 'member')} repeated at {self._finer[0]}"
         within = f"{100 * self.share.share:.3g} %, 95 % interval {100 * low:.3g} to {100 * high:.3g} %"

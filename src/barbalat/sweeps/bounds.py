@@ -53,7 +53,7 @@ class Bounds:
         self.parameters = [i for i, path in enumerate(paths) if apart and is_parameter(path)]
 
     def of(self, rows: Array) -> dict[str, Array]:
-        """(M,) by controller; rows (M, d)."""
+        """(M,) keyed by controller; rows (M, d)."""
         thetas = self._thetas(rows)
         return {name: self._of(place, rows, thetas) for place, name in enumerate(self.study.controllers)}
 

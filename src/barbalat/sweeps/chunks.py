@@ -1,5 +1,5 @@
-"""Divides members into chunks (the members that run together for about a second and form one file of a store), and keeps columns
-without a store, in memory or in files if they are too large.
+"""Divides members into chunks, and keeps columns without a store, in memory or in files if they are too large. A chunk contains
+the members that run together for about a second and form one file of a store.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class Canary:
 
 CANARY_MEMBERS = 4
 _DIGESTS: dict[str, str] = {}
-"""The digests of the canaries that ran in this process, by name."""
+"""The digests of the canaries that ran in this process, keyed by name."""
 
 
 def kept(tables: Tabulated) -> Tabulated:
@@ -401,8 +401,8 @@ class Workers:
             raise SchedulerLostError from error
 
     def _result(self, future: Future, given: _Given) -> list[Figured] | None:
-        """A part's metrics; None if its workers died; raises InputError from a worker whose bits differ from those of this
-        computer."""
+        """A part's metrics; None if its workers died. Raises InputError for a worker whose results are not bit-identical to those
+        of this computer."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker
@@ -426,7 +426,7 @@ class Workers:
         if digest != self.canary[0]:
             raise InputError(
                 f"the worker {worker} does not reproduce this computer's results bit for bit for the same {CANARY_MEMBERS} "
-                f"members, although its versions and sources are the same; none of its results is kept: stop it, then repeat "
+                f"members, although its versions and sources are the same. None of its results is kept: stop it, then repeat "
                 f"the command"
             )
         figures: list[Figured] = found

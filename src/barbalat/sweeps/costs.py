@@ -124,7 +124,7 @@ class Costs:
 
     @classmethod
     def of(cls, study: Study) -> Costs:
-        """Measure a second's work on members of a study; Raises InputError as in a sweep, and if the extra ``study`` is
+        """Measure a second's work on members of a study; Raises InputError as in a sweep, and if ``barbalat[study]`` is
         missing."""
         require_parquet()
         study.example.simulation.require_steps("what is measured of a sweep's costs")

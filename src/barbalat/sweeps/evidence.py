@@ -71,7 +71,7 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """Fractions, extremes and sensitivities, by verdict or metric and then by controller.
+    """Fractions, extremes and sensitivities, keyed by verdict or metric and then by controller.
 
     unexamined  by controller, why ``oscillated`` is unknown for every member
     filled  median and largest max |e| relative to the guaranteed bound: how much of the guarantee the runs use
@@ -219,8 +219,8 @@ def _meaning(plan: Plan) -> str:
     """The meaning of the intervals, which depends on how the members were chosen."""
     kind = {
         Design.RANDOM: "exact: the members are independent draws",
-        Design.LATIN: "those of the same number of independent draws; a Latin hypercube's share varies by n/(n - 1) of "
-        "theirs at most",
+        Design.LATIN: "those of the same number of independent draws; the variance of a Latin hypercube's fraction is at most "
+        "n/(n - 1) times theirs",
         Design.SOBOL: "those of the same number of independent draws, as a guide: points of a Sobol sequence are not independent",
         Design.SALTELLI: "those of the same number of independent draws, as a guide: rows of Saltelli's design share "
         "their numbers",

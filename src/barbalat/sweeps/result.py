@@ -73,7 +73,7 @@ class SweepResult:
 
     @property
     def sentences(self) -> dict[str, str]:
-        """The results of the members, by controller: "58 of 100 members follow, 40 in a limit cycle, 2 off"; empty without
+        """The results of the members, keyed by controller: "58 of 100 members follow, 40 in a limit cycle, 2 off"; empty without
         verdicts."""
         found, shares = {}, self.evidence.shares
         for name in self.controllers if self.judged else ():
@@ -87,14 +87,14 @@ class SweepResult:
 
     @property
     def unsettled(self) -> dict[str, str]:
-        """The reasons why members are not settled, by controller."""
+        """The reasons why members are not settled, keyed by controller."""
         found = {}
         for name in self.controllers if self.judged else ():
             needed = self.column(f"{name}/{FINER_BY}")[self.column(f"{name}/{SETTLED}") != 1]
             finite = needed[np.isfinite(needed)]
             infinite = "have an oscillation that no step tried resolves"
             if self.audit.tolerance:
-                infinite = "stall: no step is short enough where their motion slides along a jump, give simulation.dt"
+                infinite = "stall: no step is short enough where their motion slides along a jump. Give simulation.dt"
             factors = " to ".join(f"{factor:g}" for factor in np.unique([finite.min(), finite.max()])) if len(finite) else ""
             why = {
                 f"need a step {factors} times smaller, which was too expensive or did not settle them": len(finite),

@@ -213,9 +213,9 @@ class Settling:
         if not found:
             return None
         return (
-            f"runs with finer steps took {found:.2g} times the evaluations of the sweep'"
-            f"s own step, and up to {RERUN_COST * found:.2g} times its processor time"
-            "; the limit is nine times, or some ten seconds of a core if that is more"
+            f"runs with finer steps took {found:.2g} times the evaluations of the sweep's own step, and up to "
+            f"{RERUN_COST * found:.2g} times its processor time. The limit is nine times, or some ten seconds of a core if that "
+            "is more"
         )
 
     def expected(self, finest: float) -> float:

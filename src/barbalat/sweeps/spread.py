@@ -147,7 +147,7 @@ class CutNormal:
 class InBall:
     """An entry of a vector that is uniform in a ball, given the entries drawn before it.
 
-    The remaining section of the ball is a ball of fewer dimensions; along one axis of a d-dimensional ball the density of t in
+    The remaining section of the ball is a ball of fewer dimensions. Along one axis of a d-dimensional ball the density of t in
     [-1, 1] is proportional to (1 - t^2)^((d - 1)/2), a beta distribution (Rosenblatt's transformation).
     """
 

@@ -90,7 +90,7 @@ Compared = TypeVar("Compared", bound=Hashable)
 def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
     """For each fraction, 1 if it is significantly above one half, -1 if it is significantly below, 0 otherwise.
 
-    Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not: if
+    Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not. If
     all fractions are one half, the probability that any of them is reported as different is at most 1 - CONFIDENCE_LEVEL.
     """
     found = dict.fromkeys(shares, 0)

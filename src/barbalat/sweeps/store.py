@@ -1,7 +1,7 @@
 """A sweep on disk: a folder of Parquet files, each with a chunk or a part of a chunk, and an index. Stored rows are never
 changed.
 
-When no sweep is running, every file in the folder is Parquet, so pandas, Polars and DuckDB read the folder as one table: the
+When no sweep is running, every file in the folder is Parquet, so pandas, Polars and DuckDB read the folder as one table. The
 index is a file without rows, and its JSON is in the file's metadata. While a sweep is written, the folder also contains a lock
 and a folder for incomplete data, both hidden.
 """

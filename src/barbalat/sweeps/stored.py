@@ -92,8 +92,8 @@ def read_index(folder: Path) -> StoreIndex | None:
         return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError):
         raise InputError(
-            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; running the same command again then "
-            f"starts the sweep anew"
+            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there and run the same command again to "
+            f"restart the sweep"
         ) from None
 
 

@@ -51,7 +51,7 @@ does not depend on the varied numbers."""
 def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
     """The designs that are repeated for each member, by the paths of the plant's numbers on which they depend.
 
-    A gain or a reference model computed from the plant is no longer that of the case: such a sweep tries many designs, each on
+    A gain or a reference model computed from the plant is no longer that of the case. Such a sweep tries many designs, each on
     its plant or on the simulated plant, and not one design on many plants.
     """
     found: dict[str, tuple[str, ...]] = {}
@@ -109,8 +109,8 @@ def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
 OSCILLATED = "oscillated"
 """A column of each controller: whether its estimates oscillate; NaN without estimates or if their range is unknown."""
 VERDICT, SETTLED, RINGS, FINER_BY = "verdict", "settled", "rings", "finer_by"
-"""Columns of each controller: the number of the judge's class; 1 if that class is settled, 0 if not, NaN if unchecked;
-``oscillated`` with a finer step if one was needed; and the step that the member needs (see ``judging.finer_by``)."""
+"""Four columns for each controller: the number of the judge's class, whether that class is settled (1 or 0, NaN if unchecked),
+``oscillated`` with a finer step if one was needed, and the step that the member needs (see ``judging.finer_by``)."""
 TRIED_SHARES = (0.03, 0.4, 0.97)
 """Quantiles of a distribution, without its far tails, which a constructor may reject."""
 MOST_SETTINGS = 64
@@ -119,7 +119,7 @@ MOST_SETTINGS = 64
 
 class Figured(NamedTuple):
     """The results of M runs of one controller: metrics, (M,) numbers of the judge's classes, and how much finer their steps must
-    be; infinite for a run that no tried step resolves, or that stalls with a tolerance."""
+    be. This is infinite for a run that no tried step resolves, or that stalls with variable steps."""
 
     metrics: Metrics
     kinds: Array

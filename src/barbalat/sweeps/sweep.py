@@ -214,13 +214,12 @@ def _of_the_judge(settling: Settling, rows: Rows) -> Iterator[str]:
 
 
 SAME_FAULTS = (
-    "all members have the same faults at the same instants"
-    ": shares and intervals hold only for this pattern; --vary faults[0].seed=0:99:100 runs other patterns"
+    "all members have the same faults at the same instants, so fractions and intervals hold only for this pattern; "
+    "--vary faults[0].seed=0:99:100 runs other patterns"
 )
 SHORT_TAIL = (
-    "the tail, the last quarter of the run, has less than three periods of the model's slowest mode"
-    ": not all limit cycles of this period are counted; use a longer run, or judge.closely = true, which takes up to three "
-    "and a half times as long"
+    "the tail, the last quarter of the run, has less than three periods of the model's slowest mode, so not all limit cycles of "
+    "this period are counted. Use a longer run, or judge.closely = true, which takes up to three and a half times as long"
 )
 UNJUDGED = (
     "this store is older than the verdicts on runs: its members have neither verdicts nor finer steps; use a different --store, "

@@ -47,9 +47,9 @@ valleys."""
 ROUNDS = 12
 """Largest number of gradients from each start."""
 REFINED, PATIENCE, ELITES, DRAWN = 16, 2, 12, 5
-"""Number of rounds in which each search then draws points (DRAWN for each number) from the normal distribution of the ELITES best
-points so far, and number of rounds without a gain after which it ends. These rounds need no slopes and can follow narrow valleys
-that gradients cross."""
+"""Number of rounds in which each search then draws points, and number of rounds without a gain after which it ends. It draws them
+(DRAWN for each number) from the normal distribution of the ELITES best points so far. These rounds need no slopes and can follow
+narrow valleys that gradients cross."""
 MOVES = (2.0, 0.3, 0.05, 0.005)
 """Steps along a gradient, as fractions of the width of the set in the steepest direction; all are tried at once."""
 GAIN = 1e-4

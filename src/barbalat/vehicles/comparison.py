@@ -29,7 +29,7 @@ class FlightComparison:
     model     the trimmed flight condition with its linear model: an ``Axis`` of the F-16, the ``Axes`` of the quadrotor
     version   the version of its simulator
     flights   for each controller, its flights through all failures, in the order of the failures
-    delays    the largest added delay with which each controller kept control [s], by name; None if it was not requested
+    delays    the largest added delay with which each controller kept control [s], keyed by name; None if it was not requested
     exported  whether the exported C was flown
     """
 

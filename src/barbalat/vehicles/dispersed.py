@@ -163,7 +163,8 @@ def fly_dispersed(
     processes: int = PROCESSES,
     progress: Progress | None = None,
 ) -> DispersedComparison:
-    """Fly schemes through failures on randomly drawn vehicles. This needs the extra ``flight`` and, for a store, ``study``.
+    """Fly schemes through failures on randomly drawn vehicles. This requires ``barbalat[flight]`` and, for a store,
+    ``barbalat[study]``.
 
     name, schemes, failures  as in ``fly``
     members    number of draws; every scheme flies each of them through every failure, and several conditions alternate

@@ -32,7 +32,8 @@ def fly(
     software_in_the_loop: Maker | None = None,
     progress: Progress | None = None,
 ) -> FlightComparison:
-    """Fly controllers on a flight model, each through every failure. JSBSim and MuJoCo come with the extra ``flight``.
+    """Fly controllers on a flight model, each through every failure. This requires ``barbalat[flight]``, which contains JSBSim
+    and MuJoCo.
 
     name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command; "quadrotor": a figure
                  of eight in MuJoCo, flown by a geometric controller with the additions of the schemes; or another installed
@@ -45,9 +46,9 @@ def fly(
     condition    a ``FlightCondition`` at which the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
     equipment    an ``Equipment``, the hardware between controller and surface of the F-16; by default that of the axis
     delays       whether to increase the delay until control is lost, which takes about ten more flights per controller
-    software_in_the_loop  ``exported_c`` flies the exported C of each controller, compiled by this machine's compiler, in parallel
-                          with the simulated controller, and the u and the state of both are compared bit for bit; by default,
-                          only the simulated controller flies
+    software_in_the_loop  ``exported_c`` also flies the exported C of each controller, compiled by this machine's compiler, and
+                          compares its u and state with those of the simulated controller bit for bit. By default, only the
+                          simulated controller flies
 
     Raises InputError for anything that cannot be flown, and SimulatorFailed if the simulator fails before any flight.
     """

@@ -24,7 +24,7 @@ from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError, show
 
 ROBUST = "hinf"
-"""The name, for every vehicle, of the scheme whose synthesis needs packages of the extra ``robust``."""
+"""The name, for every vehicle, of the scheme whose synthesis requires ``barbalat[robust]``."""
 Numbers = Mapping[str, float]
 """The parameters of a scheme, by the names of its knobs, in units of the loop."""
 

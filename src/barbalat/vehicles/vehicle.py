@@ -19,7 +19,7 @@ from barbalat.vehicles.schemes import Loop, Numbers, Scheme
 
 SEED = 2013
 Draw = Mapping[str, float]
-"""The random numbers of one vehicle, by name."""
+"""The random numbers of one vehicle, keyed by name."""
 Model = TypeVar("Model")
 """A trimmed vehicle with its linear model."""
 Pilot = TypeVar("Pilot")

@@ -134,8 +134,8 @@ def test_the_normalised_schemes_say_what_their_law_guarantees(problems):
         LeastSquares(covariance0=5.0): "converges to zero",
         LeastSquares(covariance0=5.0, leakage=SwitchingSigma(sigma=0.1, M_0=5.0)): "converges to zero",
         LeastSquares(covariance0=5.0, leakage=SwitchingSigma(sigma=0.1, M_0=0.5)): "M_0 = 0.5 does not bound |theta|",
-        Gradient(gamma=5.0, leakage=FixedSigma(sigma=0.1)): "FixedSigma must be small enough",
-        Gradient(gamma=5.0, dead_zone=DeadZone(g_0=0.1)): "a dead zone must be small enough",
+        Gradient(gamma=5.0, leakage=FixedSigma(sigma=0.1)): "x stays bounded if FixedSigma is small enough",
+        Gradient(gamma=5.0, dead_zone=DeadZone(g_0=0.1)): "x stays bounded if a dead zone is small enough",
         LeastSquaresForgetting(covariance0=5.0, forgetting=0.1): "persistently exciting",
     }
     for law, words in cases.items():

@@ -1,5 +1,5 @@
-"""Theorem 1: bounds (9) and (10) against simulation on 10,000 random problems each (a tenth of them in the short tests), and
-closed forms."""
+"""Theorem 1: bounds (9) and (10) compared with simulation on 10,000 random problems each (a tenth of them in the short tests),
+and closed forms."""
 
 import math
 

@@ -45,8 +45,8 @@ name = "sampled"
 scheme = "baseline"
 sample_time = 1e-3
 """
-"""The closed loop has the polynomial J s^2 + 6 s + 13 - g and is stable for g < 13 and every J, whereas a box of theta and omega
-also combines the largest g/J with the smallest 13/J."""
+"""The closed loop has the polynomial J s^2 + 6 s + 13 - g and is stable for g < 13 and every J. A box of theta and omega,
+however, also combines the largest g/J with the smallest 13/J."""
 
 
 def certified(text):
@@ -72,7 +72,8 @@ class None_column:
 
 @pytest.mark.parametrize(("name", "hold"), [("continuous", 0.0), ("sampled", 0.5e-3)])
 def test_a_box_with_unstable_points_is_not_an_unstable_plant(name, hold):
-    """Over J and g the margin is smallest at the corner J = 0.7, g = 10. The hold of the sampled loop delays by half a sample."""
+    """Over J and g the margin is smallest at the corner J = 0.7, g = 10. The hold of the sampled loop delays by half a sample
+    period."""
     certificate, found = certified(PENDULUM.replace("RANGE", "[8.0, 10.0]"))[name]
     least = min(delay_margin(J, g) for J in (0.7, 1.4) for g in (8.0, 10.0))
     assert found["delay_margin"]["value"] == pytest.approx(least - hold, abs=1e-5)

@@ -202,6 +202,6 @@ def test_a_delay_that_part_of_the_set_does_not_bear_is_a_finding():
 
 
 def test_a_filter_too_slow_for_part_of_the_set_is_a_finding():
-    """With kappa = 10 the filtered loop at rest with theta = [5, 5] is unstable."""
+    """With kappa = 10 the filtered loop with estimates frozen at theta = [5, 5] is unstable."""
     found = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(10.0)),), SIMULATION)["L1"]
     assert any("unstable at theta" in finding for finding in found.findings)

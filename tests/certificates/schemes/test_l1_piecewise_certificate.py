@@ -60,7 +60,7 @@ def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
     """Runs with delays 2 % below and above the margin, with the delay within a sample."""
     problem, laws = without_limits()
     entry = certified(problem, laws[form], "delay_margin").entry("delay_margin")
-    assert entry.kind == "exact" and "from sample to sample" in entry.of
+    assert entry.kind == "exact" and "in sampled-data form" in entry.of
     dt = laws[form].sample_time / 8
     for share, lost in ((0.98, False), (1.02, True)):
         delay = dt * round((problem.delay + share * entry.value) / dt)
@@ -318,7 +318,7 @@ def test_what_it_does_not_know_is_said():
     assert found.guaranteed == frozenset() and "phi(x) = x" in found.entry("delay_margin").why
     unstable = Problem(plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[30.0], input=PlantInput(delay=0.2)))
     found = certified(unstable, law)
-    assert "unstable from sample to sample" in found.entry("delay_margin").why and found.values["spectral_radius"] > 1
+    assert "the sampled-data loop is unstable" in found.entry("delay_margin").why and found.values["spectral_radius"] > 1
     plant = Plant(A_m=-np.eye(2), b=np.eye(2), theta=[0.3, 0.0, 0.1, 0.2])
     several = Problem(plant=plant, reference_model=ReferenceModel(k_0=np.eye(2)), reference=(Constant(1.0), Sine(1.0, 1.0)))
     found = certified(several, replace(law, filter=TransferFunction([9.0], [1.0, 4.2, 9.0])))
@@ -326,8 +326,8 @@ def test_what_it_does_not_know_is_said():
 
 
 def test_no_mixture_of_what_disturbs_does_what_is_denied(sample):
-    """No statement is contradicted by the certificates' seeded problems with delays, limits, noise, nonlinear regressors and
-    several inputs."""
+    """No run of the seeded problems with delays, limits, noise, nonlinear regressors and several inputs contradicts its
+    certificate."""
     judged_ones = 0
     for seed in range(sample(4, 30)):
         random = np.random.default_rng([seed, 7])

@@ -110,7 +110,7 @@ def test_the_longest_sample_is_the_loop_s_own():
     said = " ".join(found[0.05].findings)
     assert "unstable" not in said
     assert "step_max" not in found[0.05].values
-    assert "unstable from sample to sample" in " ".join(found[0.054].findings)
+    assert "the sampled-data loop is unstable" in " ".join(found[0.054].findings)
     assert "delay_margin" not in found[0.054].values
 
 
@@ -221,5 +221,5 @@ def test_nothing_stays_of_the_continuous_loop():
     """A sampled adaptive law has its own linear loops; see test_sampled_margins.py."""
     found = certified(Sampled(Mrac(gamma=1e4), 0.01))
     for key in ("delay_margin_adapting", "gain_margin", "sensitivity_peak"):
-        assert "from sample to sample" in found.entry(key).of
-    assert all("from sample to sample" in loop["loop"] for loop in found.values["margins_over_known_set"])
+        assert "in sampled-data form" in found.entry(key).of
+    assert all("in sampled-data form" in loop["loop"] for loop in found.values["margins_over_known_set"])

@@ -1,4 +1,4 @@
-"""Margins of sampled adaptive loops, linearised from sample to sample at their equilibrium, compared with runs of the nonlinear
+"""Margins of sampled adaptive loops, linearised in sampled-data form at their equilibrium, compared with runs of the nonlinear
 loop."""
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def sampled(name, form, sample_time=T):
 
 
 def certified(controller, problem=PROBLEM, keys=("delay_margin", "delay_margin_adapting")):
-    """The certificate without the searches for the longest sample time and over the known set, unless the keys name them."""
+    """The certificate; the searches over the known set and for the longest sample time are left out unless the keys name them."""
     T = controller.sample_time
     return certify(problem, [controller], Simulation(t_end=100 * T, dt=T / 10), keys=keys)[controller.name]
 
@@ -135,8 +135,8 @@ MARGIN = ("delay_margin_adapting",)
 
 @pytest.mark.parametrize("form", ["euler", "midpoint"])
 def test_no_number_of_the_continuous_loop_stands_for_the_sampled_one(form):
-    """Each margin belongs to the loop from sample to sample. With a short sample it equals the margin of the continuous loop;
-    with a long sample it differs."""
+    """Each margin belongs to the sampled-data loop. With a short sample it equals the margin of the continuous loop; with a long
+    sample it differs."""
     continuous = certify(PROBLEM, [SCHEMES["mrac"]], Simulation(t_end=1.0, dt=DT), keys=MARGIN)["MRAC"].values[MARGIN[0]]
     short, long = (
         certified(sampled("mrac", form, sample_time), keys=keys) for sample_time, keys in ((2e-3, MARGIN), (0.1, None))

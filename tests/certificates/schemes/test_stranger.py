@@ -155,7 +155,7 @@ def test_sampled_its_linear_loop_is_its_own(problems):
     sampled = Sampled(controller=Plain(2.0), sample_time=0.05, discretization="euler")
     found = certify(problems[2], [sampled], SIMULATION)["plain"]
     assert not found.guaranteed
-    assert all("from sample to sample" in entry.of for entry in found.entries if entry.kind == "exact")
+    assert all("in sampled-data form" in entry.of for entry in found.entries if entry.kind == "exact")
     assert len(table_1(problems[2], [sampled], {"plain": found}).columns) == 1
 
 

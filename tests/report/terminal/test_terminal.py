@@ -365,7 +365,7 @@ def test_the_legend_is_that_of_the_cases_solver(solver, of_one, of_all):
     for controllers, said in (([mrac], of_one), (found.controllers, of_all)):
         made = certify(found.problem, controllers, simulation)
         screen = shown(WIDE, lambda target, made=made: certificates.show(target, found.name, made, made.table, 1e-3))
-        assert f"the solver tolerates {said}" in " ".join(screen.split())
+        assert f"The solver tolerates {said}" in " ".join(screen.split())
 
 
 def test_a_capital_begins_a_word_and_no_symbol():

@@ -201,7 +201,7 @@ def test_attempts_without_dense_output_are_the_same() -> None:
 
 
 def test_a_loop_is_traced_again_only_if_it_differs(monkeypatch) -> None:
-    """In its numbers or in its command; the bits do not depend on whether it was traced before."""
+    """In its numbers or in its command; the results are bit-identical whether or not it was traced before."""
     traced, program = [], Attempts.program
     monkeypatch.setattr(Attempts, "program", lambda self: traced.append(self) or program(self))
     simulation, louder = Simulation(1.0, tolerance=1e-6), replace(PAPER.problem, reference=Constant(amplitude=7.0))

@@ -264,7 +264,7 @@ discretization = "euler"
 
 
 def test_a_sound_sampled_run_is_not_called_unstable(tmp_path):
-    """The frozen map from sample to sample has a radius above 1, but the run follows the model, as with a tenth of the sample
+    """The frozen discrete-time map has a spectral radius above 1, but the run follows the model, as with a tenth of the sample
     time."""
     path = tmp_path / "sampled.toml"
     path.write_text(SAMPLED)

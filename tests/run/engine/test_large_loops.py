@@ -1,4 +1,5 @@
-"""Loops with hundreds of states: the code is compiled quickly and has the same bits, and a label needs only a few spectra."""
+"""Loops with hundreds of states: the code is compiled quickly, its results are bit-identical, and a label needs only a few
+spectra."""
 
 import numpy as np
 import pytest

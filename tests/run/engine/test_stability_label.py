@@ -82,8 +82,7 @@ def test_the_time_of_the_label_does_not_depend_on_the_record(part):
 
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 def test_a_flow_that_overflows_between_samples_is_a_finding(discretization):
-    """With theta = 1e42, e^(A T) overflows although the Jacobian does not, so the map from sample to sample has no finite
-    numbers."""
+    """With theta = 1e42, e^(A T) overflows although the Jacobian does not, so the discrete-time map has no finite numbers."""
     problem = Problem(
         plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[4.5e42, 0.1], x0=[1.0, 0.0]),
         reference_model=ReferenceModel(k_0=2.0),

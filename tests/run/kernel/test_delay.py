@@ -208,7 +208,8 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
 
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=str)
 def test_weights_as_a_list_are_the_weights(solver):
-    """For whole steps the bits are the same. For other delays the difference is a few roundings of a sum of terms up to 10."""
+    """For whole steps the results are bit-identical. For other delays the difference is a few roundings of a sum of terms up to
+    10."""
     for delay in (0.05, 0.0537, 0.01 + 1e-9, 0.0999):
         wanted = exact_delay.weights(delay, 0.01, solver)
         found = exact_delay.weights(delay, 0.01, solver, fused=False)

@@ -199,8 +199,8 @@ def test_figures_of_a_diverged_run_are_none_and_json_takes_them():
 @pytest.mark.parametrize("solver", [EULER, RK4])
 @pytest.mark.parametrize("top", [1e154, 1e308])
 def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
-    """Warnings are errors here. 2000 members have states that exceed 1e154 and 1e308 near the end at slightly different times:
-    squares and sums overflow in the kernel, in the merging of blocks and in the metrics; one member stays bounded."""
+    """Warnings are errors here. 2000 members have states that exceed 1e154 and 1e308 near the end at slightly different times.
+    Squares and sums overflow in the kernel, in the merging of blocks and in the metrics. One member stays bounded."""
     problem, steps = exploding(1.5, h), 40
     loop = ClosedLoop.of(problem, NOTHING)
     states = loop.initial()[:, None].repeat(2001, axis=1)

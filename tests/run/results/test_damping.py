@@ -29,7 +29,7 @@ def test_a_run_that_hides_ringing_says_so(runs):
     rms = [float(np.sqrt(np.mean(run.e[:, 1] ** 2))) for run in (coarse, fine)]
     assert rms[1] > 5 * rms[0] and coarse.label is None and fine.label is None  # hidden, without a label
     assert coarse.damping is not None and fine.damping is None
-    said = f"by up to {100 * coarse.damping.per_radian:.2g} % per radian, unlike the equations: a finer step may show more"
+    said = f"adds damping of up to {100 * coarse.damping.per_radian:.2g} % per radian to an oscillation as fast as the loop's"
     assert said in numerics(coarse) and said in coarse.numerics
     block = json.loads(json.dumps(run_block(coarse)))["solver_damping"]
     assert said in block["sentence"] and block["h_omega"] == coarse.damping.h_omega

@@ -61,7 +61,7 @@ class IntegralCost(Settings):
         validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
         accept_leakage(
-            self.leakage, "the integral-cost law", Tolerated.BOUNDED, "its V' is not proportional to the present error"
+            self.leakage, "the integral-cost law", Tolerated.BOUNDED, "its V' is not proportional to the current error"
         )
 
     @property

@@ -173,8 +173,8 @@ def bounded(P: Value, bound: float) -> Value:
 def smallest_pivot(P: Value, shift: Value) -> Value:
     """The smallest pivot of the elimination of P - shift I, up to the first that is not positive.
 
-    Positive exactly where lambda_min(P) > shift: a symmetric matrix is positive definite if and only if all its pivots are
-    positive (Sylvester's criterion), and up to the first pivot that is not positive, the computed pivots are those of exact
+    Positive exactly where lambda_min(P) > shift. A symmetric matrix is positive definite if and only if all its pivots are
+    positive (Sylvester's criterion). Up to the first pivot that is not positive, the computed pivots are those of exact
     elimination.
     """
     n = P.shape[0]

@@ -1,13 +1,14 @@
 """A bound on e for the command of the case and every theta in the known set (docs/proofs.md, "Along the command").
 
-A loop that equals the model for theta = origin has e = G[(theta - origin)'x - k r] + w, where G is the transfer matrix from a
-matched disturbance to x, k the factor with which the command passes through G, and w is due to adaptation. Over a cell |theta_i -
-c_i| <= rho_i, with H = (I - G (c - origin)')^-1 G,
+A loop that equals the model for theta = origin has e = G[(theta - origin)'x - k r] + w. Here G is the transfer matrix from a
+matched disturbance to x, k is the factor with which the command passes through G, and w is due to adaptation. Over a cell
+|theta_i - c_i| <= rho_i, with H = (I - G (c - origin)')^-1 G,
 
     e_c = H[(c - origin)'x_m - k r],  x_c = x_m + e_c,  s_i = H[x_c,i],  N = ||G||_1,  q = N |rho|_1/(1 - N |c - origin|_1),
 
-e differs from e_c + sum_i (theta_i - c_i) s_i by at most q/(1 - q) sup |sum_i rho_i |s_i||, apart from the contribution of w. e_c
-and s_i follow from the command and are enclosed along it up to t_end. Cells are halved until the remaining uncertainty is small.
+e differs from e_c + sum_i (theta_i - c_i) s_i by at most q/(1 - q) sup |sum_i rho_i |s_i||, apart from the contribution of w. The
+signals e_c and s_i follow from the command and are enclosed along it up to t_end. Cells are halved until the remaining
+uncertainty is small.
 """
 
 from __future__ import annotations

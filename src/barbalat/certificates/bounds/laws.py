@@ -93,9 +93,9 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     known_set, gamma = controller.bind(problem.known).estimate_set, controller.gamma
     if keeps_V_in_corners(gamma, known_set).broken:
         return (
-            f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or "
-            "input gains in addition to a ball, the projection in a corner may make V grow, so the bounds (9) and (10) do "
-            "not hold; they hold with a ball, with a diagonal gain or without projection"
+            f"the bounds (9) and (10) do not hold with a gain matrix and a box of more than {EXACT_FACES} parameters, or input "
+            f"gains in addition to a ball, because the projection in a corner may make V grow. They hold with a ball, with a "
+            f"diagonal gain or without projection"
         )
     if controller.dead_zone is not None:
         return "the law is inactive inside the dead zone, so the bounds (9) and (10) do not hold"

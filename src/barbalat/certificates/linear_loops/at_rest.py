@@ -80,9 +80,9 @@ class Rest:
     def broken(self, *, frozen: bool) -> StateSpace:
         """The loop from the plant's input v to -u, for one input, with the estimates ``frozen`` or with their law.
 
-        The result excludes the model, which v does not affect, the dynamics at the plant's input, the sensor's lag, and
-        combinations of the state that remain constant, such as the estimates in directions orthogonal to the regressor. With an
-        observer, which also receives u, the lag is not in series with the loop and remains part of it.
+        The result excludes the model, which v does not affect, the dynamics at the plant's input, and the sensor's lag. It also
+        excludes combinations of the state that remain constant, such as the estimates in directions orthogonal to the regressor.
+        With an observer, which also receives u, the lag is not in series with the loop and remains part of it.
         """
         whole = self.loop.unpack(self.state)
         stays = self.loop.observer is not None

@@ -1,4 +1,4 @@
-"""Linearises the loop of a sampled controller from sample to sample, by the exact Jacobians of its equations."""
+"""Linearises the sampled-data loop of a sampled controller, by the exact Jacobians of its equations."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def add_margins_of_each(
         )
         draft.missing("delay_margin_each", why)
         return
-    name = f"{which}, broken at one plant input, the others closed{in_the_loop(problem)}"
+    name = f"{which}, broken at one plant input with the others closed{in_the_loop(problem)}"
     with draft.part("delay_margin_each"):
         try:
             found = [margins(loop) for loop in loops]

@@ -43,9 +43,9 @@ from barbalat.validate import Array, InputError
 POINTS_INSIDE, DELAYS = 100, 3
 """Seeded points at which only stability is checked, and points at which the delay margin is computed."""
 SEARCHED = (
-    "from sample to sample: the set's {extremes} extreme points{varied}, the case's theta, {inside} seeded points inside for "
-    "stability only; the delay margin at the {delays} points with the smallest ratio of phase margin to frequency: the smallest "
-    "found, not a guarantee"
+    "the smallest found for the sampled-data loop, not a guarantee. The search tries the set's {extremes} extreme "
+    "points{varied}, the case's theta and, for stability only, {inside} seeded points inside; the delay margin is computed at "
+    "the {delays} points with the smallest ratio of phase margin to frequency"
 )
 
 
@@ -152,13 +152,13 @@ def add_fixed(draft: Draft, problem: Problem, around: Callable[[Plant], StateSpa
 
 
 def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
-    """Add the margins over the known set of a linear controller's loop from sample to sample, for one input and phi(x) = x."""
+    """Add the margins over the known set of a linear controller's sampled-data loop, for one input and phi(x) = x."""
     plant = problem.plant
     add_sampled_at(
         draft,
         problem,
         lambda theta: found.for_change(plant.b, theta - plant.theta),
-        "from sample to sample with a fixed controller",
+        "in sampled-data form with a fixed controller",
     )
 
 
@@ -222,8 +222,7 @@ MU_KEYS = ("mu_parameters", "parameter_scale", "theta_destabilising", "mu_dynami
 def robustness(
     loop: StateSpace, known_set: KnownSet | None, weight: TransferFunction | None, findings: list[str]
 ) -> dict[str, Any]:
-    """mu with respect to the known set, to the unmodelled dynamics of size ``weight``, and to both, by the keys of the
-    certificate.
+    """mu with respect to the known set, to the unmodelled dynamics of size ``weight``, and to both, keyed as in the certificate.
 
     ``loop`` is the loop at the centre of the set or, without a set, at the true theta.
     """

@@ -138,7 +138,7 @@ class Frozen(ABC):
     @property
     def which(self) -> str:
         """A description of the loop."""
-        started = "from sample to sample " if self.loop.sampled else ""
+        started = "in sampled-data form " if self.loop.sampled else ""
         if self.ideal is None or not self.loop.parameters:
             return f"{started}with a fixed controller"
         return f"{started}with its estimates frozen{', theta_hat = theta' if self.ideal else ''}"
@@ -221,7 +221,7 @@ class FrozenSampled(Frozen):
         return sampled_jacobian_function(self.loop, frozen=self.ideal is not None)
 
     def around(self, state: Array, plant: PlantAt) -> SampledLoop:
-        """The loop from sample to sample."""
+        """The sampled-data loop."""
         slopes, J = (np.array(of(state, self.signals)) for of in (self._between, self._at_samples))
         found = of_jacobians(self.loop, slopes, J, left_out=self.resting)
         loop, x, n = found.loop, found.rows["x"], len(plant.A)
@@ -275,7 +275,7 @@ def _alone(loop: ClosedLoop) -> ClosedLoop:
 
 @dataclass(frozen=True, eq=False)
 class OverRanges:
-    """The smallest margins found, by their names in ``Margins``, each with the plant; or the plant whose loop is unstable."""
+    """The smallest margins found, keyed by the names of ``Margins``, each with the plant; or the plant whose loop is unstable."""
 
     least: dict[str, tuple[float, PlantAt]]
     unstable_at: PlantAt | None

@@ -16,8 +16,8 @@ contribution of d within a sample is at most its effect on a row at the end of t
 
 The model also follows r between the samples; ``missed`` bounds this difference.
 
-Noise that is independent from sample to sample enters as W w[k+1]. A row C z then has at most the variance sum |C M^i W|^2; with
-standard deviations, for which the triangle inequality holds as well, the same argument covers the time between samples.
+Noise whose samples are independent enters as W w[k+1]. A row C z then has at most the variance sum |C M^i W|^2; with standard
+deviations, for which the triangle inequality holds as well, the same argument covers the time between samples.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _response(problem: Problem, whole: _Whole, r: Array, d: Array, bends: int | 
 
 
 def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
-    """Bounds on the effect of the measurement noise of the case, if the noise is independent from sample to sample.
+    """Bounds on the effect of the measurement noise of the case, if its samples are independent.
 
     Its covariance grows from zero to that of sum_k M^k W w, so the root of the sum of squares bounds it at all times. Raises
     InputError if the loop decays too slowly.
@@ -233,8 +233,8 @@ def _trapezoids(A: Array, B: Array, T: float) -> tuple[Array, Array]:
 
 
 def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], list[Array], list[float], int]:
-    """At the ends of the parts of a sample, X as rows of z; in each part, A (A X + E v) at its start; the lengths of the
-    parts; and the first part after the delayed input has switched."""
+    """X at the ends of the parts of a sample, as rows of z; A (A X + E v) at the start of each part, the lengths of the parts,
+    and the first part after the delayed input has switched."""
     s, size = len(loop.A), len(M)
     found = loop.effects(delay)
     whole, part = int(found.whole[0]), float(found.part[0])

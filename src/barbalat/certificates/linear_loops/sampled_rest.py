@@ -1,4 +1,4 @@
-"""Linearises the loop of a sampled controller from sample to sample at its equilibrium for a constant command.
+"""Linearises the sampled-data loop of a sampled controller at its equilibrium for a constant command.
 
 An equilibrium is a state that changes neither at a sample nor between two samples. The motion of the plant is exact there, and
 the step of the law, an Euler or an implicit step, is differentiated as implemented.
@@ -160,7 +160,7 @@ def sampled_rest(
     moves, slopes = _moves(loop, signals, frozen=frozen), _slopes(loop, signals, frozen=frozen)
     state = newton(moves, slopes, _start(loop, level, signals, true), free, resting)
     if state is None:
-        return NotApplicable(f"no equilibrium of the loop was found from sample to sample {words_of(level)}")
+        return NotApplicable(f"no equilibrium of the sampled-data loop was found {words_of(level)}")
     for _ in range(POLISHING_STEPS):
         state[free] -= np.linalg.lstsq(slopes(state)[np.ix_(resting, free)], moves(state)[resting], rcond=None)[0]
     return SampledRest(problem, loop, state, signals, level, tuple(true))

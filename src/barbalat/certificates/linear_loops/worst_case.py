@@ -1,8 +1,8 @@
 """Margins of a linear loop over the known set: at its extreme points, at seeded points inside, and by a search around the worst
 points.
 
-Thousands of points are screened on one grid of frequencies; the extreme points, the theta of the case and the worst points of
-each round are computed exactly, and the smallest of these margins is kept. A local minimum between the points may be lower, so
+The search screens thousands of points on one grid of frequencies. It computes the extreme points, the theta of the case and the
+worst points of each round exactly, and keeps the smallest of these margins. A local minimum between the points may be lower, so
 the result is an estimate, not a guarantee.
 """
 
@@ -28,8 +28,9 @@ SCREENED_AT_ONCE = 32
 """Points whose responses are computed together: few enough that they stay in the cache."""
 MARGIN_NAMES = ("delay", "phase", "gain_up", "gain_down")
 SEARCH_SENTENCE = (
-    "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, "
-    "all screened; the {exactly} worst of each round and the case's theta exactly: the smallest found, not a guarantee"
+    "the smallest found, not a guarantee. The search screens the set's {extremes} extreme points, {inside} seeded points inside "
+    "and {rounds} rounds of {around} points around the worst; it computes the {exactly} worst of each round and the case's "
+    "theta exactly"
 )
 
 
@@ -39,8 +40,8 @@ class LoopsOverTheta:
 
     plant   the plant whose theta is replaced; its input dynamics are added to the loop here
     gains   the interval of the input gain, if it varies too; a point is then theta followed by the gain
-    around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
-            holds for every fixed linear controller and for controllers whose gains are affine in theta
+    around  the controller's loop around a plant. (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, as for
+            every fixed linear controller and for controllers whose gains are affine in theta
     lag     lag of the sensor, in series with everything that is fed back
     """
 
@@ -143,8 +144,8 @@ def _combined(thetas: Array, rows: Array) -> Array:
 class WorstCase:
     """The smallest margins found over the set, each with its theta, followed by the input gain if that varies too.
 
-    least        by the name of the margin in ``Margins``; for gain_down the largest value. Infinite if nothing destabilises the
-                 loop
+    least        the smallest value of each margin (for gain_down the largest), keyed by the names of ``Margins``. Infinite if
+                 nothing destabilises the loop
     unstable_at  a theta of the set at which the loop is unstable from the start; ``None`` if none was found
     """
 

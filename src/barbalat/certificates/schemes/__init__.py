@@ -36,7 +36,7 @@ class HeldFile(SchemeFile, Protocol):
     def held_limits(
         self, problem: TrackingProblem, controller: Controller, simulation: Simulation, nu_0: float
     ) -> dict[str, Any]:
-        """gamma_max and step_max from sample to sample; the sample time is the step of the simulation."""
+        """gamma_max and step_max of the sampled law; the sample time is the step of the simulation."""
         ...
 
 

@@ -1,7 +1,8 @@
 """The certificate of active disturbance rejection, a linear controller whose loop and margins are exact.
 
 If the observer starts at x(0) with f_hat = 0, theta = theta_0, and b_0 is the input gain, the observer has no error: f_hat stays
-zero and x equals x_m. theta - theta_0 adds a matched disturbance (see ``fixed_loop``, where T is the response of x to it).
+zero and x equals x_m. The difference theta - theta_0 adds a matched disturbance (see ``fixed_loop``, where T is the response of x
+to it).
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ OF_RESPONSES = {
 UP_TO_THE_END = Assumption("only the jumps of r up to t_end are considered")
 INDEPENDENT = Assumption("the noise of different samples is independent and has zero mean")
 RMS = "error_rms_bound"
-OF_THE_LOOP = "from sample to sample with the case's theta"
+OF_THE_LOOP = "in sampled-data form with the case's theta"
 SAME_INSTANT = 1e-9
 """Relative difference up to which two sample times count as equal."""
 THE_CASE_S = Assumption("theta is the case's")

@@ -1,8 +1,8 @@
 """Guarantees for any linear controller on the family (1): a bound on the error in the form of Theorem 1, and mu.
 
-With theta = theta_0 the loop is the model, so e = T(s)[(theta - theta_0)'x] with e(0) = 0, where T is the transfer matrix from a
-matched disturbance to x in the loop with theta_0. With N = ||T||_1 and d = max |theta - theta_0|_1 over the known set, N d < 1
-gives
+With theta = theta_0 the loop is the model. Therefore e = T(s)[(theta - theta_0)'x] with e(0) = 0, where T is the transfer matrix
+from a matched disturbance to x in the loop with theta_0. With N = ||T||_1 and d = max |theta - theta_0|_1 over the known set, N d
+< 1 gives
 
     ||e||_inf <= N d ||x_m||_inf / (1 - N d),
 
@@ -173,6 +173,8 @@ def _tracking(problem: Problem, loop: FixedLoop | None, stability: Entry) -> Ent
     S, constant = loop.nominal_response(), constant_in_the_end(problem)
     left = np.abs(np.linalg.solve(S.A, S.B)[: problem.known.n]).max()
     if constant.broken or left > NEGLIGIBLE_STEADY_ERROR:
-        return nothing("tracking", "not to zero in general: the effect of theta - theta_0 is attenuated, not estimated")
+        return nothing(
+            "tracking", "e does not converge to zero in general: the effect of theta - theta_0 is attenuated, not estimated"
+        )
     integrator = Assumption(loop.integrates)
     return statement("tracking", "converges to zero for the case's r", *loop.rests_on(problem), integrator, constant)

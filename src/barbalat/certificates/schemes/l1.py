@@ -270,7 +270,7 @@ def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Ent
         return nothing("tracking", stability.why)
     constant = constant_in_the_end(problem)
     if constant.broken or controller.learning is not None or laws.why_no_bound(controller, problem) is not None:
-        return nothing("tracking", "not to zero in general: an error of the order of the filter's lag remains")
+        return nothing("tracking", "e does not converge to zero in general: an error of the order of the filter's lag remains")
     rests_on = of_the_case(problem, controller.bind(problem.known).estimate_set)
     return statement("tracking", "converges to zero for the case's r (Theorem 1 (iii))", *rests_on, FILTER_AT_REST, constant)
 

@@ -1,15 +1,15 @@
 """The certificate of the piecewise-constant L1 law: a linear time-invariant sampled controller, whose loop is known exactly.
 
-With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, where F is the step
-of the predictor and S the effect of sigma over a sample, and sigma_hat = -G x~. Hence sigma_hat(infinity) = G (I - F + S G)^-1 S
+With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, and sigma_hat = -G
+x~. F is the step of the predictor, and S the effect of sigma over a sample. Hence sigma_hat(infinity) = G (I - F + S G)^-1 S
 sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
 
 ``distance`` bounds the distance of the loop from the reference system of its theory, for the plant (1) with phi(x) = x.
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the sampled
-command; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and, under
-held commands, exact from sample to sample, so their difference is one linear system, and the largest effect of a bounded r on it
-is the sum of its impulse response.
+command; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear, and their
+sampled-data models are exact under held commands. Their difference is therefore one linear system, and the largest effect of a
+bounded r on it is the sum of its impulse response.
 
 Between samples a motion differs from the straight line between its ends by at most T^2/8 times its second derivative. With v
 held, x'' = e^(A tau) A (A x_k + B v_k), at most e^(|A| T) |A (A x_k + B v_k)| in every component, both for the plant and for the
@@ -119,8 +119,8 @@ OWN_QUANTITIES = (
         "controller_z": Quantity(
             "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
         ),
-        "disturbance_left": Quantity("fraction of a constant sigma that sigma_hat does not cover, for each entry"),
-        "sample_time_ratio": Quantity("T divided by the T that the controller's numbers assume"),
+        "disturbance_left": Quantity("fraction of a constant sigma that sigma_hat does not include, for each entry"),
+        "sample_time_ratio": Quantity("ratio of T to the sample time for which the controller was designed"),
         "baseline_gain": Quantity(
             "u relative to its baseline at low frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"
         ),
@@ -168,7 +168,8 @@ def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1Piecewi
     draft.exact({"baseline_gain": 1 / ratio}, of, "predictor_poles times T are small, and the plant integrates its inputs")
     if controller.filter is None and ratio >= 2:
         draft.note(
-            f"without C(s) a direct estimate is unstable at twice the assumed sample time, and here it is {ratio:.3g} times that"
+            f"without C(s) a direct estimate is unstable at twice the assumed sample time, but here the sample time is "
+            f"{ratio:.3g} times the assumed one"
         )
 
 
@@ -223,7 +224,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
         why = NO_LOOP if radius is None else unstable(radius)
         stability = nothing("stability", why, *rests_on(problem))
     else:
-        text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample at the case's theta"
+        text = f"for every bounded r: a linear sampled-data loop with spectral radius {radius:.6g} at the case's theta"
         stability = statement("stability", text, *rests_on(problem))
     if away is None or away.value is None:
         transient = nothing("transient", "no bound: " + ("" if away is None else away.why))
@@ -234,7 +235,10 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     noise = values.get("noise_in_u")
     return "L1, piecewise-constant law" + ("" if controller.as_flown is None else ", as flown"), {
         "stability": stability,
-        "tracking": nothing("tracking", f"not to zero in general: sigma_hat does not cover {left} of a constant disturbance"),
+        "tracking": nothing(
+            "tracking",
+            f"e does not converge to zero in general: sigma_hat does not cover a fraction {left} of a constant disturbance",
+        ),
         "transient": transient,
         "estimates": advice(
             "estimates", "it does not estimate parameters: sigma_hat is the total input disturbance, delayed by one sample"
@@ -243,7 +247,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
         "tuning": advice(
             "tuning",
             "no adaptive gain, only C(s) and T"
-            + ("" if noise is None else f"; noise in x is {', '.join(f'{one:.3g}' for one in noise)} times as large in u"),
+            + ("" if noise is None else f"; noise in x is amplified by {', '.join(f'{one:.3g}' for one in noise)} in u"),
         ),
         "margins": margins_cell(certificate),
     } | ({} if away is not None and away.applies else bounded_response.cells(certificate))

@@ -57,7 +57,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
     known, equations = problem.known, controller.bind(problem.known)
     omega = float(problem.plant.paths[0].gain)
     if equations.feedforward_only and not np.allclose(equations.gains.theta_hat0, problem.parameters / omega, rtol=1e-9, atol=0):
-        draft.missing(MARGIN, "the feedback's gains, fixed at theta_hat0, are not the ideal ones: e = 0 is not an equilibrium")
+        draft.missing(MARGIN, "the feedback's gains, fixed at theta_hat0, are not ideal, so e = 0 is not an equilibrium")
         return
     kappa, steady = _loop_gain(known, equations, level, omega)
     if kappa == 0:

@@ -75,7 +75,7 @@ def grounds(problem: Problem, controller: Mrac, _: Simulation) -> dict[str, Any]
 
 
 def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:
-    """gamma_max and step_max from sample to sample, for |x| within the bounds on model and e, and for the motion of the model."""
+    """gamma_max and step_max of the sampled law, for |x| within the bounds on model and e, and for the motion of the model."""
     held = HeldOscillator(problem.known)
     if beyond_the_paper(problem):
         excited = _excited(problem, controller)
@@ -96,9 +96,8 @@ def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> mid
 def one_sample_of_delay(sample_time: float) -> str:
     """What is known about the delay that such a controller tolerates."""
     return (
-        "with a high gain and short samples, its loop inside the known set tolerates a delay of one sample, "
-        f"{sample_time:g} s, at the plant's input; with a longer delay the estimates swing between their bounds, and no bound "
-        f"on e is proven"
+        f"with a high gain and short samples, its loop inside the known set tolerates a delay of one sample, {sample_time:g} s, "
+        f"at the plant's input. With a longer delay the estimates swing between their bounds, and no bound on e is proven"
     )
 
 

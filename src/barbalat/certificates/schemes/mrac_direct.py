@@ -2,9 +2,9 @@
 
 With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes V = e'P e +
 omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times. With
-several inputs, each with an omega_i > 0, e' = A_m e + b diag(omega) (K_hat - K)'z, and in V omega_i multiplies the term of the
-gains that are adapted for the input i. V(0), a sum of squares of linear functions divided by omega, is convex in (theta, omega),
-so its largest value over a known set and an interval of omega is at an end of the interval.
+several inputs, each with an omega_i > 0, e' = A_m e + b diag(omega) (K_hat - K)'z. In V, omega_i multiplies the term of the gains
+that are adapted for the input i. V(0) is a sum of squares of linear functions divided by omega, so it is convex in (theta,
+omega). Its largest value over a known set and an interval of omega is at an end of the interval.
 
 With bounded disturbances and both gains projected, V' <= -q |e|^2 + 2 p |e| as in ``bounds/disturbed``; the contribution of the
 gains to V is at most its largest value over their sets.
@@ -53,7 +53,7 @@ OWN_QUANTITIES = {
     "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
     "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
 }
-AT_REST = "with the gains fixed at the ideal ones"
+AT_REST = "with the gains fixed at their ideal values"
 BOTH_GAINS = "gamma_max is the limit on Gamma when gamma_r is scaled in proportion"
 ESTIMATES = (
     "V never grows; if phi and r together are persistently exciting, which is not checked here, they converge to theta/omega "

@@ -25,8 +25,8 @@ from barbalat.solvers.simulation import Simulation
 
 NO_THEOREM = "no theorem covers adaptation with an observer"
 NO_BOUND = "with an observer a bound is computed only for controllers with a sample_time"
-NOT_LINEAR = "with an observer a bound is computed only for controllers that are linear from sample to sample"
-NO_MORE = "with an observer nothing is proven beyond the bounds on x and e from sample to sample"
+NOT_LINEAR = "with an observer a bound is computed only for linear sampled controllers"
+NO_MORE = "with an observer nothing is proven beyond the bounds on x and e of the sampled-data loop"
 
 
 def certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:

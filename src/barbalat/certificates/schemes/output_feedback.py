@@ -206,10 +206,10 @@ def cells_of_linear_loop(problem: OutputProblem, certificate: Certificate, more:
 
 def _steady(problem: OutputProblem, steady: dict[str, float]) -> Entry:
     if problem.plant.f is not None:
-        return nothing("tracking", "not to zero in general: f(t, y) acts")
+        return nothing("tracking", "e does not converge to zero in general: f(t, y) acts")
     text = "converges to zero for the case's r and d"
     if max(map(abs, steady.values())) >= NEGLIGIBLE_STEADY_ERROR:
-        text = f"leaves {steady['r']:.4g} r and {steady['d']:.4g} d, with the final r and d"
+        text = f"an error of {steady['r']:.4g} r and {steady['d']:.4g} d remains, with the final r and d"
     acts = "disturbance at the output" if problem.output_disturbance is not None else ""
     alone = Assumption("there is no disturbance at the output", acts)
     return statement("tracking", text, *SMALL_GAIN, constant_in_the_end(problem), alone)

@@ -1,8 +1,8 @@
 """How sampling changes the certificate of a continuous controller, and the limits on a law that takes Euler steps.
 
-Margins of the continuous loop don't apply to the sampled one. A linear time-invariant controller remains so from sample to
-sample; for any other controller, the loop is linearised from sample to sample at its equilibrium, with frozen estimates and with
-its law.
+Margins of the continuous loop don't apply to the sampled one. The sampled-data loop of a linear time-invariant controller is
+linear and time-invariant. For any other controller, the loop is linearised in sampled-data form at its equilibrium, with frozen
+estimates and with its law.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ WHOLE_LOOP_LIMITS = (
     "on the whole loop including the plant; with a sampled controller the plant is integrated exactly, so the largest possible "
     "sample time may be longer or shorter"
 )
-HELD_LIMITS = "gamma_max and step_max are those of the frozen law from sample to sample, with A_m's exact motion between samples"
+HELD_LIMITS = "gamma_max and step_max are those of the frozen law in sampled-data form, with A_m's exact motion between samples"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Keys that belong to the continuous law; a sampled law has separate values where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst", "error_bound_command"}
@@ -169,7 +169,7 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
             at = "with its law linearised at the largest command"
         elif radius.rest is not None and radius.rest.estimates:
             at = "with its estimates frozen"
-        about = f"{why}; from sample to sample {verdict} {at}, spectral radius {radius.value:.4g}"
+        about = f"{why}; the sampled-data loop {at} is {verdict}, spectral radius {radius.value:.4g}"
         cells["stability"] = nothing("stability", about)
     cells |= bounded_response.cells(certificate)
     if controller.discretization == "midpoint":
@@ -178,7 +178,7 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
 
 
 def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled, otherwise: Entry) -> Entry:
-    """V of the law from sample to sample, under the assumptions of the continuous law (see docs/sampled.md)."""
+    """V of the sampled law, under the assumptions of the continuous law (see docs/sampled.md)."""
     file = scheme_file(controller.controller)
     if not isinstance(file, MidpointFile):
         return otherwise

@@ -1,4 +1,4 @@
-"""The margins of schemes that are linear from sample to sample, whose loop is known exactly."""
+"""The margins of linear sampled schemes, whose sampled-data loop is known exactly."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
 
 OF_SAMPLED_LOOPS = {
-    "spectral_radius": Quantity("spectral radius of the closed loop from sample to sample: stable below 1"),
+    "spectral_radius": Quantity("spectral radius of the sampled-data closed loop: stable below 1"),
     "spectral_radius_adapting": Quantity("the same including its law, at the equilibrium under the largest constant command"),
     "sample_time_max": Quantity(
         "largest sample time, starting from the present one, at which that loop with its law is stable", "s"
@@ -33,9 +33,9 @@ OF_SAMPLED_LOOPS = {
     "noise_in_u": Quantity("the same of u"),
     "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at equilibrium, row by row; it is not I", form=Form.MATRIX),
 }
-LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
+LINEAR_CONTROLLER = "the sampled controller is linear and time-invariant, phi(x) = x, and no limit acts"
 WHITE_NOISE = "the noise of different samples is independent"
-OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
+OF_THE_LOOP = "in sampled-data form with the true parameters, broken at the plant input"
 
 
 def linear_because(problem: TrackingProblem, controller: Controller) -> str | None:
@@ -71,7 +71,7 @@ def add_loop(
 
 def unstable(radius: float) -> str:
     """The reason why an unstable loop has no margins."""
-    return f"unstable from sample to sample: spectral radius {radius:.6g}"
+    return f"the sampled-data loop is unstable: spectral radius {radius:.6g}"
 
 
 def add_margins(
@@ -153,7 +153,7 @@ def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measure
     except (LinAlgError, LinAlgWarning):
         draft.all_missing(
             ("noise_in_sigma_hat", "noise_in_u"),
-            "the loop is too close to losing stability from sample to sample for its covariance",
+            "the sampled-data loop is too close to instability for a covariance",
         )
         return
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -1,4 +1,4 @@
-"""Margins of a sampled controller that is not linear, from its loop linearised from sample to sample at the equilibrium.
+"""Margins of a sampled controller that is not linear, from its sampled-data loop linearised at the equilibrium.
 
 The margins are computed with the estimates frozen at their true values, and with the law. For phi(x) = x the frozen loop is
 linear for every command.
@@ -24,8 +24,8 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import InputError
 
-FROZEN = "from sample to sample with its estimates frozen"
-WITH_ITS_LAW = "from sample to sample with its law"
+FROZEN = "in sampled-data form with its estimates frozen"
+WITH_ITS_LAW = "in sampled-data form with its law"
 LONGER_SAMPLE, SHORTER_SAMPLE = 1.4, 2.0
 """Ratio of successive sample times, up and down from the actual sample time; the first loss of stability counts."""
 LONGEST_SAMPLE = 100.0
@@ -82,7 +82,7 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled, a
         longest = _longest(problem, controller, adapting, stable=radius < 1)
         draft.exact({"sample_time_max": longest}, name, LINEAR_LOOP_ONLY, rest=rest)
     if radius >= 1:
-        draft.missing("delay_margin_adapting", f"{UNSTABLE_WITH_LAW}: its spectral radius from sample to sample is {radius:.6g}")
+        draft.missing("delay_margin_adapting", f"{UNSTABLE_WITH_LAW}: its spectral radius is {radius:.6g}")
     elif is_needed("delay_margin_adapting") and loop.inputs == 1:
         try:
             draft.exact({"delay_margin_adapting": finite(delay_margin(loop, problem.delay))}, name, LINEAR_LOOP_ONLY, rest=rest)

@@ -29,7 +29,7 @@ from barbalat.solvers.simulation import Simulation
 
 NONE_KNOWN = "no proof is known for this controller"
 WHOLE_LOOP = "the whole loop, including the plant"
-MANY_RESTS = "it differs between the equilibria of the loop, of which there are many"
+MANY_RESTS = "the loop has many equilibria, and it differs between them"
 
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:

@@ -65,7 +65,7 @@ class Excited:
     """Bounds on the regressor of the law.
 
     divides_by_gain  whether u is divided by the estimate of an unknown input gain, as in MRAC, without a filter or predictor that
-                     compensates this; the coupling is then multiplied by omega/omega_hat
+                     compensates for this; the coupling is then multiplied by omega/omega_hat
     """
 
     problem: Problem

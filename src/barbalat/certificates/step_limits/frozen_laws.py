@@ -31,7 +31,7 @@ KEYS_AT_MODEL = {key: f"{key}_at_model" for key in ("gamma_max", "step_max")}
 
 
 class FrozenLaw(Protocol):
-    """A frozen law and its integration: an Oscillator under a solver, or a HeldOscillator from sample to sample."""
+    """A frozen law and its integration: an Oscillator under a solver, or a HeldOscillator in discrete time."""
 
     @property
     def bPb(self) -> float: ...

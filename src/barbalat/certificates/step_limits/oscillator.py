@@ -4,7 +4,7 @@ With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x
 theta_tilde'x. This gives x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so the modes depend only on g = Gamma |x|^2. With
 several inputs q has an entry for each; for any phi(x), |phi|^2 replaces |x|^2.
 
-If MRAC's law takes Euler steps while the plant moves with its input held, q and e go from sample to sample as
+If MRAC's law takes Euler steps while the plant moves with its input held, q and e at the samples satisfy
 
     e_next = e^(A_m T) e - integral_0^T e^(A_m s) ds b q,   q_next = q + T g b'P e,   g = Gamma |x|^2,
 
@@ -126,7 +126,7 @@ HELD_FRACTIONS = np.geomspace(1e-6, 1.0, 40)
 
 @dataclass(frozen=True, eq=False)
 class HeldOscillator(FrozenErrorSystem):
-    """The frozen error system from sample to sample."""
+    """The frozen error system in discrete time."""
 
     def largest_g(self, T: float) -> float:
         """The largest g up to which no mode grows at the sample time T [s]."""

@@ -209,8 +209,8 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
 
 
 RUNS_EACH_PLANT = 12
-"""Number of runs of a tuning on one plant, including modelling errors. It is 6 for the template case, and 18 with an observer and
-a specification of delay and gain."""
+"""Number of runs of a tuning on one plant, including those with modelling errors. It is 6 for the template case, and 18 with an
+observer and a specification of delay and gain."""
 RUN_SECONDS = 2e-3
 """Seconds for preparing the equations of a run, in addition to its steps: 1 ms for a small loop and 3 ms with an observer."""
 STEP_SECONDS = 1e-8
@@ -290,10 +290,7 @@ def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
             continue
         if one.start is None:
             if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
-                said.append(
-                    f"{one.name}: it is not known whether its estimates are those of theta, so they start at the values of the "
-                    f"scheme"
-                )
+                said.append(f"{one.name}: its estimates may not be those of theta, so they start at the values of the scheme")
         elif not np.array_equal(one.start, theta_set.middle):
             said.append(
                 f"{one.name} starts with estimates of {validate.show(one.start)} instead of the centre of the known set, "

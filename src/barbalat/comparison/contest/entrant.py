@@ -142,7 +142,7 @@ def entrants_of(
         reach = reach.sampled(sample_time, SAMPLED_GAINS_BEYOND)
         left_out = [
             f"gains above {SAMPLED_GAINS_BEYOND:g} times {beyond.removeprefix('gains above ')} of a continuous law, and time "
-            f"constants below half a sample, {reach.times[0]:g} s, are not tried"
+            f"constants below half a sample period, {reach.times[0]:g} s, are not tried"
         ]
     reach = replace(
         reach,

@@ -159,7 +159,7 @@ def added_noise(problem: Problem, noisy: Problem, share: float) -> str | None:
     each = ", ".join(f"{float(std):.3g}" for std in np.atleast_1d(noisy.noise.std))
     names = ", ".join(problem.measured_names)
     return (
-        f"the case has no measurement noise: Gaussian noise of {100 * share:.3g} % of the largest motion of the model is added "
-        f"(standard deviation of {names}: {each}; a new value every {noisy.noise.sample_time:.3g} s); state the noise of the "
-        f"sensor in [sensor.noise]"
+        f"the case has no measurement noise, so Gaussian noise of {100 * share:.3g} % of the largest motion of the model is "
+        f"added (standard deviation of {names}: {each}; a new value every {noisy.noise.sample_time:.3g} s). If the sensor's "
+        f"noise is known, declare it in [sensor.noise]"
     )

@@ -220,15 +220,14 @@ class Design:
             )
         else:
             said.append("none of the schemes meets the specification")
-            said += [f"the nearest, by all factors of its misses together, is {first.name}, which {first.sentence}"]
+            said += [f"the nearest scheme, by all its misses together, is {first.name}, which {first.sentence}"]
             if any(first.held_out[name].count for name in first.misses if name in first.held_out):
                 said.append("a larger --plants tunes on more plants, which may prevent failures on validation plants")
         if self.tried[1]:
             said.append(
                 f"all of this is measured on {sum(self.tried)} plants, {self.tried[0]} for tuning and {self.tried[1]} for "
-                f"validation: the plant of the case, extremes of its ranges, and random plants; on validation plants delay and "
-                f"gain are "
-                "tested only up to the required values; for plants in between nothing is guaranteed"
+                f"validation: the plant of the case, extremes of its ranges, and random plants. Delay and gain are tested on "
+                f"validation plants only up to the required values. Nothing is guaranteed for plants in between"
             )
         said += self._of_the_baseline()
         asked = self.specification.settling

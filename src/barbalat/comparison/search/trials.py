@@ -148,7 +148,7 @@ class Trials:
             return replace(found, instead=f"it is not repeated at {self.check.step}: {error}")
 
     def _checked(self, trial: Trial, simulation: Simulation, how: str) -> StepCheck:
-        """Repeat a tuning with this simulation. Certificates involve no simulation and stay the same."""
+        """Re-evaluate a candidate tuning with this simulation. Certificates involve no simulation and stay the same."""
         given = _case(trial)
         case, aim = replace(given, simulation=simulation), self.aim
         asked: list[Asked] = [(one.quantity, one, one.requirement.limit, SAME_SHARE) for one in aim.constraints]

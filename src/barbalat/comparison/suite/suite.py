@@ -55,7 +55,7 @@ def sha256(text: str) -> str:
 class Suite:
     """Cases without controllers, each with a specification, and the rule by which all entries are tuned and measured.
 
-    tables  the case tables of the file, by name; ``sha256`` is the hash of the text of the file
+    tables  the case tables of the file, keyed by name; ``sha256`` is the hash of the text of the file
     rule    plants, trials, members, noise and seed, as in ``design``
     quick   names of the cases of ``--quick``
     """
@@ -146,8 +146,8 @@ class Submission:
             classes = user_controllers.schemes({given}, None)
             if not classes:
                 raise InputError(
-                    f"--submission must be a case file (.toml), a file of laws (.py) or a scheme of the entry points "
-                    f"{user_controllers.ENTRY_POINT_GROUP}, got {given!r}"
+                    f"--submission must be a case file (.toml), a file of laws (.py) or a scheme registered under the entry "
+                    f"point group {user_controllers.ENTRY_POINT_GROUP}, got {given!r}"
                 )
             found = tuple(kind() for kind in classes.values())
         if dumb := [one.name for one in found if not isinstance(one, Tunable)]:
@@ -290,7 +290,7 @@ def standings(
     schemes    names of registered schemes; all by default, or none if there are submissions, which are then compared with stored
                rows
     quick      whether to measure only the suite's quick cases
-    processes  number of cases that are measured at once, each in its own process, if there are no submissions; new processes
+    processes  number of cases that are measured at once, each in its own process, if there are no submissions. New processes
                import the program, so it must start its work below ``if __name__ == "__main__"``
     Raises InputError.
     """

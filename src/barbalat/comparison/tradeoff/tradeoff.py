@@ -39,8 +39,8 @@ class Cloud:
     """The tunings of a scheme, with their results.
 
     tunings  values of K tunings, by setting
-    error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|; NaN if the loop does not follow its model
-             without a delay: its tail error exceeds the model's motion in every component, or it is lost
+    error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|. It is NaN if the loop does not follow its
+             model without a delay: its tail error exceeds the model's motion in every component, or it is lost
     onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 if there is none, or if it
              is too short to be simulated
     loss     (K, P) the largest added delay before the loop is lost [s] (see ``Lost``)

@@ -85,7 +85,7 @@ class UnseenPlants:
 class Tuned:
     """The tuning of one controller.
 
-    chosen   the best tuning that meets every constraint; None if no tuning does; ``nearest`` is then the closest tuning
+    chosen   the best tuning that meets every constraint; None if no tuning does (``nearest`` is then the closest tuning)
     start    the tuning in the case
     front    the trials that are not beaten by another both in the objective and in the quantity of the first constraint
     trials, runs  numbers of tried tunings and of simulations
@@ -235,9 +235,8 @@ def _verdict(trial: Trial, controller: int) -> Verdict:
 
 
 class Best(NamedTuple):
-    """The best tuning that meets every constraint, also at a finer step, if there is one; the nearest one; and all fully
-        evaluated
-    ones.
+    """The best tuning that meets every constraint, also at a finer step, if there is one, the nearest one, and all fully
+    evaluated ones.
 
     check    the result of a finer step for the nearest tuning, which is the chosen tuning if there is one
     refused  the results for better tunings that meet every constraint only with the step of the case

@@ -271,7 +271,7 @@ def _require_steps(aim: Aim, case: Case) -> None:
     for one in aim.constraints:
         if DelayError() in one.quantity.errors and one.requirement.limit < shortest:
             raise InputError(
-                f"{one.requirement} requires less than the smallest delay that can be simulated, {steps}{shortest:g} s"
+                f"the delay in {one.requirement} is shorter than the shortest that can be simulated, {steps}{shortest:g} s"
             )
 
 

@@ -2,7 +2,7 @@
 
 One output determines x_hat - x in one direction: g with c'g = 1, the only direction in which the law acts. With A_m'P + P A_m =
 -I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so the prediction error decreases at every
-sample time: x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without uncertainty.
+sample time. Without uncertainty, x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k].
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
-    """The states from sample to sample; no parameter is estimated."""
+    """The discrete-time states; no parameter is estimated."""
 
     theta_hat: Value  # (0,)
     x_hat: Value  # (n,) predictor, in the coordinates of the model's controllable form
@@ -41,7 +41,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """The equations from sample to sample; B = [b, b_um]."""
+    """The discrete-time equations; B = [b, b_um]."""
 
     sample_time: float
     model: HeldSystem  # over a sample, with B
@@ -93,8 +93,8 @@ class Equations:
 class L1OutputPiecewiseConstant(Scheme):
     """u = C(s)[r - M(s)^-1 c'(sI - A_m)^-1 B sigma_hat], M = c'(sI - A_m)^-1 b the reference model, of any order.
 
-    Predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from sample to sample; at each sample
-    sigma_hat = -B^-1 Phi^-1 e^(A_m T) g (c'x_hat - y), Phi = A_m^-1 (e^(A_m T) - I), g = P^-1 c/(c'P^-1 c), A_m'P + P A_m = -I.
+    Predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact at the samples; at each sample sigma_hat = -B^-1 Phi^-1 e^(A_m T) g
+    (c'x_hat - y), Phi = A_m^-1 (e^(A_m T) - I), g = P^-1 c/(c'P^-1 c), A_m'P + P A_m = -I.
 
     sample_time  T [s]; a whole number of solver steps if these are fixed
     filter       C(s): stable, C(0) = 1, with a relative degree that is not below the model's; by the trapezoidal rule, from rest

@@ -41,7 +41,7 @@ export function caseSetting(data) {
   };
 }
 
-// A sentence that says why the value is refused, or "" if it is admissible.
+// A sentence that says why the value is rejected, or "" if it is admissible.
 export function refusal(number, value) {
   const { values, label, without } = number;
   const [low, high] = [values[0], values[values.length - 1]];
@@ -100,7 +100,7 @@ function gridOf(data, { values, tEnd, dt }) {
   return data.signals.grids.find((grid) => grid.dt === dt && grid.t_end === tEnd);
 }
 
-// Why this horizon and step are refused, or "". The last argument gives the other values of the setting.
+// Why this horizon and step are rejected, or "". The last argument gives the other values of the setting.
 export function gridRefusal(data, tEnd, dt, { values, delay }) {
   if (![tEnd, dt, tEnd / dt].every((one) => one > 0 && one < Infinity)) return "Horizon and step must be positive numbers.";
   const steps = Math.round(tEnd / dt);

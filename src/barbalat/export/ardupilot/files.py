@@ -45,7 +45,7 @@ LINES = "123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 def files(asked: Request) -> dict[str, str]:
     """The files by name; raises InputError as ``export_controller`` does, and for a controller of more than one axis."""
     if asked.closed_loop:
-        raise InputError("the target ardupilot exports only the controller: use the target c99 for the closed loop")
+        raise InputError("the ardupilot target exports only the controller: use the c99 target for the closed loop")
     name = asked.name or prefix_of(asked.controller.name)
     printed, texts = sources(replace(asked, float32=True, name=name))
     _require_axis(printed)
@@ -176,11 +176,11 @@ def _long(names: list[str]) -> int:
 AXES = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "heading": 2}
 """Words for an axis, and its number in ArduPilot."""
 OUTAGE = """
-If an outage exceeds the case's `longest_outage`, the main controller takes over, whichever `fallback` the case has: a working
-controller is available, which is better than a held or fading torque, or a baseline on an old measurement. A message says so
-once in each engagement. The controller continues to check the samples, with its estimates frozen. It acts again from the first
-sample on whose measurement, command and result it accepts, with the estimates kept and without a bump. A sensor that remains
-stuck, or a bad value that persists, therefore leaves the axis to the main controller.
+If an outage exceeds the case's `longest_outage`, the main controller takes over, whichever `fallback` the case has. A working
+controller is better than a held or fading torque, or a baseline on an old measurement. A message reports it once in each
+engagement. The controller continues to check the samples, with its estimates frozen. It acts again from the first sample on
+whose measurement, command and result it accepts, with the estimates kept and without a bump. A sensor that remains stuck, or a
+bad value that persists, therefore leaves the axis to the main controller.
 """
 ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "deg/s": DEGREES}
 """Units in the labels of a case and their factors relative to ArduPilot's rad and rad/s. A case without labels uses rad and
@@ -196,8 +196,8 @@ def _units(printed: Printed) -> dict[str, str]:
     for unit, known in zip(units, admitted, strict=True):
         if unit not in known:
             raise InputError(
-                f"the target ardupilot hands over {' and then '.join(' or '.join(filter(None, one)) for one in admitted)}: "
-                f"got labels.units = {validate.show(list(units))}"
+                f"the ardupilot target passes {' and then '.join(' or '.join(filter(None, one)) for one in admitted)}: got "
+                f"labels.units = {validate.show(list(units))}"
             )
     factors = [f"{known[unit]:.9g}f" if known[unit] != 1.0 else "1.0f" for unit, known in zip(units, admitted, strict=True)]
     said = f" ({' and '.join(dict.fromkeys(units))})" if any(units) else " (rad and rad/s)"
@@ -218,6 +218,6 @@ def _require_axis(printed: Printed) -> None:
     y, q, m, _ = printed.contents.sizes
     if m != 1 or q != 1 or y > MOST_MEASURED:
         raise InputError(
-            f"the target ardupilot needs a controller of one axis, with one input, one command, and a measured angle or "
-            f"rate or both in this order; got {m} inputs, {q} commands and {y} measured"
+            f"the ardupilot target needs a single-axis controller with one input, one command, and a measured angle, a measured "
+            f"rate, or both in this order; got {m} inputs, {q} commands and {y} measurements"
         )

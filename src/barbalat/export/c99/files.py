@@ -67,7 +67,7 @@ def made_of(
     made = Contents.of(problem, controller, simulation, real, opened=opened)
     if not made.parameters:
         raise InputError(
-            f"{controller.name} has no parameter that enters its operations unchanged, so no parameter can be set at run time"
+            f"the operations of {controller.name} use no parameter unchanged, so no parameter can be set at run time"
         )
     return made if real is FLOAT else made.replayed()
 
@@ -142,7 +142,7 @@ def readme(printed: Printed, *, closed_loop: bool = False, warning: str = "") ->
 
 
 BEGINS_AGAIN = """At the second consecutive good sample of that kind the controller restarts, as with a start that keeps the
-  estimates and keeps u within its limits; from the tenth on it restarts with the initial estimates and with u at zero, or at
+  estimates and keeps u within its limits. From the tenth on it restarts with the initial estimates and with u at zero, or at
   the limit nearest to zero."""
 EXISTING = """
 - *The existing loop* stays in its own code. At each sample it passes its control, before limiting, in
@@ -201,9 +201,9 @@ EULER_SWAPPING = (
 )
 
 OTHER_TIME = """\
-- *A wrong sample time*, which differs from {!r} s by more than 0.1 %, is flagged, and the step is made as if the time were
-right: a wrong rate is better than no control. The error of a crystal oscillator, below 0.01 %, and a clock resolution of 1 us
-at a sample time of 1 ms are accepted; a jitter of more than 0.1 % in the measured time is flagged at each sample but is
+- *A wrong sample time*, which differs from {!r} s by more than 0.1 %, is flagged. The step is still made as if the time were
+right, because a wrong rate is better than no control. The error of a crystal oscillator, below 0.01 %, and a clock resolution of
+1 us at a sample time of 1 ms are accepted. A jitter of more than 0.1 % in the measured time is flagged at each sample but is
 harmless.
 """
 

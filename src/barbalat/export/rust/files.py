@@ -17,7 +17,7 @@ TESTED = 100
 def files(asked: Request) -> dict[str, str]:
     """The files by name; raises InputError as ``export_controller`` does."""
     if asked.closed_loop:
-        raise InputError("the target rust exports only the controller: use the target c99 for the closed loop")
+        raise InputError("the rust target exports only the controller: use the c99 target for the closed loop")
     printed, texts = sources(asked)
     own = next(iter(named({"controller.h": ""}, asked.name))), next(iter(named({"controller.c": ""}, asked.name)))
     y, q, m, p = printed.contents.sizes

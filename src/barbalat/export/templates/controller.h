@@ -60,8 +60,8 @@ void ${name}_reset(${name}_controller *c);
 
 /*
  * ${start_comment}
- * u_now is the current command to the actuator: the first control equals it, and the difference from the control that the
- * controller computes fades out over `samples` samples (at most 1e9). keep_estimates: if nonzero, the estimates are kept.
+ * u_now is the current command to the actuator. The first control equals it, and the difference from the control that the
+ * controller computes fades out over `samples` samples (at most 1e9). If keep_estimates is nonzero, the estimates are kept.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
 unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 FloatMatrix = NDArray[np.float64]
 
-# Number of bits with which the sign of a real part is first determined, and the precision beyond which the attempt ends: an
-# eigenvalue of a float64 matrix this close to the axis (2^-4096 relative) counts as being on it.
+# Number of bits with which the sign of a real part is first determined, and the largest number that is tried. An eigenvalue of a
+# float64 matrix this close to the axis (2^-4096 relative) counts as being on it.
 _SPECTRUM_BITS = 64
 _SPECTRUM_BITS_LIMIT = 4096
 # Number of bits of the largest entry in units of the last bit of the smallest entry: 160 if the entries are 1e30 apart. The roots

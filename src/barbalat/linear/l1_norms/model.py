@@ -153,8 +153,8 @@ _GUARD_BITS = 40
 # Longest segment, in units of 1/(slowest eigenvalue). A handful of such segments reaches the tail; the rounding noise of fast
 # modes, which the Taylor coefficients magnify, grows with the power POLYNOMIAL_DEGREE + 1 of the length.
 LONGEST_STEP = 4.0
-# Fraction of the width allotted to each of Taylor remainders, the tail and unresolved signs; with 1/8 each, the sum and the final
-# rounding to floats stay below one half although only a lower bound of the scale is known.
+# Fraction of the width allotted to each of Taylor remainders, the tail and unresolved signs. With 1/8 each, the sum and the final
+# rounding to floats stay below one half although only a lower bound on the scale is known.
 _TRUNCATION_SHARE = 0.125
 
 

@@ -249,8 +249,8 @@ def l1_norm(
     integrated (about 50 us each at small order), the enclosure found so far is returned with converged=False; it is still valid.
 
     Raises ValueError for shapes that do not fit, entries that are not finite, an unusable relative_width or work_limit, and an A
-    that is not certainly Hurwitz; OverflowError if the norm exceeds the float64 range; ArithmeticError if its time scales or
-    cancellations need more than 4096 bits; raises InputError for a system beyond the budget.
+    that is not certainly Hurwitz. Raises OverflowError if the norm exceeds the float64 range, ArithmeticError if its time scales
+    or cancellations need more than 4096 bits, and InputError for a system beyond the budget.
 
     Source: Boyd and Barratt, Linear Controller Design (1991), section 5.2.3 (peak gain); Taylor models with
     Bernstein coefficients after Moore, Kearfott and Cloud, Introduction to Interval Analysis (2009).

@@ -70,7 +70,7 @@ operations."""
 
 
 def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str], list[str], list[str]]:
-    """A long quantity as a separate function, which LLVM translates without optimisation; its memory on the stack; its call.
+    """A long quantity as a separate function, which LLVM translates without optimisation, its memory on the stack, and its call.
     ``used`` are the values of the loop that its ``lines`` read. The operations and their order stay the same, and so does every
     bit.
     """
@@ -223,7 +223,7 @@ def _require_fitting(
             "a loop with a sampled part needs a shape with sample_every, and a loop without one needs a shape without it"
         )
     if shape.in_pieces and shape.delayed:
-        raise ValueError("a step that remembers its past is not made in pieces")
+        raise ValueError("a step that remembers its past cannot be divided into pieces")
     if shape.recalled is not None and shape.delayed:
         raise ValueError(f"records of steps are for members without a lag, got {shape.delayed} channels")
     if watch is not None and lanes > 1 and len(watch.operations) > LONGEST_INSIDE:

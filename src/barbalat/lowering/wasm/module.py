@@ -18,7 +18,7 @@ CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 """The instructions of version 1, and conversions that don't trap: browsers have had both since 2021."""
 EFFORT = 0
 """LLVM's level of optimisation. Browsers optimise again. Level 3 makes modules of two thirds of the size whose steps take 0 to 15
-% less time, but compilation takes three to ten times as long, and its time grows with the square of the length of a function
+% less time. But compilation takes three to ten times as long, and its time grows with the square of the length of a function
 (docs/laboratory/kernel.md)."""
 PAGE_BYTES = 65_536
 

@@ -56,7 +56,8 @@ COVERAGE = (
     _none("We explore two different adaptive control architectures, conventional model reference adaptive control (MRAC) and an L1 adaptive controller.", "an outline"),
     _none(
         "Since the closed-loop retains the linear structure, one can explicitly compute the corresponding gain and phase margins.",
-        "proved in three lines: with phi = 1 the law sigma_hat' = Gamma x_tilde'P b and the predictor are linear in x, x_hat, sigma_hat and u, C is linear, and there is no product of signals",
+        "proved in three lines: with phi = 1 the law sigma_hat' = Gamma x_tilde'P b and the predictor are linear in x, x_hat, "
+        "sigma_hat and u; C is linear too, so the loop contains no product of signals",
     ),
     _none("the classical definition of the time-delay margin does not hold for the L1 adaptive controller", "not testable here: the definition is in the text, and only the abstract is available"),
     _row(

@@ -28,14 +28,16 @@ COVERAGE = (
     _row(
         "mrac-transient",
         "offers no means for characterizing the system's input/output performance during the transient phase",
-        "Nothing known beforehand bounds the transients of the conventional MRAC's state and input",
-        "the bound (9) on the state, nu_0/sqrt(Gamma) for e(0) = 0, does not characterise it: at least one of the drawn runs "
-        "exceeds it, or the largest |e| does not fall with each decade of the gain from 1e2 to 1e4",
+        "No bound that is known beforehand limits the transients of the conventional MRAC's state and input",
+        "the bound (9) on the state, nu_0/sqrt(Gamma) for e(0) = 0, does not characterise it: some drawn run exceeds the bound, "
+        "or the largest |e| does not fall with each decade of the gain from 1e2 to 1e4",
         "the bound |theta_hat|_1 (sup |x_m| + nu_0/sqrt(Gamma)) + k_0 sup |r| on the input, which follows from (9) and the "
         "projection, does not characterise it: at least one of the drawn runs exceeds it",
         equation="(3), (4), (9) of jafari_2013",
         changed=(
-            Change(date="2026-11-26", before="fails", after="mixed", what="the row requires a means for the state and one for the input, where it had required a bound on either; for the input it then required a distance from the ideal input that falls with the gain"),
+            Change(date="2026-11-26", before="fails", after="mixed", what="the row had required a bound on either; it now "
+                "requires one means for the state and one for the input. For the input it required a distance from the ideal "
+                "input that falls with the gain"),
             Change(date="2026-11-27", before="mixed", after="fails", what="a bound on |u| that is known beforehand is a means of characterising it; the distance from the ideal input is supplementary"),
         ),
     ),

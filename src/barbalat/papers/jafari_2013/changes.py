@@ -28,8 +28,8 @@ CHANGED: dict[str, tuple[Change, ...]] = {
     ),
     "robust-mrac-better": (
         _change(AUDIT, "fails", "holds if", "a reading with the paper's filter (6) was missing"),
-        _change(AUDIT, "holds if", "fails", "delays, previously known to a factor of two, are now bisected; equally many "
-        "tunings of each side are compared"),
+        _change(AUDIT, "holds if", "fails", "delays, previously known to a factor of two, are now bisected; the same number of "
+            "tunings is compared for each scheme"),
         _change(REFEREE, "fails", "holds", "for 'can' one instance is sufficient, compared with Section V's L1-AC; the literal "
         "reading had required that every tuning of L1-AC be beaten, which no-advantage decides"),
         _change(REFEREE, "holds", "fails", "one tuning out of 64 had been compared with an untuned L1-AC, which seven of the "
@@ -84,8 +84,8 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         "with every increase"),
         _change(REFEREE, "mixed", "holds", "the comparison is between the highest and the lowest gain of the sweep, the rule "
         "for a sentence without an example; Gamma = 10 had been the moderate gain"),
-        _change(REFEREE, "holds", "mixed", "the quoted sentence spoke of the literature; Section III.B's is quoted instead and "
-        "read at Section V's settings, Gamma = 10 and 1e4; the ends of the sweep are supplementary"),
+        _change(REFEREE, "holds", "mixed", "the quoted sentence spoke of the literature. Section III.B's is quoted instead and "
+            "read at Section V's settings, Gamma = 10 and 1e4; the ends of the sweep are supplementary"),
         _change(REFEREE, "mixed", "holds", "that sentence concerns only the MRAC schemes of Section III, as its beginning says; "
         "the quotation now includes that beginning, and L1-AC's reading is supplementary"),
     ),
@@ -141,8 +141,8 @@ CHANGED: dict[str, tuple[Change, ...]] = {
         "measures our own statement about one delay"),
     ),
     "l1-mrac-in-flight": (
-        _change(AUDIT, None, "mixed", "it replaced a row that had substituted our vehicles for Ref. 24's; it was written when "
-        "the numbers were known"),
+        _change(AUDIT, None, "mixed", "it replaced a row that had used our vehicles in place of those of Ref. 24; it was "
+            "written when the numbers were known"),
     ),
 }  # fmt: skip
 """The changes of each row, by name, oldest first."""

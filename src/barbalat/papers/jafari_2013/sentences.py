@@ -144,8 +144,8 @@ ABSTRACT = (
         "properties",
         "The filter brings no advantage over a robust MRAC",
         "for every tuning of L1-AC tried, some tuning of the robust MRAC is no worse in any of five objectives and better in at "
-        "least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated "
-        "delay",
+        "least one. The objectives are the largest error without a disturbance, with d = 20, with d = 20 sin 2t and in the "
+        "tail, and the largest tolerated delay",
         equation=f"(5) to (8), (11); {MENDED}, (15), (16)",
     ),
     _row(
@@ -155,8 +155,8 @@ ABSTRACT = (
         "A robust MRAC can solve the problem of Section V with much better properties than L1-AC if both are tuned by the same "
         "rule",
         "one tuning of the robust MRAC beats every tuning of L1-AC: it is no worse in any of five objectives and better in at "
-        "least one: largest error without a disturbance, with d = 20, with d = 20 sin 2t, in the tail, and largest tolerated "
-        "delay",
+        "least one. The objectives are the largest error without a disturbance, with d = 20, with d = 20 sin 2t and in the "
+        "tail, and the largest tolerated delay",
         equation=f"(5) to (8), (11); {MENDED}, (15), (16)",
     ),
     _none("Abstract", "The authors of L1-AC often compare the properties of a numerically unstable MRAC", ABROAD),
@@ -301,7 +301,7 @@ SECTION_III_A = (
     _none(
         "Theorem 1, proof (i)",
         "The proof follows by choosing the Lyapunov function V = e'Pe + theta_tilde'Gamma^-1 theta_tilde",
-        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection; so e, "
+        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection. So e, "
         "theta_hat, x, e' are bounded, the integral of |e|^2 is at most V(0), and e -> 0 (Barbalat)",
     ),
     _same(
@@ -314,9 +314,9 @@ SECTION_III_A = (
         "part-iii",
         "Theorem 1, proof (iii)",
         "The proof of part (iii) is a direct consequence of previous parts.",
-        "What parts (i) and (ii) state implies part (iii), for both schemes",
+        "The statements of parts (i) and (ii) imply part (iii), for both schemes",
         "for MRAC: part (i) states e -> 0 for a set of commands that contains every constant",
-        "for L1-AC: the bound (10) of part (ii) is zero for a constant command and Gamma -> infinity",
+        "for L1-AC: the bound (10) of part (ii) tends to zero for a constant command as Gamma -> infinity",
         equation="(9), (10)",
     ),
     _row(
@@ -448,7 +448,7 @@ SECTION_III_B = (
         "Section III.B, (12)",
         "Since (A_m, b) is controllable, there exists a vector c_0 in R^n so that W_m(s) = c_0'W_b(s) is a strictly proper "
         "minimum-phase transfer function.",
-        "proved in three lines: in the controllable canonical form c_0's entries are the coefficients of W_m's numerator; "
+        "proved in three lines: in the controllable canonical form c_0's entries are the coefficients of W_m's numerator, so "
         "choose any Hurwitz polynomial of degree below n; Section V's c_0 = [1, 1] gives s + 1",
     ),
     _none(
@@ -459,14 +459,14 @@ SECTION_III_B = (
     _none(
         "Section III.B, after (13)",
         "We assume that Delta(s) = W_m(s) Delta_m(s) is strictly proper and is analytic in Re[s] >= -delta_0/2",
-        "a definition; with Section V's c_0 the paper's example Delta_m = -mu s does not satisfy it: W_m = (s + 1)/(s^2 + s + "
-        "0.3) then has relative degree 1, and eta contains -mu u; an input delay satisfies it, and so does the realisation of "
+        "a definition. With Section V's c_0 the paper's example Delta_m = -mu s does not satisfy it: W_m = (s + 1)/(s^2 + s + "
+        "0.3) then has relative degree 1, and eta contains -mu u. An input delay satisfies it, and so does the realisation of "
         "-mu s in tau-limit-mu",
     ),
     _none(
         "Section III.B, after (13)",
         "No knowledge about the structure and parameters of the unmodeled dynamics is assumed to be known.",
-        "a definition; the previous sentence assumes delta_0, however, to be known",
+        "a definition; the previous sentence, however, assumes that delta_0 is known",
     ),
     _none(
         "Section III.B",
@@ -485,7 +485,7 @@ SECTION_III_B = (
     _none(
         "Section III.B, (16)",
         "is designed to guarantee that |phi(t)/m_s(t)| and |eta(t)/m_s(t)| are bounded",
-        "proved in three lines: m_s^2 >= 1 + phi'phi gives |phi|/m_s < 1; with alpha_0 > 0 and Delta strictly proper and "
+        "proved in three lines: m_s^2 >= 1 + phi'phi gives |phi|/m_s < 1. With alpha_0 > 0 and Delta strictly proper and "
         "analytic right of -delta_0/2, |eta|^2 <= ||Delta||^2_(2 delta_0) n_d gives |eta|/m_s <= ||Delta||/sqrt(alpha_0); "
         "lemma-1-small lists it along runs",
     ),
@@ -632,8 +632,8 @@ SECTION_III_B = (
         "In such adaptive control schemes, no practical engineer will suggest large adaptive gains or very small tau as such "
         "parameters will lead to possible numerical instability and degradation of robustness",
         "A large adaptive gain of MRAC degrades robustness to the paper's own modelling error (11) and to its example, a delay",
-        "for MRAC, the delay margin and 1/||T||, the tolerated size of Delta_m, are both more than a tenth smaller at Section "
-        "V's Gamma = 1e4 than at 10, around the crest of its command, r = 50",
+        "around r = 50, the crest of Section V's command, MRAC's delay margin and 1/||T||, the tolerated size of Delta_m, are "
+        "both more than a tenth smaller at Gamma = 1e4 than at 10",
         equation="(3), (4), (11)",
     ),
     _same(
@@ -695,7 +695,7 @@ SECTION_IV = (
         "This assumption essentially implies that any uncertainty in the plant parameter values is accommodated by using a "
         "stabilizing controller C(s)",
         "proved in three lines: with G = n/d, C = p/q and (19) the denominator of H is n p (s + m) + d (q - p) m, the "
-        "characteristic polynomial of G with the fixed controller C/((1 - C) G_m); cancellations apart, H is stable for the "
+        "characteristic polynomial of G with the fixed controller C/((1 - C) G_m). Cancellations apart, H is stable for the "
         "plants that this one controller stabilises, and for no others",
     ),
     _none(
@@ -762,9 +762,9 @@ SECTIONS_V_AND_VI = (
     _none(
         "Section V",
         "c_0 = [1,1]^T, P(0) = 500I, alpha_0 = 0, and tau = 0.5",
-        "a definition; this c_0 gives W_m = (s + 1)/(s^2 + s + 0.3), so that the paper's example Delta_m = -mu s makes Delta = "
-        "W_m Delta_m proper but not strictly proper, which violates the assumption after (13); alpha_0 = 0 is meant for Delta_m "
-        "= 0",
+        "a definition. This c_0 gives W_m = (s + 1)/(s^2 + s + 0.3), so the paper's example Delta_m = -mu s makes Delta = W_m "
+        "Delta_m proper but not strictly proper, which violates the assumption after (13). The setting alpha_0 = 0 is meant for "
+        "Delta_m = 0",
     ),
     _row(
         "kappa-0.05",
@@ -874,9 +874,9 @@ SECTIONS_V_AND_VI = (
         "Even with a more computationally expensive solver designed for stiff problems, we cannot avoid such phenomena and "
         "possible singularity in the solution in general.",
         "No solver for stiff problems avoids the phenomena of Figures 3 and 5 at all gains, nor a possible singularity",
-        "no combination of implicit method and step tried avoids them at every gain from 3e3 to 1e6: at some gain the run "
+        "no combination of implicit method and step tried avoids them at every gain from 3e3 to 1e6. At some gain the run "
         "without projection is lost, or, with projection, the ringing of the estimates (their drift removed) is at least 1.25 "
-        "times that of the equations in some second from 0.5 to 6.4 s",
+        "times that of the exact solution in some second from 0.5 to 6.4 s",
         "the solution may have a singularity: it may end at a finite time",
         equation="(5) to (8)",
     ),
@@ -946,8 +946,8 @@ SECTIONS_V_AND_VI = (
         "Section VI",
         "without causing any numerical problems during implementation",
         "The robust MRAC of Section V causes no numerical problem",
-        "at Section V's settings, tau = 0.5 s and RK4 at h = 1e-4 s over 60 s: the run is not lost, its estimates vary in the "
-        "tail by less than 1 per s, and reducing the step to a tenth changes neither its errors nor its control by more than a "
+        "at Section V's settings, tau = 0.5 s and RK4 at h = 1e-4 s over 60 s, the run is not lost and its estimates vary in "
+        "the tail by less than 1 per s. Reducing the step to a tenth changes neither its errors nor its control by more than a "
         "thousandth",
         equation=f"{MENDED}, (15)",
     ),

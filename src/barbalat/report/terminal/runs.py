@@ -170,8 +170,8 @@ def _responses(screen: Screen, results: Sequence[Result]) -> None:
     screen.table(headings if moving else headings[:6], grouped([row if moving else row[:6] for row in rows]), leads=2)
     if moving:
         screen.line(
-            "worst case over all steps of the command; settling time: to within the judge's band; -: does not settle before "
-            "the next step",
+            "worst case over all steps of the command. The settling time refers to the judge's band; - means that e does not "
+            "settle before the next step",
             "dim",
         )
 
@@ -261,7 +261,7 @@ def numerics(result: Result) -> str:
     found = result.stiffness
     parts = [f"{found.h_lambda_max:.3g} at most, at {counted(found.looks, 'instant')}"]
     if found.radius_max is not None:
-        parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
+        parts.append(f"the discrete-time map of the sampled law has a spectral radius of up to {found.radius_max:.4g}")
     parts += [result.label] if result.label else []
     return "; ".join([*parts, *(said.sentence for said in (result.damping, result.lost, result.check) if said is not None)])
 

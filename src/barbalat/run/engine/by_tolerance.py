@@ -1,4 +1,4 @@
-"""Runs whose steps follow from a tolerance. They are observed during integration and repeated once to measure their error."""
+"""Variable-step runs. They are observed during integration and repeated once to measure their error."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ def simulate_by_tolerance(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """The results of ``simulate`` for a simulation with a tolerance."""
+    """The results of ``simulate`` for a variable-step simulation."""
     watched, made = watched_in_runs(judge, problem), []
     for controller in controllers:
         with named(controller.name):

@@ -36,11 +36,11 @@ def check_numerics(
     """Return the results, each with a ``check`` (see ``FinerStep``) if the run left its region of stability.
 
     The run is repeated with a tenth of its step, then with a hundredth and a thousandth if it still leaves the region. A finer
-    run takes at most ``afforded_steps``, and no more than the budget allows: if it does not reach t_end, the two steps are
-    compared up to the time that it reaches, and if it does not even reach the time of the label, the check says so.
+    run takes at most ``afforded_steps``, and no more than the budget allows. If it does not reach t_end, the two steps are
+    compared up to the time that it reaches. If it does not even reach the time of the label, the check says so.
 
-    measured  also compute the ``measured_error`` of each run with fixed steps, by two runs with a tolerance, which take seconds
-              if adaptation is fast. If a case does not admit a tolerance, the result says so
+    measured  also compute the ``measured_error`` of each fixed-step run, by two variable-step runs, which take seconds if
+              adaptation is fast. If a case does not admit a tolerance, the result says so
     """
     if not isinstance(results, Mapping):
         raise InputError(f"results must be results by name, as simulate returns them, got {type(results).__name__}")

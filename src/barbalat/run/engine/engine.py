@@ -105,8 +105,8 @@ class Batch:
 
     @classmethod
     def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
-        """Some of the members; their results do not depend on the others and are bit-identical. Raises InputError for members
-        with a tolerance."""
+        """Some of the members; their results do not depend on the others and are bit-identical. Raises InputError for
+        variable-step members."""
         members.simulation.require_steps("what is asked for here")
         some = members.some(which)
         return cls(
@@ -162,7 +162,7 @@ class Batch:
 
     @property
     def final_states(self) -> Array:
-        """(size, M) the states of all members at the end."""
+        """The final states of all members, (size, M)."""
         return np.concatenate([g.state[: self.loop.size, : g.columns.stop - g.columns.start] for g in self.groups], axis=1)
 
     @property

@@ -79,7 +79,7 @@ class EnsembleResult(Plotted):
         without = int(np.isnan(found.max_abs_e).any(axis=1).sum())
         why = "diverged" if without == diverged else "diverged or stalled"
         note = validate.counted(M, "run") + (
-            f"; {without} {why} and have no error, so the share stays below 1" if without else ""
+            f"; {without} {why} and have no error, so the fraction stays below 1" if without else ""
         )
         return draw(panels, note, shown=shown)
 

@@ -1,5 +1,4 @@
-"""A run whose steps follow from a tolerance: the steps, made by successive calls of the kernel, and the nodes at which the run is
-observed."""
+"""A variable-step run: the steps, made by successive calls of the kernel, and the nodes at which the run is observed."""
 
 from __future__ import annotations
 
@@ -270,10 +269,9 @@ class Motion:
         if slides and self.t - t < LEAST_PROGRESS_AMONG_OTHERS * t_end and not self.over and not self._escapes():
             raise StalledError.of(
                 "simulation.tolerance",
-                f"= {self.tolerance:g} can't be used from t = {self.t:.6g} s on: the solution slides along a discontinuity of "
-                f"the equations"
-                f", and {attempts - before} attempted steps advanced it by {self.t - t:.2g} s; use a larger one, or give "
-                "simulation.dt",
+                f"= {self.tolerance:g} can't be used from t = {self.t:.6g} s on, because the solution slides along a "
+                f"discontinuity of the equations: {attempts - before} attempted steps advanced it by {self.t - t:.2g} s. Use a "
+                "larger one, or give simulation.dt",
             )
         if not self.over and self.t - t < least * t_end and not self._escapes():
             larger = max(10 * self.tolerance, RESOLVED)
@@ -282,7 +280,7 @@ class Motion:
                 "simulation.tolerance",
                 f"= {self.tolerance:g} is finer than 64-bit arithmetic can resolve at t = {min(self.t, t_end):.6g} s: "
                 f"{attempts - before} attempted steps advanced it by {self.t - t:.2g} s, because only rounding decides on which "
-                f"side of a jump of the equations the solution is; {instead}give simulation.dt",
+                f"side of a jump of the equations the solution is. To continue, {instead}give simulation.dt",
             )
         self.looked = attempts, self.t, self.steps, self.choices
 

@@ -1,4 +1,4 @@
-"""Members of a batch whose steps follow from a tolerance: each member is observed at the nodes of its motion."""
+"""Variable-step members of a batch. Each member is observed at the nodes of its motion."""
 
 from __future__ import annotations
 

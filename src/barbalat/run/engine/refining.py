@@ -18,8 +18,8 @@ from barbalat.validate import Array
 
 NEGLIGIBLE = 0.3
 """Largest admissible change of the logarithm of an oscillation's amplitude due to the method, for a run that is as stiff
-throughout as at its stiffest instant. Of 696 runs of Section V that met this limit at steps from 1 to 1/64 ms, none oscillated
-differently than at 10 us or had a different class; of 955 runs that meet a limit of 10, ten oscillated differently
+throughout as at its stiffest instant. None of 696 runs of Section V that met this limit at steps from 1 to 1/64 ms oscillated
+differently than at 10 us or had a different class. Ten of 955 runs that meet a limit of 10 oscillated differently
 (docs/judge.md)."""
 FACTORS = (2, 4, 8, 16, 32, 64, 128)
 """Divisors that are tried if the numerical damping or growth of the method is not negligible."""
@@ -50,8 +50,8 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
     """(M,) the refinement that each member of a sweep needs, at which the method neither damps nor excites oscillations that it
     does not resolve.
 
-    0 if the given step is sufficient; otherwise the factor by which the steps of ``Refining`` must be smaller, infinite if no
-    factor is sufficient; NaN if nothing was monitored.
+    0 if the given step is sufficient, otherwise the factor by which the steps of ``Refining`` must be smaller. The factor is
+    infinite if none is sufficient, and NaN if nothing was monitored.
 
     The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 for an oscillation that the equations may leave
     undamped. No spectrum is computed, and the whole run is treated as being as stiff as at its stiffest instant. A sampled law

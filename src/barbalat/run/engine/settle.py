@@ -33,8 +33,8 @@ def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEP
 def halved(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
     """Return the results, with ``half_step``, the error at half the step, for each run that was judged and did not diverge.
 
-    A sampled controller keeps its sample time. Runs that left their region of stability are left to ``check_numerics``; a result
-    is also unchanged if the timer has jitter, and if half its step takes more steps than ``afforded_steps`` or than the budget
+    A sampled controller keeps its sample time. Runs that left their region of stability are left to ``check_numerics``. A result
+    is also unchanged if the timer has jitter, or if half its step takes more steps than ``afforded_steps`` or than the budget
     allows.
     """
     found = dict(results)

@@ -1,4 +1,4 @@
-"""Runs and continuations of members with a tolerance in the lanes of one kernel, each with individual steps."""
+"""Runs and continuations of variable-step members in the lanes of one kernel, each with individual steps."""
 
 from __future__ import annotations
 

@@ -191,8 +191,8 @@ def largest_numbers(problem: TrackingProblem, controller: Controller, simulation
 def with_missed_samples(results: Mapping[str, Result]) -> Results:
     """Return the results, with ``missed`` for each sampled controller with a shell or faults.
 
-    Each of these runs is repeated, bit for bit, and evaluated between successive samples. Results of diverged runs and of runs
-    with a tolerance are unchanged.
+    Each of these runs is repeated, bit for bit, and evaluated between successive samples. Results of diverged runs and of
+    variable-step runs are unchanged.
     """
     return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
 

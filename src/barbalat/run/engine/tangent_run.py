@@ -54,7 +54,7 @@ class TangentRun:
 
     values    (M,) by name
     tangents  (directions, M) by name
-    instants  (M,) [s] by name: when an extremum occurs; NaN for other metrics
+    instants  (M,) [s] keyed by name: when an extremum occurs; NaN for other metrics
     diverged  (M,) truth values
     """
 
@@ -72,7 +72,8 @@ def run_tangents(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> TangentRun:
-    """Run all members from 0 to t_end with their tangents. InputError with a tolerance, and for code that has no derivative.
+    """Run all members from 0 to t_end with their tangents. Raises InputError for variable steps, and for code that has no
+    derivative.
 
     The metrics are those of the run without tangents, bit for bit. Directions that do not change signals run side by side, one in
     each lane, with the run repeated in each lane: lanes cost less than further directions in one lane.

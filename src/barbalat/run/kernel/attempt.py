@@ -3,7 +3,7 @@ state.
 
 Every attempt is one step of the kernel's loop, whether it succeeds or not, so parallel members have individual steps; a member
 that has reached the end waits for the others. Where the equations have a jump or a corner, a step keeps the branches ("choices")
-that were active when it began (``lowering.switching``); if another branch is active at its end, the step is repeated with the
+that were active when it began (``lowering.switching``). If another branch is active at its end, the step is repeated with the
 length at which the change happens.
 """
 
@@ -350,8 +350,8 @@ class Attempts:
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
     def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, list[ca.SX]]:
-        """The carried state by its parts; the row of numbers (those of the current piece, the delay, the number of known records
-        and these records); the tolerance; and all inputs."""
+        """The carried state by its parts, the row of numbers (those of the current piece, the delay, the number of known records
+        and these records), the tolerance, and all inputs."""
         import casadi as ca
 
         carried = self.carried
@@ -680,7 +680,7 @@ def _next(
 
 
 def _root(value: ca.SX, times: int) -> ca.SX:
-    """Repeated square roots, which are exactly rounded, so the bits are the same on every machine."""
+    """Repeated square roots, which are exactly rounded, so the result is bit-identical on every machine."""
     import casadi as ca
 
     for _ in range(times):

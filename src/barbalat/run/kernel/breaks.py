@@ -156,7 +156,7 @@ def _counted(signals: tuple[Signal, ...], simulation: Simulation) -> tuple[int, 
 
 
 RATE_LIMITED = "the rate limiter follows its demand within one step, so it lags by one step: first order"
-QUANTISED = "the control passes the converter's levels, and jumps, inside steps: first order at best"
+QUANTISED = "the control jumps between the converter's levels inside steps: first order at best"
 SATURATED = "the control enters or leaves its saturation inside steps: second order there"
 JUMP_ORDER = 1
 """The order of any method if a rate jumps inside a step."""

@@ -19,8 +19,8 @@ TERM_SECONDS = 3e-8
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
 """Cost of a member of an ensemble in addition to its states and steps: reading, columns, evaluation."""
 ATTEMPT_STEPS = 40.0
-"""Fixed steps of an ensemble's member that take as long as one attempt with a tolerance, which evaluates the equations 15 times
-and is observed at eight nodes; measured: 30 to 45 for the controllers of Section V over 2 s and 20 s."""
+"""Number of fixed steps of an ensemble's member that take as long as one attempt at a variable step, which evaluates the
+equations 15 times and is observed at eight nodes. For the controllers of Section V 30 to 45 were measured over 2 s and 20 s."""
 BEGUN_STEPS = 1e5
 """Fixed steps that take as long as the beginning and the end of such a run, which take 1 ms."""
 
@@ -101,7 +101,7 @@ def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Est
 
 
 def steps_like(attempts: float) -> float:
-    """The fixed steps of an ensemble's member that take as long as a run of this many attempts with a tolerance."""
+    """The fixed steps of an ensemble's member that take as long as a variable-step run of this many attempts."""
     return BEGUN_STEPS + ATTEMPT_STEPS * attempts
 
 

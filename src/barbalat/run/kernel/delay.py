@@ -3,7 +3,7 @@
 For each input a step stores two values: at its start, and at its end with the signals' limits from the left. The difference
 between the end of one step and the start of the next is a jump of the input: from a command, a sampled controller, a noisy
 measurement, or the history before t = 0. No interpolation crosses a jump. The delayed input of a step is the cubic through four
-neighbouring values with the jumps removed, whose error is of fourth order in the step, like that of RK4; the jump inside the step
+neighbouring values with the jumps removed. Its error is of fourth order in the step, like that of RK4. The jump inside the step
 is represented by stage values that match its moments (see ``jump_weights``).
 """
 
@@ -76,8 +76,7 @@ def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
     if free is not None and needed > free:
         raise InputError(
             f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for "
-            f"{counted(runs, 'run')}, "
-            f"but only {free / 1e9:.3g} GB are free: use a larger simulation.dt, or fewer runs at a time"
+            f"{counted(runs, 'run')}, but only {free / 1e9:.3g} GB are free. Use a larger simulation.dt, or fewer runs at a time"
         )
 
 
@@ -161,10 +160,10 @@ OTHER_PLACES = [np.delete(CUBIC_PLACES, j) for j in range(len(CUBIC_PLACES))]
 def jump_weights(solver: Tableau, fraction: float) -> Array:
     """(nodes,): stage values for an input that jumps from 0 to 1 at ``fraction`` of a step, 0 <= fraction < 1.
 
-    The method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i to the state of x' = A x + B v, while exact integration adds h^(j+1)
-    A^j B times the moment (1 - fraction)^(j+1)/(j+1)! of such a jump, j = 0, 1, ... With one value for each of q nodes, the
-    first q moments
-    are matched: on a linear plant a jump then causes a single error of order h^(q+1). RK4 has three nodes and keeps its order.
+    The method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i to the state of x' = A x + B v, j = 0, 1, ... Exact integration adds
+    h^(j+1) A^j B times the moment (1 - fraction)^(j+1)/(j+1)! of such a jump. With one value for each of q nodes, the first q
+    moments are matched: on a linear plant a jump then causes a single error of order h^(q+1). RK4 has three nodes and keeps its
+    order.
     """
     if fraction == 0:
         return np.ones(len(solver.nodes))  # no jump inside the step

@@ -1,4 +1,4 @@
-"""Rate limits at a plant's inputs if steps follow from a tolerance.
+"""Rate limits at a plant's inputs in variable-step runs.
 
 A limiter either follows its demand or moves towards it at its limit. It becomes active when the demand jumps or changes faster
 than the limit, and inactive when it has reached the demand again; steps end at both instants. While it is inactive, its output

@@ -117,10 +117,10 @@ class Accumulators:
 class Metrics:
     """Metrics of a run or of an ensemble: every array has the members' axis first, (M, ...).
 
-    max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs; theta_hat_final, theta_hat_tail_min,
-    theta_hat_tail_max, theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other
-    metrics of a run that diverged are NaN. max_abs_y (M,) if the output is measured, otherwise None. The tail is the last quarter
-    of [0, t_end].
+    max_abs_e, rms_e and tail_max_abs_e are (M, n), max_abs_u is (M,), or (M, m) with m inputs. theta_hat_final,
+    theta_hat_tail_min, theta_hat_tail_max and theta_hat_variation_rate [1/s] are (M, n). diverged_at (M,) [s] is NaN where the
+    run stayed bounded. All other metrics of a run that diverged are NaN. max_abs_y (M,) if the output is measured, otherwise
+    None. The tail is the last quarter of [0, t_end].
     """
 
     diverged_at: Array

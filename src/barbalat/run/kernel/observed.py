@@ -196,9 +196,9 @@ class Observed:
         )  # fmt: skip
 
     def _rows(self) -> Program:
-        """Compute, from the step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and
-        ``before``, the time of the waiting node, and the times before and after the attempt [s]: the data that a single run
-        writes for its nodes besides signals and states, and the nodes that are due."""
+        """Compute the data that a single run writes for its nodes besides signals and states, and the nodes that are due. The
+        arguments are the step's code, beginning [s] and length [s], the number of nodes observed earlier, ``joins`` and
+        ``before``, the time of the waiting node, and the times before and after the attempt [s]."""
         import casadi as ca
 
         given = ca.SX.sym("given", 9)

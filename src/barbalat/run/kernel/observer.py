@@ -36,8 +36,8 @@ class NodeRow(NamedTuple):
     """A row of the table: the signals at a node, the state at the next node, and the node's weights.
 
     weight  weight of the squares at the node, in steps
-    smooth  1 if the trajectory has no corner at the node, -1 if the node ends a piece: the motion from there to the next node,
-            which is at the same instant, belongs to the metrics of the next node
+    smooth  1 if the trajectory has no corner at the node, -1 if the node ends a piece. The motion from there to the next node,
+            which is at the same instant, then belongs to the metrics of the next node
     apart   1 if everything before the node belongs to other metrics
     """
 

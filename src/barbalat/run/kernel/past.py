@@ -1,4 +1,4 @@
-"""The delay at a plant's input if steps follow from a tolerance: each step leaves a record that later steps read.
+"""The delay at a plant's input in variable-step runs. Each step leaves a record that later steps read.
 
 A record contains the delay's input during its step as a polynomial, so the delay is as exact as the dense output of the motion.
 Every event recurs one delay later. It is then smoother by one derivative, if the control depends continuously on the plant's

@@ -1,8 +1,8 @@
 """The operations of a sampled controller. They run before a step of a simulation or, in flight, separately with one sample per
 call.
 
-The controller's list is the same in a simulation and on a flight computer: it uses no fused multiply-adds, which some targets
-lack, and it is optimised separately, so it does not depend on the plant. The step used in flight contains neither a plant nor a
+The controller's list is the same in a simulation and on a flight computer. It uses no fused multiply-adds, which some targets
+lack. It is optimised separately, so it does not depend on the plant. The step used in flight contains neither a plant nor a
 clock, so any simulator can be the plant. The result agrees bit for bit with the exported C, which is generated from the same
 list.
 """
@@ -34,8 +34,7 @@ STATE, MEASURED, PARAMETER, COMMAND, FREEZE = range(5)
 
 
 def controller_program(loop: ClosedLoop, parameters: ca.SX | None = None) -> Program:
-    """The controller of a sampled loop from sample to sample, as a function of its state, the measurement, the command and the
-    freeze switch."""
+    """One sample of a sampled controller, as a function of its state, the measurement, the command and the freeze switch."""
     import casadi as ca
 
     assert loop.computer is not None
@@ -242,8 +241,8 @@ SIGNALS = 3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SampledList:
-    """The operations of a controller from sample to sample, with the positions of its outputs. They do not depend on the
-    controller's class.
+    """The operations of one sample of a controller, with the positions of its outputs. They do not depend on the controller's
+    class.
 
     program            a kernel's step, with the measurement, the command and the freeze switch as one row of signals
     initial            (S,) the state before the first sample

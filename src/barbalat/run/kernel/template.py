@@ -36,9 +36,9 @@ class _ColumnPart(NamedTuple):
 class Columns:
     """The leaves of members, which are their arrays and numbers, in the order of their parts.
 
-    A leaf with the same bits in every member takes no memory. Any other leaf has an entry for each member up to the last one that
-    differs; the remaining members have the first member's value. A part that is the same object as in the first member is not
-    examined.
+    A leaf that is bit-identical in every member takes no memory. Any other leaf has an entry for each member up to the last one
+    that differs; the remaining members have the first member's value. A part that is the same object as in the first member is
+    not examined.
     """
 
     def __init__(self, first: Any, depth: int = 0) -> None:
@@ -132,7 +132,7 @@ class Columns:
         rounding  difference allowed for the other numbers, relative to the largest finite number of their array
         """
         found = np.repeat(self.first_numbers()[which][:, None], self.count, axis=1)
-        for i in self._kept:  # the other leaves have the same bits in every member
+        for i in self._kept:  # the other leaves are bit-identical in every member
             leaf, values = self._leaves[i], self._values(i)
             begin = sum(one.size for one in self._leaves[:i])
             wanted, row = which[begin : begin + leaf.size], int(which[:begin].sum())
@@ -236,8 +236,8 @@ def argument_numbers(members: Columns, *, opened: bool) -> Array:
 def open_numbers(member: Member) -> Array:
     """(N,) which numbers of a member are parameters of a kernel whose list does not depend on them, as truth values.
 
-    These are all numbers except the zeros of matrices, which determine the structure, and the numbers of parts from outside the
-    package, whose code may use a number in ways that a symbol does not support.
+    These are all numbers with two exceptions. The zeros of matrices determine the structure, and the code of parts from outside
+    the package may use a number in ways that a symbol does not support.
     """
     loop, found = member.loop, [np.zeros(0, dtype=bool)]
     for part in (parts_of(loop) or {}).values():

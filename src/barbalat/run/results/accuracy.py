@@ -1,4 +1,4 @@
-"""The error of a run from t = 0 on, measured by a run with a tolerance; a run with a tolerance is compared with a second run."""
+"""The error of a run from t = 0 on, measured by a variable-step run. A variable-step run is compared with a second one."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class MeasuredError:
-    """The error of a run with fixed steps, measured by a run with a tolerance.
+    """The error of a fixed-step run, measured by a variable-step run.
 
     tolerance  tolerance of that run
     error      as in ``Accuracy``, up to the time ``until`` [s] that both runs reach; empty if nothing is measured

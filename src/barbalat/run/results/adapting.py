@@ -86,7 +86,7 @@ SWEPT_SHARE = 0.1
 """Threshold, as a fraction of the time, for recorded intervals within which an estimate reaches both of its bounds."""
 UNEXCITED_RATIO = 1e-6
 """Threshold of the smallest eigenvalue of the windowed correlation matrix, which is 1 for orthogonal components, and of a
-relative mean square: it corresponds to an amplitude of a thousandth, below which a direction is not excited."""
+relative mean square. It corresponds to an amplitude of a thousandth, below which a direction is not excited."""
 COARSE_SAMPLING = 0.1
 """Admissible effect of the record's decimation on the excitation; twenty instants per period of the regressor are sufficient."""
 
@@ -176,7 +176,8 @@ def adapting(
 ) -> Adapting:
     """Examine a record of K instants t [s] with theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
 
-    names (p,) of the estimates without a hat; phi (K, p, m) from ``regressor_along``; theta (p,) the true parameters, or None
+    The arguments are the names (p,) of the estimates without a hat, phi (K, p, m) from ``regressor_along``, and the true
+    parameters theta (p,), or None
     """
     known_set = estimate_set(loop)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
@@ -308,7 +309,7 @@ def _said_of(found: Excitation) -> Finding | None:
         )
     if found.sampling > COARSE_SAMPLING:
         coarse = (
-            "the record is too coarse for the regressor, so the excitation level is uncertain: increase simulation.record_points"
+            "the record is too coarse for the regressor, so the excitation level is uncertain. Increase simulation.record_points"
         )
         return Finding("coarse record", coarse)
     return None

@@ -70,8 +70,8 @@ def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, sha
 
 
 def behind_the_delay(problem: TrackingProblem, verdict: Verdict | None, t: Array, x_m: Array, tail: float) -> str | None:
-    """A sentence if a run is off by no more than ``OFF_BY_DELAY`` times what the delay at the plant's input alone would cause:
-    x_m (K, n) at the instants t (K,), compared with itself delayed by this time, from ``tail`` [s] on."""
+    """A sentence if a run is off by no more than ``OFF_BY_DELAY`` times what the delay at the plant's input alone would cause. To
+    find this, x_m (K, n) at the instants t (K,) is compared with itself delayed by this time, from ``tail`` [s] on."""
     names = list(problem.followed_names)
     if problem.delay == 0 or verdict is None or verdict.kind is not Class.OFF or verdict.component not in names:
         return None
@@ -82,8 +82,8 @@ def behind_the_delay(problem: TrackingProblem, verdict: Verdict | None, t: Array
     unit = f" {verdict.unit}" if verdict.unit else ""
     return (
         f"the delay of {problem.delay:g} s at the plant's input alone keeps {verdict.component} up to {behind:.3g}{unit} from "
-        f"the model, which has no delay, and its band is {verdict.band:.3g}{unit}: a loop that followed the model perfectly, "
-        "but later by this delay, would also be off"
+        f"the model, which has no delay, and the band is {verdict.band:.3g}{unit}. A loop that followed the model perfectly, "
+        f"but later by this delay, would also be off"
     )
 
 

@@ -31,8 +31,8 @@ class HalfStep:
 
     @property
     def of_the_solver(self) -> float:
-        """The solver's contribution to the error, by Richardson's extrapolation; below 0 if it reduces the error; NaN if the run
-        diverged.
+        """The solver's contribution to the error, by Richardson's extrapolation. It is negative if it reduces the error, and NaN
+        if the run diverged.
 
         This is an estimate, which assumes that the error decreases with the order of the step.
         """
@@ -47,7 +47,7 @@ class HalfStep:
     def sentence(self) -> str | None:
         """The finding as a sentence; None if the solver's contribution is below a tenth of the band and the class is the same."""
         if not np.isfinite(self.fine):
-            return "the run diverges at half the step: its result is due to the solver"
+            return "the run diverges at half the step, so its result is due to the solver"
         size = abs(self.of_the_solver)
         if size <= TOLD_SHARE * self.band and not self.decides:
             return None

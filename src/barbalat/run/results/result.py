@@ -90,8 +90,8 @@ class Result:
                       run resolves them, NaN if unknown
     finer_kind        the judge's class with such a step, from ``settle``
     half_step         the error at half the step, from ``halved``
-    accuracy          for a run by tolerance, its error measured by a second run
-    measured_error    for a run with fixed steps, its error measured by a run with a tolerance, from ``check_numerics``
+    accuracy          for a variable-step run, its error measured by a second run
+    measured_error    for a fixed-step run, its error measured by a variable-step run, from ``check_numerics``
     missed            for a sampled controller with a shell or faults, the samples that it missed, from
                       ``with_missed_samples``
     """
@@ -152,8 +152,8 @@ class Result:
 
     @property
     def diverged_at(self) -> float | None:
-        """The time at which the run diverged [s], that is, x, x_m and theta_hat (or y and e) exceeded 1e12, or a state became NaN
-        or infinite."""
+        """The time [s] at which the run diverged, that is, at which x, x_m or theta_hat (with output feedback y or e) exceeded
+        1e12, or a state became NaN or infinite."""
         return self.metrics.end_of(0)
 
     @property
@@ -171,8 +171,8 @@ class Result:
         """The class of the run from its signals: lost, limit cycle, off or follows; None for a run without a judge.
 
         The verdict is settled if the run stayed inside the stability region of its solver and the damping of the solver hides no
-        oscillation, or if a finer step with these properties gives the same class (see ``check_numerics`` and ``settle``). It is
-        not settled if half the step gives a different class (see ``halved``).
+        oscillation. It is also settled if a finer step with these properties gives the same class (see ``check_numerics`` and
+        ``settle``). It is not settled if half the step gives a different class (see ``halved``).
         """
         if self.judged is None:
             return None
@@ -204,7 +204,7 @@ class Result:
         how = "" if s.fused else ", without fused multiply-adds"
         parts = [f"{s.solver.name}, h = {s.dt:g} s{how}, {seen}; the solver's limit is {limit}"]
         if found.radius_max is not None:
-            parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
+            parts.append(f"the discrete-time map of the sampled law has a spectral radius of up to {found.radius_max:.4g}")
         found_beside = self.damping, self.lost, self.check, self.measured_error
         sentences = [said.sentence for said in found_beside if said is not None]
         return "; ".join([*parts, *([self.label] if self.label else []), *sentences])
@@ -245,7 +245,7 @@ class Result:
         if np.isnan(self.finer_by):
             return None
         if np.isinf(self.finer_by):
-            return "no step tried resolves every oscillation: it is not settled whether this is due to the plant or the solver"
+            return "no step tried resolves every oscillation, so it is not settled whether this is due to the plant or the solver"
         finer = f"a step {self.finer_by:g} times smaller"
         return f"{finer}, which would settle whether this is due to the plant or the solver, was not tried"
 
@@ -333,7 +333,7 @@ class Result:
         return Named.of("column", result | scalars | own | {f"x_observed_{i + 1}": value for i, value in seen})
 
     def column_meanings(self) -> dict[str, str]:
-        """The meanings of the columns with states of the controller, by name; docs/notation.md explains the others."""
+        """The meanings of the columns with states of the controller, keyed by name; docs/notation.md explains the others."""
         others = {part.name: part for part in self.loop.other_estimates}
         found = {f"{name}_{i + 1}": part.role.comment for name, part in others.items() for i in range(part.size)}
         return found | {

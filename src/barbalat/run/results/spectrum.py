@@ -43,8 +43,8 @@ class SolverDamping:
     def sentence(self) -> str:
         """The finding as a sentence."""
         return (
-            f"{self.solver} at this step damps an oscillation as fast as the loop's (h omega = {self.h_omega:.3g}) by up to "
-            f"{100 * self.per_radian:.2g} % per radian, unlike the equations: a finer step may show more of it"
+            f"{self.solver} at this step adds damping of up to {100 * self.per_radian:.2g} % per radian to an oscillation as "
+            f"fast as the loop's (h omega = {self.h_omega:.3g}). A finer step may show more of that oscillation"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -80,7 +80,7 @@ class Stiffness:
                    don't; None if none was found
     looks          number of instants at which the spectrum was computed
     damping        the method's damping of an oscillation at these instants; None if it hides nothing
-    radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; otherwise None
+    radius_max     for a law sampled by Euler steps, the largest spectral radius of its discrete-time map; otherwise None
     """
 
     h_lambda_max: float
@@ -95,7 +95,7 @@ class Looks(NamedTuple):
 
     h_lambda: Array  # the largest h |eigenvalue|; infinite if the Jacobian is not finite
     outside: Array  # whether the method amplifies a mode that the equations don't amplify
-    radius: Array | None  # spectral radius of the map from sample to sample; infinite if the map is not finite
+    radius: Array | None  # spectral radius of the discrete-time map; infinite if the map is not finite
     damping: SolverDamping | None  # the strongest one
 
     def stiffness(self, unstable_from: float | None) -> Stiffness:
@@ -166,7 +166,7 @@ def _eigenvalues(matrices: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FrozenSampledLaw:
-    """The frozen map from sample to sample of a law that takes Euler steps: the flow of the plant followed by the action of the
+    """The frozen discrete-time map of a law that takes Euler steps: the flow of the plant followed by the action of the
     controller.
 
     The law counts as unstable if its amplification over the whole run exceeds the fastest growth of the continuous equations by a

@@ -107,7 +107,7 @@ def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None
     """The result if one of the two runs, or both, diverged."""
     if coarse.diverged_at is not None and fine.diverged_at is not None:
         if fine.unstable_from is None:
-            return "loop", f"the divergence is that of the loop itself: {at} it comes at t = {fine.diverged_at:.4g} s"
+            return "loop", f"the divergence is that of the loop itself: {at} the run diverges at t = {fine.diverged_at:.4g} s"
         if fine.sound_error > OWN_GROWTH_FACTOR * fine.model:
             return "loop", (
                 f"the divergence is that of the loop itself: {at} the run is sound until t = {fine.unstable_from:.4g} s, "

@@ -55,8 +55,8 @@ CONDITIONS = (
     FlightCondition(altitude=0.0, mach=0.45),
     FlightCondition(altitude=30_000.0, mach=0.8),
 )
-"""Three conditions for comparison: the condition of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and a
-high and fast condition, at which the airframe is unstable."""
+"""Three conditions for comparison. The first is that of NASA/TM-2015-218675, the second is 502 ft/s at sea level, as in Stevens
+and Lewis, and the third is a high and fast condition, at which the airframe is unstable."""
 ABOVE_GROUND = 50_000.0
 """Height above the terrain [ft]. It keeps wheels and wings clear of the terrain and of ground effect, even at sea level."""
 

@@ -84,8 +84,8 @@ PITCH = Followed(
     # the pitch rate reaches 63 % of its command in 0.3 s; there the equipment lag of 0.09 s costs 15 deg of phase
     crossover=3.0,
     met=(1.0, 3.0, 3.0),
-    # with half the elevator effectiveness, trim is off by 0.6 deg and the gains by a few tenths; with a centre of gravity 5 % of
-    # the chord further aft, trim is off by 1.3 deg and the gains by 0.35
+    # With half the elevator effectiveness, trim is off by 0.6 deg and the gains by a few tenths. With a centre of gravity 5 % of
+    # the chord further aft, trim is off by 1.3 deg and the gains by 0.35.
     off=(10.0, 0.5, 0.5),
     equipment=Equipment(),
 )
@@ -100,8 +100,8 @@ ROLL = Followed(
     pulse=1.5,
     crossover=3.0,  # as in pitch; the bare roll mode is at 2.4 rad/s
     met=(1.0, 1.0, 20.0, 2.0),
-    # with half the aileron effectiveness, the gains are off by as much as their size, a few hundredths for p and a few tenths for
-    # beta; with 2000 lb off the middle, trim is off by 3 deg
+    # With half the aileron effectiveness, the gains are off by as much as their size, a few hundredths for p and a few tenths for
+    # beta. With 2000 lb off the middle, trim is off by 3 deg.
     off=(10.0, 2.0, 0.2, 0.5),
     equipment=Equipment(rate_limit=80.0, limit=21.5),  # data of the ailerons: Stevens and Lewis, as above
 )

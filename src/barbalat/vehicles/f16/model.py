@@ -1,10 +1,10 @@
 """JSBSim's F-16 with surfaces that this program moves. The installed file is changed in memory and never saved.
 
-There are three changes. The aerodynamic tables read the deflections from properties of this program (``surfaces/...``), so the
-actuator, its limits and the failures of a surface are modelled here, and the control system in the file does not act on them.
-``BALLAST_LB`` of the empty weight becomes a separate mass at the same place, which can be moved to shift the centre of gravity.
-The coefficients of ``SCALED`` are multiplied by properties of this program (``scale/...``), which are one unless the aircraft is
-drawn at random.
+There are three changes. The aerodynamic tables read the deflections from properties of this program (``surfaces/...``). Therefore
+the actuator, its limits and the failures of a surface are modelled here, and the control system in the file does not act on the
+deflections. ``BALLAST_LB`` of the empty weight becomes a separate mass at the same place, which can be moved to shift the centre
+of gravity. The coefficients of ``SCALED`` are multiplied by properties of this program (``scale/...``), which are one unless the
+aircraft is drawn at random.
 
 Nothing else is changed, neither the tables nor the engine. The leading-edge flaps keep the file's schedule, which jumps at
 5 deg of angle of attack.
@@ -47,8 +47,8 @@ LIMIT_LOADS = (-4.0, 9.0)
 
 
 def load(step: float) -> FGFDMExec:
-    """Return the aircraft with wheels up, a constant amount of fuel and this step [s]. Raises InputError if JSBSim is missing or
-    has a different F-16."""
+    """Return the aircraft with its landing gear up, a constant fuel mass and this time step [s]. Raises InputError if JSBSim is
+    missing or has a different F-16."""
     require_extra("jsbsim", "flight", "a flight model")
     import jsbsim
 

@@ -89,11 +89,11 @@ def trimmed(condition: FlightCondition) -> Trim:
 def _require_flyable(condition: FlightCondition, residual: float, alpha: float, elevator: float, throttle: float) -> None:
     low, high = np.deg2rad(f16.REACHED_ALPHA)
     ranges = {
-        f"an angle of attack of {np.rad2deg(alpha):.3g} deg, and the tables end at {f16.REACHED_ALPHA[1]:g} deg": low
+        f"an angle of attack of {np.rad2deg(alpha):.3g} deg, but the tables end at {f16.REACHED_ALPHA[1]:g} deg": low
         < alpha
         < high,
-        f"an elevator of {np.rad2deg(elevator):.3g} deg, and it moves by 25 deg": abs(elevator) < ELEVATOR_LIMIT,
-        f"a throttle of {throttle:.3g}, and it goes from 0 to 1": 0 < throttle < 1,
+        f"an elevator of {np.rad2deg(elevator):.3g} deg, but it moves only by 25 deg": abs(elevator) < ELEVATOR_LIMIT,
+        f"a throttle of {throttle:.3g}, but its range is 0 to 1": 0 < throttle < 1,
     }
     asked = [text for text, holds in ranges.items() if not holds]
     why = f"it would take {asked[0]}" if asked else f"Newton's method ends with {residual:.2g} ft/s^2 or rad/s^2 left"

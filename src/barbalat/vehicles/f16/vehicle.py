@@ -55,8 +55,8 @@ class F16(Vehicle[Axis, Step, AxisFlight]):
     wire = WIRE
     shown = "Followed rate, angles, load factor and surface of every controller"
     notes = (
-        f"all numbers are those after the failure, which occurs at {FAILS_AT:g} s and persists. e: the followed rate minus that "
-        "of the reference model; alpha: largest angle of attack; surface: travel of the surface per second",
+        f"all numbers are those after the failure, which occurs at {FAILS_AT:g} s and persists. e is the followed rate minus "
+        f"that of the reference model, alpha the largest angle of attack, and surface the travel of the surface per second",
         "the project's schemes are tuned by one rule on the linearised aircraft and not on flights; only these schemes are "
         "ranked",
     )

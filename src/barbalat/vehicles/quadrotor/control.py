@@ -116,7 +116,7 @@ class Control:
 
 
 def _asked(loops: list[tuple[Axis, Step]], errors: Array) -> Array:
-    """Return the feedback plus the scheme's control, each within its limit (3,)."""
+    """Return the sum of the feedback and the scheme's control, each limited, (3,)."""
     return np.array(
         [axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)]
     )

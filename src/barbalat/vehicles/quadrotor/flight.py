@@ -34,9 +34,9 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""The metrics of a flight with units. e is the distance from the commanded position, ``sinks`` the largest distance below it,
-``travel`` the average change of the four thrusts per second, and ``limited`` the fraction of the time for which any rotor is at
-an end of its range."""
+"""The metrics of a flight with units. The error e is the distance from the commanded position, ``sinks`` the largest distance
+below it, ``travel`` the average change of the four thrusts per second, and ``limited`` the fraction of the time for which any
+rotor is at an end of its range."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

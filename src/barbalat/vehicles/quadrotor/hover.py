@@ -63,7 +63,8 @@ def hovering(vehicle: Quadrotor) -> Hover:
     left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())
     if left > LARGEST_RESIDUAL or not ((thrusts > 0) & (thrusts < vehicle.thrust)).all():
         raise InputError(
-            f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and {left:.2g} m/s^2 or rad/s^2 are left"
+            f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and an acceleration of {left:.2g} m/s^2 or "
+            f"rad/s^2 would remain"
         )
     A, whole_B = np.zeros((12, 12)), np.zeros((12, ROTORS))
     A[:6, 6:] = np.eye(6)  # near zero rotation the rotation vector's rate is the body rate

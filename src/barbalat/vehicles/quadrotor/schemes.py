@@ -46,8 +46,8 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH = {"bandwidth": (0.02, 4.0)}
-"""Range of the bandwidth in units of the inverse lag of the axis, from a value whose effect is hardly visible in a flight to four
-times the limit for a loop with one integrator and that lag."""
+"""Range of the bandwidth in units of the inverse lag of the axis. At the lower end the effect is hardly visible in a flight; the
+upper end is four times the limit for a loop with one integrator and that lag."""
 DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
 """Range of the bandwidth for H-infinity, from the smallest value at which a design exists for every axis. For a longer delay, the
 weights cannot be met by any controller around the feedback loop."""

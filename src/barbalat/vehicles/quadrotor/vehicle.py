@@ -68,8 +68,9 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
     units = FIGURES
     notes = (
         f"all numbers are those after the failure, which occurs at {TIMING.fails_at:g} s and persists (no-reset: after the start "
-        f"at {TAKES_OFF:g} s). e: distance from the commanded position; sinks: largest distance below it; tilt: largest tilt; "
-        "rotors: average change of a thrust in a second; limited: share of the time with some rotor at an end of its range",
+        f"at {TAKES_OFF:g} s). e is the distance from the commanded position, and sinks the largest distance below it; "
+        f"rotors is the average change of a thrust in a second. limited is the fraction of the time with some rotor at an "
+        f"end of its range",
         "the project's schemes are tuned by one rule, axis by axis, on the linearised vehicle and not on flights; only these "
         "schemes are ranked",
     )

@@ -1,4 +1,4 @@
-"""Implicit steps and other codes compared with RK4 where the loop is smooth; their budgets; the compiled functions."""
+"""Implicit steps and other codes compared with RK4 where the loop is smooth, their budgets, and the compiled functions."""
 
 import casadi as ca
 import numpy as np

@@ -1,4 +1,4 @@
-"""The projected MRAC with a delay, integrated by plain loops; the exact scaling; the small-gain size; Rohrs' frozen loop."""
+"""The projected MRAC with a delay, integrated by plain loops, the exact scaling, the small-gain size, and Rohrs' frozen loop."""
 
 from dataclasses import replace
 

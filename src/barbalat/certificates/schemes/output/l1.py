@@ -116,8 +116,8 @@ def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simu
         return
     if limit is not None and found.sigma > limit:
         why = (
-            f"inside its bounds sigma may have to reach {found.sigma:.6g}, more than sigma_bound = {limit:g}, "
-            "and nothing is known while the projection acts"
+            f"sigma may have to reach {found.sigma:.6g}, more than sigma_bound = {limit:g}, and nothing is known while the "
+            f"projection acts"
         )
         draft.all_missing(("sigma_needed", "output_bound", "error_bound"), why, theorem=theorems.SLOPE)
         return

@@ -10,9 +10,9 @@ first-order model.
 
 ``error_bound`` bounds e = y - y_m for every r and d as large as those of the case.
 
-Plant, controller and the model under the sampled command are one linear system from sample to sample, so the largest effect of r
-on e at the samples is the sum of its impulse response. d acts all the time: in a sample its effect on a row c is at most |d|
-integral_0^T |c e^(A s) B| ds, and within a part of the sample e^(A s) B differs from its value at the start of the part s_j by at
+Plant, controller and the model under the sampled command are one linear sampled-data system, so the largest effect of r on e at
+the samples is the sum of its impulse response. The disturbance d acts all the time. In a sample its effect on a row c is at most
+|d| integral_0^T |c e^(A s) B| ds. Within a part of the sample e^(A s) B differs from its value at the start of the part s_j by at
 most |e^(A s_j)| (e^(|A| T/P) - I) |B|. Between samples, a motion under a held input differs from the straight line by at most
 T^2/8 times its second derivative, as in ``piecewise_reference``. The motion of the model between samples under the continuous r
 is covered by ``missed``.
@@ -72,7 +72,7 @@ class _Loop(NamedTuple):
 
 
 def error_bound(problem: OutputProblem, equations: Equations, t_end: float) -> ErrorBound | NotApplicable:
-    """The bound; raises InputError if the loop is unstable from sample to sample, or decays too slowly for a bound."""
+    """The bound; raises InputError if the sampled-data loop is unstable, or decays too slowly for a bound."""
     r, d = problem.reference, problem.disturbance
     if not isinstance(r, BoundedSignal) or not (d is None or isinstance(d, BoundedSignal)):
         return NotApplicable("r or d has no known bound")
@@ -145,7 +145,7 @@ OWN_QUANTITIES = (
     | {
         "linear_equivalent_limit": Quantity("u = feedforward[r] - feedback[y] for T -> 0", form=Form.TRANSFER_FUNCTIONS),
         "delay_margin_limit": Quantity("delay_margin for T -> 0", "s"),
-        "disturbance_left": Quantity("fraction of the effect of a constant sigma on y that sigma_hat does not cover"),
+        "disturbance_left": Quantity("fraction of the effect of a constant sigma on y that sigma_hat does not include"),
         "error_bound_held": Quantity("bound on |y - y_m| at all times, where y_m is that of the model under the sampled command"),
     }
 )
@@ -223,7 +223,7 @@ def _measured(problem: OutputProblem, found: Linearised) -> Array:
 
 
 def steady_error(problem: OutputProblem, equations: Equations) -> dict[str, float]:
-    """The steady error e = y - y_m for constant r and d, per unit of each, from the equilibrium from sample to sample without
+    """The steady error e = y - y_m for constant r and d, per unit of each, from the equilibrium of the sampled-data loop without
     f."""
     plant, n = problem.plant.transfer_function, len(equations.c)
     # the unknowns are x_hat, sigma_hat, y and u; at equilibrium the filter's output is C(0) w_1 - h'w_um
@@ -255,10 +255,13 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
     radius, left = values["spectral_radius"], values.get("steady_error")
     stability, tracking = nothing("stability", unstable(radius), *_rests_on(problem)), nothing("tracking", unstable(radius))
     if radius < 1:
-        text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample"
+        text = f"for every bounded r: a linear sampled-data loop with spectral radius {radius:.6g}"
         stability = statement("stability", text, *_rests_on(problem))
     if left is not None:
-        why = f"not to zero: {left['r']:.3g} of a constant r and {left['d']:.3g} of a constant d remain"
+        why = (
+            f"y does not converge to y_m: a constant r leaves an error of {left['r']:.3g} r, and a constant d one of "
+            f"{left['d']:.3g} d"
+        )
         tracking = nothing("tracking", why)
     bound = certificate.entry("error_bound")
     transient = nothing("transient", "no bound: " + ("" if bound is None else bound.why))
@@ -273,8 +276,7 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
         "modelling_error": estimate("modelling_error", "see the margins, which are those of a linear controller"),
         "tuning": advice(
             "tuning",
-            "no adaptive gain, only C(s) and T"
-            + ("" if noise is None else f"; noise in y is {noise[0]:.3g} times as large in u"),
+            "no adaptive gain, only C(s) and T" + ("" if noise is None else f"; noise in y is amplified by {noise[0]:.3g} in u"),
         ),
         "margins": margins_cell(certificate),
     }

@@ -51,13 +51,13 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
     """Sentences about a plant of higher order than the design plant."""
     law = controller.law
     found = [
-        f"the plant is of order {len(plant.poles)}, the controller is designed for {controller.order}: the rest is unmodelled, "
-        "and no theta* gives the model exactly"
+        f"the plant has order {len(plant.poles)}, but the controller is designed for {controller.order}: the rest is "
+        f"unmodelled, and no theta* gives the model exactly"
     ]
     if not plant.is_minimum_phase:
         found.append(f"the plant has a zero with real part {plant.zeros.real.max():.6g}")
     if plant.is_stable and np.sign(plant.dc_gain) == -controller.sign:
-        found.append(f"the plant's gain at zero frequency is {plant.dc_gain:.6g}, against sign = {controller.sign}")
+        found.append(f"the plant's gain at zero frequency is {plant.dc_gain:.6g}, which contradicts sign = {controller.sign}")
     if isinstance(law, FreezableLaw) and law.drifts:
         found.append("the unnormalised law without a modification is not robust: the estimates may drift until the loop bursts")
     return found
@@ -77,7 +77,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
             draft, problem, (matched_feedback(theta, Lambda) * plant).realise(), "with the parameters at theta*", LINEAR_LOOP
         )
         if len(plant.poles) < n:
-            draft.note(f"theta* is not unique: the plant is of order {len(plant.poles)}, the controller is designed for {n}")
+            draft.note(f"theta* is not unique: the plant has order {len(plant.poles)}, but the controller is designed for {n}")
     else:
         for sentence in _unmodelled(plant, controller):
             draft.note(sentence)
@@ -93,7 +93,7 @@ def midpoint_form(problem: OutputProblem, controller: MracOutput, _: float) -> m
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
     """The assumptions of the guarantees of these schemes, checked for the case."""
     n, n_star, order = controller.order, controller.relative_degree, len(problem.plant.transfer_function.poles)
-    beyond = f"the plant is of order {order} and the design of {n}: the rest is unmodelled" if order > n else ""
+    beyond = f"the plant has order {order}, but the design has order {n}: the rest is unmodelled" if order > n else ""
     known_set, theta = controller.bind(problem.known).estimate_set, _theta_star(problem, controller)
     inside = known_set is None or theta is None or known_set.contains(theta)
     outside = "" if inside else "theta* outside the known set"
@@ -101,7 +101,7 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
         Assumption(
             f"the plant is of order {n} and relative degree {n_star}, minimum phase, with a gain of the given sign", beyond
         ),
-        Assumption("the plant is linear", "f(t, y) acts, and the law is for linear plants only" if problem.plant.f else ""),
+        Assumption("the plant is linear", "f(t, y) acts, but the law is only for linear plants" if problem.plant.f else ""),
         Assumption("theta* is in the known set, and the estimates are projected onto it", outside),
         exact_plant(problem),
         undisturbed(problem),

@@ -31,9 +31,9 @@ KAPPAS = (0.02, 0.1, 1.0)
 """Time constants of the filters [s]. Their bandwidths are fifty times, ten times and once that of the plant."""
 UNCHANGED_SHARE = 0.1
 HOW = (
-    f"a loop of our own, because only the abstract was available: the plant x' = -x + u + sigma, which by scaling represents "
-    f"every stable first-order plant; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from "
-    f"{GAINS[0]:g} to {GAINS[-1]:g}"
+    f"a loop of our own, because only the abstract was available. The plant is x' = -x + u + sigma, which by scaling represents "
+    f"every stable first-order plant. The exact margins of L = C F/(1 - C F), broken at the plant's input, are computed for "
+    f"{len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
 )
 
 

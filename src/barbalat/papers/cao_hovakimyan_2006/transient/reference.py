@@ -52,7 +52,7 @@ def mrac() -> Claim:
             sentence.reads(bool(control.max() > 1), f"the largest |u| is at most {control.max():.2f} of it, over {MEMBERS} "
             f"runs", 1),
             Reading(
-                "no bound like (9) holds for u - u*, where u* = -theta'x_m + k_0 r is the input for known theta: |u - u*| "
+                "no bound like (9) holds for u - u*, where u* = -theta'x_m + k_0 r is the input for known theta. |u - u*| "
                 "sqrt(Gamma) grows with each decade of the gain from 1e2 to 1e4",
                 bool((np.diff(scaled) > 0).all()),
                 f"|u - u*| falls from {away[0]:.3g} to {away[-1]:.3g}; multiplied by sqrt(Gamma) it grows from {scaled[0]:.3g} "
@@ -66,9 +66,9 @@ def mrac() -> Claim:
         f"{control.max():.2f} (median {np.median(control):.2f}); the local exponents of |u - u*| over the gain are "
         f"{span(local_exponents(away, gains))}. (9) needs e(0) = 0, that is x_m(0) = x(0), which the designer can choose, as in "
         "(2). For any other e(0), V(0) still bounds e, but not by a constant that the gain makes small",
-        how=f"Section V, without modelling error, every step; bounds: theta drawn from the box, Gamma from 0.1 to 100, RK4, h = "
-        f"1e-4 s, 20 s, rounded outward; over the gain: h = {span(list(l1_reference.STEPS.values()))} s, {l1_reference.T_END:g} "
-        f"s, {l1_reference.COMPARED_INSTANTS} instants",
+        how=f"Section V, without modelling error, every step. Bounds (rounded outward): theta drawn from the box, Gamma from "
+            f"0.1 to 100, RK4, h = 1e-4 s, 20 s. Over the gain: h = {span(list(l1_reference.STEPS.values()))} s, "
+            f"{l1_reference.T_END:g} s, {l1_reference.COMPARED_INSTANTS} instants",
         listings=(
             table("Largest values relative to the bounds, over all "
             "runs", {"of": ("|e|", "|u|"), "median": (np.median(error), np.median(control)), "largest": (error.max(), control.max())}),

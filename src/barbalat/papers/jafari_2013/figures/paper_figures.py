@@ -186,11 +186,11 @@ def without_projection(runs: Runs) -> Claim:
         ),
         shows=f"Without projection L1-AC {latest} at the settings of Figures 3 and 5; at a tenth of the step it "
         f"{'stays bounded' if smooth.diverged_at is None else 'diverges too'}.",
-        measured=        f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays "
-        f"bounded at those of Figure 4, with max |e| {numbers(of_run(smooth, 'max_abs_e'))}; {_one_step_before(ends[0])}; the "
-        f"robust MRAC of Figure 2 stays bounded too, with max |e| {numbers(of_run(robust, 'max_abs_e'))}",
-        how=f"RK4, 60 s; the robust MRAC has {MENDED}; the same equations are bounded at a tenth of the step (see the numerics "
-        f"below the figures)",
+        measured=        f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}). At those of "
+            f"Figure 4 it stays bounded, with max |e| {numbers(of_run(smooth, 'max_abs_e'))}; {_one_step_before(ends[0])}. The "
+            f"robust MRAC of Figure 2 stays bounded too, with max |e| {numbers(of_run(robust, 'max_abs_e'))}",
+        how=f"RK4, 60 s; the robust MRAC has {MENDED}. The same equations are bounded at a tenth of the step (see the numerics "
+            f"below the figures)",
         listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
         would_change="an RK4 run without projection that stays bounded there, or that diverges at Figure 4's gain and step; "
         "stiff-solvers treats implicit steps",

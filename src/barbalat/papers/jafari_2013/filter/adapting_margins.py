@@ -60,8 +60,8 @@ MARGINS: dict[str, Callable[[LoopMargins], float]] = {
     "delay margin": lambda tolerated: tolerated.margins.delay,
     "small-gain margin 1/||T||_inf": lambda tolerated: tolerated.small_gain,
 }
-"""The margins by name, each zero for a loop without margin: k - 1 and 1 - k for the gain margins k, the phase margin [rad], the
-delay margin [s], and the smallest destabilising size of Delta_m."""
+"""The margins, keyed by name: k - 1 and 1 - k for the gain margins k, the phase margin [rad], the delay margin [s], and the
+smallest destabilising size of Delta_m. Each is zero for a loop without margin."""
 
 
 @dataclass(frozen=True)
@@ -168,9 +168,9 @@ def _delay_map(ratios: Array, line: Curve) -> Map:
         title="The filter's effect on the delay margin of the adapting loop",
         caption=(
             "The ratio of the delay margins of the L1-AC and MRAC loops at the same gain. Each loop, including its adaptive "
-            "law, is linearised around a constant command r. To the left of the line the filter reduces the margin, to the "
-            "right it increases it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast adaptation "
-            "(the step in the colours)."
+            "law, is linearised around a constant command r. To the left of the line the filter reduces the margin, and to the "
+            "right it increases it. MRAC's margin falls as 1/Γ; L1-AC's returns to that of the limit of fast adaptation (the "
+            "step in the colours)."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),

@@ -72,8 +72,8 @@ def bias_is_proportional() -> Claim:
         ),
         sentence.reads(
             bool(doubled[own - 1 : own + 1].all()),
-            f"the error grows {ratios[own]:.3g} times from {KAPPAS[own + 1]:g} to {KAPPAS[own]:g} s and {ratios[own - 1]:.3g} "
-            f"times from there to {KAPPAS[own - 1]:g} s",
+            f"the error grows by a factor of {ratios[own]:.3g} from {KAPPAS[own + 1]:g} to {KAPPAS[own]:g} s and by a factor of "
+            f"{ratios[own - 1]:.3g} from there to {KAPPAS[own - 1]:g} s",
             2,
         ),
         Reading(

@@ -107,16 +107,15 @@ def claim(*, full: bool = False) -> Claim:
         shows=f"In Figure 3 the filter changes the mean frequency of u from {shown.without.mean:.0f} to "
         f"{shown.filtered.mean:.0f} rad/s and its strongest frequency from {shown.without.peak:.0f} to "
         f"{shown.filtered.peak:.0f}.",
-        measured=f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from "
-        f"{shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor of {shown.frequency:.2f}; it "
-        f"falls by more than a tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is "
-        f"{shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
+        measured=f"at Figure 3's gain and step the filter changes the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s "
+            f"from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, by a factor of {shown.frequency:.2f}. It falls "
+            f"by more than a tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is "
+            f"{shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
         how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, "
-        f"Welch's method; h and Gamma as listed; a "
-        f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
+            f"Welch's method; h and Gamma as listed. A difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
-        would_change="a different gain or step of the paper; a different definition of the frequency of a signal that is not a "
-        "sine",
+        would_change="a different gain or step of the paper, or a different definition of the frequency of a signal that is not "
+            "a sine",
         sharpened=f"also h = 2e-4 and 5e-5 s, and more gains, "
         f"{sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
     )  # fmt: skip
@@ -140,12 +139,12 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
             "the mean frequency falls at every gain at which u oscillates",
             all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical),
             f"the mean changes by the factors {span([pair.frequency for pair in numerical])} and the strongest frequency by "
-            f"{span(peaks)}, in {len(numerical)} settings; without the filter the strongest frequency is "
+            f"{span(peaks)}, in {len(numerical)} settings. Without the filter the strongest frequency is "
             f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
             "beside",
         ),
         Reading(
-            "the ringing of the equations, resolved by the step, becomes slower",
+            "the ringing of the exact solution, resolved by the step, becomes slower",
             all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing),
             f"the mean changes by the factors {span(ringing)} and the strongest frequency by {span(ringing_peak)}: the ringing "
             "has the frequency sqrt(Gamma b'P b) |x|, which does not depend on C",
@@ -158,7 +157,7 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
             "beside",
         ),
         Reading(
-            "the ringing of the equations shrinks in the same way",
+            "the ringing of the exact solution shrinks in the same way",
             all(size < 0.1 for size in ringing_size),
             f"the RMS value changes by the factors {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: "
             "without the filter u itself damps the ringing",

@@ -32,9 +32,9 @@ RESOLUTION = 0.05
 """Relative resolution of the bisection of delays."""
 CRITERIA = {"onset": "up to the beginning of an oscillation", "loss": "up to the loss of the motion"}
 RULE = (
-    f"Equal error by one rule: both sides are tuned with Sobol's points over {ranges(MRAC_KNOBS)} for MRAC and over "
-    f"{ranges(L1_KNOBS)} for L1-AC, half of them with (6) and half with (2 kappa s + 1)/(kappa s + 1)^2; a tuning matches one of "
-    "the other side if its RMS error is no larger and its delay no shorter"
+    f"Equal error by one rule: the tunings are Sobol's points over {ranges(MRAC_KNOBS)} for MRAC and over {ranges(L1_KNOBS)} "
+    f"for L1-AC, half of these with (6) and half with (2 kappa s + 1)/(kappa s + 1)^2. A tuning matches one of the other side "
+    f"if its RMS error is no larger and its delay no shorter"
 )
 
 
@@ -119,7 +119,7 @@ def listing(found: Sequence[Fronts]) -> Listing:
                 rows.append((one.command, criterion, one.l1.tunings[best], short(error), short(delay), short(ratios[best])))
     return Listing(
         "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay "
-        "[s] divided by theirs. Below 1, MRAC matches every tuning with that filter",
+        "[s] divided by theirs. If it is below 1, MRAC matches every tuning with that filter",
         ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over MRAC's"),
         tuple(rows),
     )

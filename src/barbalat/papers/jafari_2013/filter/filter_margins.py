@@ -105,22 +105,21 @@ def claim(*, full: bool = False) -> Claim:
         f"{effect.gain_margins[1]:.4g} in Figure 3). At Gamma r^2 = {between:g} the delay margin goes from "
         f"{changed('delay margin', between)} s. {_at_equal_error(found)}",
         measured=f"exact: the filter changes the delay margin from {_change(slow)} with the estimates fixed at theta and from "
-        f"{_change(adapting)} with the law active at Gamma = 100 around r = 1; as Gamma tends to infinity it is {fast:.3g} s "
-        f"with the filter, while without it the margin falls as 1/Gamma. Its gain margin falls from {effect.gain_margins[0]:.4g} "
-        f"to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} readings. Up to the beginning of an "
-        f"oscillation: {_counted(found, 'onset')}. Up to the loss of the motion, with or without oscillations: "
-        f"{_counted(found, 'loss')}",
+            f"{_change(adapting)} with the law active at Gamma = 100 around r = 1. As Gamma tends to infinity, the margin is "
+            f"{fast:.3g} s with the filter and falls as 1/Gamma without it. Its gain margin falls from "
+            f"{effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} "
+            f"readings. Up to the beginning of an oscillation: {_counted(found, 'onset')}. Up to the loss of the motion, with "
+            f"or without oscillations: {_counted(found, 'loss')}",
         how=f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. "
-        f"Simulated: Section V, RK4, h = 2e-4 s, 40 s: "
-        "the largest exact delay [s] that the loop tolerates, by scan and bisection, and the smallest natural frequency [rad/s] "
-        "of a second-order actuator with damping 0.7, as its inverse [s]. Onset: the judge finds the run lost or in a limit "
+        f"Simulated: Section V, RK4, h = 2e-4 s, 40 s. Scan and bisection find the largest exact delay [s] that the loop "
+        f"tolerates, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7 (listed as its "
+        f"inverse [s]). Onset: the judge finds the run lost or in a limit "
         "cycle, or its oscillation grows without bound. Loss: lost, or the error in the tail grew by the "
         "largest |x_m|. "
-        "Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: MRAC's Gamma gives the RMS error that L1-AC has "
-        "at 100, "
-        f"with (6) or with (2 kappa s + 1)/(kappa s + 1)^2 and kappa = {section_v.two_slopes_kappa():.3g} s, which has the same "
-        f"delay margin in the limit. "
-        f"{equal_error.RULE}; {count} tunings of each side, h = {SIDES_SIMULATION.dt:g} s",
+        f"Equal gain: Gamma = 0.01, 1, 100. Own gain: 10 and 100. Equal error: MRAC's Gamma gives the RMS error that L1-AC has "
+        f"at 100. L1-AC's filter is (6), or (2 kappa s + 1)/(kappa s + 1)^2 with kappa = {section_v.two_slopes_kappa():.3g} s, "
+        f"which has the same delay margin in the limit. {equal_error.RULE}; {count} tunings of each side, h = "
+        f"{SIDES_SIMULATION.dt:g} s",
         maps=effect.maps,
         listings=(_listing(found), equal_error.listing(sides)),
         sharpened=f"{equal_error.MORE} tunings of each side at equal error instead of {equal_error.BUDGET}",
@@ -180,7 +179,12 @@ def _counted(readings: Sequence[Simulated], criterion: str) -> str:
 
     def counts(some: Sequence[Simulated]) -> str:
         found = [change(getattr(reading, criterion)) for reading in some]
-        texts = {"up": "up in", "same": "within 2 % in", "none": "too small to be measured on both sides in", "down": "down in"}
+        texts = {
+            "up": "up in",
+            "same": "within 2 % in",
+            "none": "too small to be measured for both schemes in",
+            "down": "down in",
+        }
         return ", ".join(f"{text} {found.count(key)}" for key, text in texts.items() if key in found)
 
     kinds = {
@@ -196,8 +200,8 @@ def _counted(readings: Sequence[Simulated], criterion: str) -> str:
 
 def _listing(readings: Sequence[Simulated]) -> Listing:
     return Listing(
-        "Tolerated delay [s] or actuator (the inverse of the smallest natural frequency [s]) without and with the filter, up to "
-        "the beginning of an oscillation (onset) and up to the loss of the motion (loss); 0: less than the smallest value tried",
+        "Tolerated delay [s] or actuator (the inverse of the smallest natural frequency [s]) without and with the filter. "
+        "Onset: an oscillation begins. Loss: the motion is lost. 0 means less than the smallest value tried",
         ("command", "reading", "onset: without", "with filter", "", "loss: without", "with filter", ""),
         tuple((r.command, r.what, *_shown(r.onset), *_shown(r.loss)) for r in readings),
     )

@@ -44,8 +44,8 @@ def gain_reduces_margins() -> Claim:
         title="The delay margin of the adapting loop, against the gain",
         caption=(
             "Exact margins of the loops linearised around a constant command r, including the law, with Section V's plant; they "
-            "depend only on Γr². With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1; "
-            "once it no longer does, the margin returns to the limit of fast adaptation, near 1.6 κ here."
+            "depend only on Γr². With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1. "
+            "After that the margin returns to the limit of fast adaptation, near 1.6 κ here."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         quantity="delay margin [s]",
@@ -80,8 +80,9 @@ def gain_reduces_margins() -> Claim:
         f"margin goes from {plain[0]:.3g} s to {plain[-1]:.2g} s, at the end in proportion to Gamma^{slope:.2f}. L1-AC's (kappa "
         f"= {section_v.KAPPA:g} s) is not monotone: it falls from {filtered[0]:.3g} s to {filtered[lowest]:.2g} s at Gamma r^2 = "
         f"{GAINS[lowest]:.2g}, is at least {filtered[back:].min():.3g} s from {GAINS[back]:.2g} on, and tends to {limit:.3g} s",
-        how=f"{METHOD}; literal readings: Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, around r "
-        f"= {COMMAND_CREST:g}, the crest of Section V's command; a margin that changes by less than a tenth counts as unchanged",
+        how=f"{METHOD}; the literal readings use Gamma = {section_v.MODERATE_GAIN:g}, as in smaller-gain, and {HIGH_GAIN:g}, "
+            f"around r = {COMMAND_CREST:g}, the crest of Section V's command. A margin that changes by less than a tenth counts "
+            f"as unchanged",
         maps=(chart,),
         would_change="an MRAC for which one of the two margins is not smaller at a high gain. L1-AC's margins are smaller too "
         "if the lowest gain of the sweep is the moderate one",

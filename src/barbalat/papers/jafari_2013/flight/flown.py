@@ -18,7 +18,7 @@ from barbalat.sweeps.statistics import Share, beyond_chance
 
 
 def claims() -> list[Claim]:
-    """Return both rows from the documents."""
+    """Return the two rows of the ledger, computed from the stored flight documents."""
     every = [Flights.stored(name) for name in stored()]
     return [in_flight(every), l1_and_mrac(every)]
 
@@ -39,8 +39,8 @@ def in_flight(every: Sequence[Flights]) -> Claim:
         readings=(
             sentence.reads(
                 lost < of_linear and 1 in apart and -1 not in apart,
-                f"out of {flown} flights the adaptive schemes lose {lost} and the linear designs {of_linear}; of {len(apart)} "
-                f"failures {apart.count(1)} show this order beyond chance and {apart.count(-1)} show the opposite order",
+                f"out of {flown} flights the adaptive schemes lose {lost} and the linear designs {of_linear}; {apart.count(1)} "
+                f"of {len(apart)} failures show this order beyond chance and {apart.count(-1)} show the opposite order",
             ),
             sentence.reads(len(ahead) > len(behind), f"for {len(ahead)} failures ({_joined(ahead)}); a linear design is ahead "
             f"of every adaptive scheme for {len(behind)} ({_joined(behind)})", 1),
@@ -60,7 +60,7 @@ def in_flight(every: Sequence[Flights]) -> Claim:
         "MuJoCo's quadrotor flies a figure of eight with motor lag. "
         "The robust MRAC has " + MENDED + ". The vehicle, its initial state, its sensors and the air vary randomly. All schemes "
         "of a vehicle were tuned by one rule on its linearised nominal model: least RMS error with the same delay and gain "
-        "margins. L1 with the piecewise-constant law counts as linear, by the finding of l1-piecewise-is-lti. The counts "
+        "margins. L1 with the piecewise-constant law counts as linear, as the row l1-piecewise-is-lti shows. The counts "
         "exclude reversed control surfaces, which lose nearly every flight, and include flights without a failure (none). "
         "'Beyond chance' refers to the exact sign test on the same draws, at 95 % for all comparisons of a vehicle together "
         "(Holm). Tests repeat some of the flights if the simulators are installed",
@@ -84,9 +84,9 @@ def l1_and_mrac(every: Sequence[Flights]) -> Claim:
         ),
         shows=f"L1-AC's error is smaller than MRAC's for {len(ahead)} failures and larger for {len(behind)} on the quadrotor; on "
         f"the F-16 these numbers are {len(f16_ahead)} and {len(f16_behind)}.",
-        measured=f"median RMS error on the quadrotor without a failure: L1-AC {nominal[0]:.3g} and MRAC {nominal[1]:.3g} "
-        f"{quadrotor.unit}; of {sum(len(one.failures) for one in every)} failures L1-AC has less error beyond chance for "
-        f"{len(ahead) + len(f16_ahead)}, and more for {len(behind) + len(f16_behind)}",
+        measured=f"on the quadrotor without a failure the median RMS error of L1-AC is {nominal[0]:.3g} and that of MRAC "
+            f"{nominal[1]:.3g} {quadrotor.unit}. Among {sum(len(one.failures) for one in every)} failures L1-AC has less error "
+            f"beyond chance for {len(ahead) + len(f16_ahead)}, and more for {len(behind) + len(f16_behind)}",
         how="read from stored documents, not measured by this command: " + "; ".join(_provenance(one) for one in every) + ". "
         "Flights without a failure (none) are counted too; reversed surfaces are not. L1-AC is state feedback with the filter "
         "(6), "

@@ -56,7 +56,7 @@ L1_NAME, PI_NAME = "L1-AC, Γ = 100, κ = 0.02 s", "PI"
 
 
 def claims() -> list[Claim]:
-    """Measure both rows. Without the extra ``robust`` they include only the PI controller, and say so."""
+    """Measure both rows. Without ``barbalat[robust]`` they include only the PI controller, and say so."""
     contestants, missing = _contestants()
     measured = {c.name: _measure(c) for c in contestants}
     against_pi = claim(measured[L1_NAME].plain, measured[PI_NAME].plain)
@@ -84,11 +84,11 @@ def _non_adaptive(contestants: list[Controller], missing: str) -> Claim:
         measured=f"over {len(THETAS)} values of theta in the known set the largest tail error, with the model's amplitude "
         f"{amplitude():.0f}: "
         + "; ".join(f"{name} {100 * share:.2g} %" for name, share in worst.items()) + missing,
-        how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error; robust MRAC with {MENDED}; the "
-        f"designs as in adaptive-against-linear, fixed over the set",
+        how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error. The robust MRAC has {MENDED}; "
+            f"the designs are those of adaptive-against-linear, fixed over the set",
         listings=(
             table(
-                "The largest error in the tail, per cent of the model's amplitude",
+                "The largest error in the tail, in per cent of the model's amplitude",
                 {"theta": [f"[{a:g}, {b:g}]" for a, b in THETAS]} | {name: 100 * found for name, found in shares.items()},
             ),
         ),
@@ -162,12 +162,11 @@ def _adaptive_against_linear(contestants: list[Controller], measured: dict[str, 
         f"{best['plain']:.2g}; with a delay of {1e3 * DELAY:g} ms these are {least['delayed']:.2g} and {best['delayed']:.2g}.",
         measured=        f"Tail error at the paper's theta, at the set's corner (5, 5), and there with an input delay of "
         f"{1e3 * DELAY:g} ms: {'; '.join(sentences)}. The model's amplitude is {amplitude():.0f}{missing}",
-        how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; "
-        f"halving the step changes the errors by "
-        f"a fraction of at most {_step_effect(contestants, measured):.1g} (size 1, with the delay). PI and H∞ are designed for "
-        f"the delay margin of L1-AC; 'H∞, for 10 ms' is designed for a delay of 10 ms. The adaptive schemes' settings are chosen, not tuned by a rule, and the "
-        f"robust MRAC has {MENDED}: "
-        "kappa and tau = 0.5 s are the paper's, tau = 0.02 s equals kappa, and the step resolves the gains",
+        how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes. "
+            f"Halving the step changes the errors by a fraction of at most {_step_effect(contestants, measured):.1g} (size 1, "
+            f"with the delay). PI and H∞ are designed for the delay margin of L1-AC; 'H∞, for 10 ms' is designed for a delay of "
+            f"10 ms. The adaptive schemes' settings are chosen, not tuned by a rule, and the robust MRAC has {MENDED}. The "
+            f"values kappa and tau = 0.5 s are the paper's, tau = 0.02 s equals kappa, and the step resolves the gains",
         maps=(_chart("linear-design", contestants, measured, "plain"), _chart("linear-design-delay", contestants, measured, "delayed")),
         listings=(_table(contestants, measured),),
         would_change="a linear design that uses more knowledge of the family, settings that are tuned to each size, or a "
@@ -194,7 +193,7 @@ def _against_the_best(name: str, words: str, errors: Array, linear: Array) -> Re
     return Reading(
         f"{name}, {words}",
         bool(better.all()),
-        f"better at {better.sum()} of {alive.sum()} sizes; at size 1 {at_one(errors):.2g} against {at_one(linear):.2g}",
+        f"better at {better.sum()} of {alive.sum()} sizes; at size 1 {at_one(errors):.2g} compared with {at_one(linear):.2g}",
         "beside",
     )
 
@@ -213,8 +212,8 @@ def _chart(key: str, contestants: list[Controller], measured: dict[str, TailErro
         key=key,
         title="Section V's family as its parameters grow" + (f", with an input delay of {1e3 * DELAY:g} ms" if delayed else ""),
         caption="The set and the true parameters are scaled together. The parameters are in the set's corner (5, 5), the "
-        "direction in which the linear loops are weakest by mu; all controllers have fixed settings. " + ("There is an exact "
-        "delay at the input, which no controller knows" if delayed else "Without modelling errors"),
+        "direction in which the linear loops are weakest by mu; all controllers have fixed settings. " + ("The input has an "
+            "exact delay, which no controller knows" if delayed else "Without modelling errors"),
         x=ChartAxis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
         lost=f"last size with |e| below {UNSTABLE_ERROR_FACTOR:g} amplitudes",
@@ -314,8 +313,8 @@ def claim(l1: Array, pi: Array) -> Claim:
         shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is "
         f"{at_one(l1 / pi):.2g} times the PI's with (6) and {at_one(second / pi):.2g} times with two slopes.",
         measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast "
-        "adaptation L1-AC is a linear loop with S = 1 - C. It rejects disturbances with one slope if C is (6), and with two, as "
-        f"many as the PI, if C'(0) = 0; for this second filter the left side of Theorem 1's condition is {condition:.2f}",
+        f"adaptation L1-AC is a linear loop with S = 1 - C. It rejects disturbances with one slope if C is (6). If C'(0) = 0 it "
+        f"does so with two slopes, as many as the PI; the left side of Theorem 1's condition is then {condition:.2f}",
         how=f"as in adaptive-against-linear, without a delay; all designs have a delay margin of {1e3 * margin:.0f} ms at "
         "Section V's theta",
         listings=(_over_sizes(l1, second, pi),),

@@ -121,8 +121,8 @@ def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
             _in_the_tail(tail),
             _no_merit(whole),
         ),
-        shows=f"If a tenth of the samples is lost one by one, |e| becomes up to {short(max(factors[0].values()))} times as "
-        f"large; in bursts, {short(max(factors[1].values()))} times; {said}, in {draws} draws.",
+        shows=f"In {draws} draws |e| becomes up to {short(max(factors[0].values()))} times as large if a tenth of the samples "
+            f"is lost one by one, and up to {short(max(factors[1].values()))} times if it is lost in bursts; {said}.",
         measured=f"the largest |e| becomes at most {one_by_one} as large if samples are lost one by one and at most {in_bursts} "
         f"as large if they are lost in bursts of {BURST_SAMPLES} samples; {said}. Each factor is relative to the same scheme's "
         "error without losses",
@@ -132,7 +132,7 @@ def judged(whole: Mapping[str, Losses], tail: Mapping[str, Losses]) -> Claim:
         listings=(_listing(whole, tail),),
         would_change="fails: an error that more than doubles when samples are lost one by one; holds: no error that more than "
         "doubles with bursts",
-        sharpened=f"{MORE_DRAWS} draws of each kind instead of {DRAWS}, in which bursts also more than double the PI's error",
+        sharpened=f"{MORE_DRAWS} draws of each kind instead of {DRAWS}, for which bursts also more than double the PI's error",
     )  # fmt: skip
 
 

@@ -51,8 +51,8 @@ def come_and_go(runs: Runs) -> Claim:
                 },
             ),
         ),
-        would_change="an oscillation that remains as the step is reduced; own-oscillation measures the ringing of the equations "
-        "themselves",
+        would_change="an oscillation that remains as the step is reduced; own-oscillation measures the ringing of the exact "
+            "solution",
     )  # fmt: skip
 
 
@@ -121,10 +121,10 @@ def smaller_gain() -> Claim:
         f"{l1.tail_max_abs_e.max():.3g}, or {resolved.tail_max_abs_e.max():.3g} if resolved. MRAC's exact delay margin at r = 50 "
         f"is {tolerated:.1e} s.",
         measured=        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most "
-        f"{mrac.tail_max_abs_e.max():.3g} and estimates that vary by at most {mrac.theta_hat_variation_rate.max():.3g} per s, "
-        f"L1-AC with Gamma = 1e4 has a tail error of at most {l1.tail_max_abs_e.max():.3g}. Around the crest of the command, r = "
-        f"{CREST:g}, that MRAC loop has an exact delay margin of {tolerated:.2g} s: a delay makes its estimates oscillate; "
-        "gain-reduces-margins has the margins of both schemes",
+            f"{mrac.tail_max_abs_e.max():.3g} and estimates that vary by at most {mrac.theta_hat_variation_rate.max():.3g} per "
+            f"s. L1-AC with Gamma = 1e4 has a tail error of at most {l1.tail_max_abs_e.max():.3g}. Around the crest of the "
+            f"command, r = {CREST:g}, that MRAC loop has an exact delay margin of {tolerated:.2g} s; with a longer delay its "
+            f"estimates oscillate. The row gain-reduces-margins has the margins of both schemes",
         how="Section V, h = 1e-4 s, RK4, 60 s, without modelling error; the delay margin follows from the exact linearisation, "
         "including the law, around a constant command",
         listings=(
@@ -195,21 +195,21 @@ def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
         readings=(
             sentence.reads(
                 not lost and rate < 1 and changed < UNCHANGED_SHARE,
-                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s; a tenth of the step changes errors "
+                f"{'lost' if lost else 'not lost'}; the estimates vary by {rate:.1g} per s. A tenth of the step changes errors "
                 f"and control by a fraction of at most {changed:.0e}",
             ),
             Reading("when it is sampled at 10 kHz with explicit Euler steps and the control is held between samples, its errors "
             "change by less than a hundredth", _changed(euler, fine) < 0.01, "they change by a fraction of at most "
             f"{_changed(euler, fine):.1g}", "beside"),
             Reading("at any tau, without modelling error, RK4 at that step does not diverge within 10 "
-            "s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; above "
-            f"that {above.sum()} of {len(above)} are tolerated", "beside"),
+            "s", not diverged.any(), f"{diverged.sum()} of {len(taus)} values of tau diverge, up to {observed:.3g} s; "
+                f"{above.sum()} of {len(above)} larger values do not", "beside"),
         ),
         shows=f"At Section V's tau = {section_v.TAU:g} s a tenth of the step changes every result by a fraction of at most "
         f"{changed:.0e}; below {observed:.2g} s RK4 diverges, as Section III.B warns.",
         measured=f"at Section V's settings the estimates vary by {rate:.1g} per s in the tail, and a tenth of the step changes "
-        f"the largest errors and the largest control by a fraction of {changed:.1g}; {diverged.sum()} of {len(taus)} values of "
-        f"tau diverge, up to {observed:.3g} s (see small-tau-numerics)",
+            f"the largest errors and the largest control by a fraction of {changed:.1g}. The runs with {diverged.sum()} of "
+            f"{len(taus)} values of tau, up to {observed:.3g} s, diverge (see small-tau-numerics)",
         how=f"Section V, robust MRAC, {MENDED}, RK4, h = {section_v.COARSE_STEP:g} and {section_v.FINE_STEP:g} s, "
         f"{section_v.T_END:g} s, every step; small tau: {SMALL_TAUS}",
         listings=(

@@ -48,10 +48,10 @@ def boundary(runs: Runs) -> Claim:
         shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, at {len(steps)} "
         f"steps of RK4, with and without the filter.",
         measured=        f"the observed gain is {span(ratios[0])} (L1-AC) and {span(ratios[1])} (MRAC) times the predicted one, "
-        f"at {len(steps)} steps; the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as "
-        "predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
-        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; the onset is the gain from "
-        f"which the estimates vary by more than {SWEEP_RATE:g} per s, which is one sweep of the box there and back",
+            f"at {len(steps)} steps, and falls as h^{exponent:.2f}. In the map, {agree.sum()} of {agree.size} cells are as "
+            f"predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
+        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s. The onset is the gain from "
+            f"which the estimates vary by more than {SWEEP_RATE:g} per s, which is one sweep of the box there and back",
         maps=(shown,),
         listings=(
             table(

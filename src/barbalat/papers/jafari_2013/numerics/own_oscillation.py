@@ -33,35 +33,36 @@ def own_oscillation() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(bool((shares < OWN_SHARE).all()), f"{shares.min():.1g} to {shares.max():.2g} of it; the fraction is "
-            f"largest from {seconds[int(shares.argmax())][0]:g} s on, where the equations ring with an amplitude of up to "
+            f"largest from {seconds[int(shares.argmax())][0]:g} s on, where the exact solution rings with an amplitude of up to "
             f"{own[shares.argmax()].max():.2g}"),
             Reading(
-                f"the first {NUMERICAL_FROM:g} s, in which Figure 3's run still follows the equations, are left out",
+                f"the first {NUMERICAL_FROM:g} s, in which Figure 3's run still follows the exact solution, are left out",
                 bool((shares[after] < OWN_SHARE).all()),
-                f"at most {shares[after].max():.2g} of it: the equations ring by up to {own[after].max():.2g} and Figure 3 by up "
-                f"to {drawn[after].max():.2g}; in the last quarter the equations ring by {own[-5:].max():.0e}",
+                f"at most {shares[after].max():.2g} of it: the exact solution rings by up to {own[after].max():.2g} and Figure "
+                f"3 by up to {drawn[after].max():.2g}. In the last quarter the exact solution rings by {own[-5:].max():.0e}",
             ),
             Reading(
-                "without the projection the equations do not ring either: in the last quarter the ringing at a converged step "
-                "does not exceed that at h = 1e-5 s",
+                "without the projection the exact solution does not ring either: in the last quarter the ringing at a converged "
+                "step does not exceed that at h = 1e-5 s",
                 not (agree and bool((free[2] > 3 * free[0]).all())),
                 f"at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, where RK4's damping hides the ringing, and "
                 f"{free[2].max():.2g} at {CONVERGED_STEPS[1]:g} s",
                 "beside",
             ),
         ),
-        shows=f"After {NUMERICAL_FROM:g} s Figure 3's run rings by {drawn.max():.2g}, from bound to bound, and the equations by "
-        f"at most {own[after].max():.2g}. Earlier, both ring alike, by up to {own[~after].max():.2g}.",
-        measured=f"with the projection the equations ring with an amplitude of up to {own.max():.2g}, until an estimate meets "
-        f"its bound at {RINGING_END:g} s, and with at most {own[-5:].max():.1g} in the last quarter; Figure 3's run rings with "
-        f"up to {drawn.max():.2g}. Without projection the equations ring with an amplitude of {numbers(free[2])} in the last "
-        f"quarter, and at h = 1e-5 s the numerical damping of RK4 hides this ringing: {free[0].max():.2g} is left",
+        shows=f"After {NUMERICAL_FROM:g} s Figure 3's run rings by {drawn.max():.2g}, from bound to bound, and the exact "
+            f"solution by at most {own[after].max():.2g}. Earlier, both ring alike, by up to {own[~after].max():.2g}.",
+        measured=f"with the projection the exact solution rings with an amplitude of up to {own.max():.2g} until an estimate "
+            f"meets its bound at {RINGING_END:g} s, and with at most {own[-5:].max():.1g} in the last quarter. Figure 3's run "
+            f"rings with up to {drawn.max():.2g}. Without projection the exact solution rings with an amplitude of "
+            f"{numbers(free[2])} in the last quarter. At h = 1e-5 s the numerical damping of RK4 reduces this ringing to "
+            f"{free[0].max():.2g}",
         how=f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; the equations are solved with h = {CONVERGED_STEPS[0]:g} s, "
         f"which agrees with {CONVERGED_STEPS[1]:g} s to within a tenth, and Figure 3 with {section_v.COARSE_STEP:g} s; the "
         f"ringing is half the largest swing within {RINGING_WINDOW:g} s, without the drift of its middle",
         listings=(
             table(
-                "The ringing of the two estimates with projection in each second, of the equations and of Figure 3's run",
+                "The ringing of the two estimates with projection in each second, of the exact solution and of Figure 3's run",
                 {
                     "second from [s]": [start for start, _ in seconds],
                     **{f"{i}, equations": own[:, i - 1] for i in (1, 2)},

@@ -42,9 +42,9 @@ def claim() -> Claim:
             ),
         ),
         shows=f"Over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the variation of the estimates changes by a factor of {spread:.3f}.",
-        measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
-        f"{span(smooth['MRAC'][:, 0])} per s, L1-AC {span(smooth['L1'][:, 0])} per s; the largest is {spread:.3f} times the "
-        f"smallest; by explicit Euler {span(rough[:, 0])} per s",
+        measured=f"over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the estimates vary with the implicit step by "
+        f"{span(smooth['MRAC'][:, 0])} per s (MRAC) and {span(smooth['L1'][:, 0])} per s (L1-AC). The largest variation is "
+        f"{spread:.3f} times the smallest. With explicit Euler they vary by {span(rough[:, 0])} per s",
         how="the controller is sampled every 1e-4 s, and its step has a closed form that costs O(n^2) per sample; Section V, "
         "RK4, h = 1e-4 s, 20 s, first estimate",
         listings=(
@@ -92,11 +92,11 @@ def delays() -> Claim:
     readings = (
         sentence.reads(tolerated_by_l1 > tolerated, f"{tolerated:g} T without the filter and {tolerated_by_l1:g} T with it"),
         Reading(
-            "the tracking error is larger without the filter under every delay",
+            "with every delay the tracking error is larger without the filter",
             len(larger) == len(DELAYS),
-            f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to "
-            f"{errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms without the filter, and from {filtered_errors[-1, 1]:.3g} to "
-            f"{filtered_errors[-1, -1]:.3g} with it",
+            f"larger at {len(larger)} of {len(DELAYS)} delays. Without the filter |e| is {errors[-1, 1]:.3g} at "
+            f"{1e3 * DELAYS[0]:g} ms and {errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms; with it, {filtered_errors[-1, 1]:.3g} "
+            f"and {filtered_errors[-1, -1]:.3g}",
             "beside",
         ),
     )
@@ -111,7 +111,8 @@ def delays() -> Claim:
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; estimates are quiet if they vary by at "
         f"most {CHATTER_FACTOR:g} times as much as without a delay",
         listings=(_listing(found, quiet),),
-        would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help under such a delay",
+        would_change="a fast sampled law without a filter that stays quiet under a delay of two samples, or a filter that does "
+        "not help under such a delay",
     )
 
 

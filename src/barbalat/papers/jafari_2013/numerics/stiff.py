@@ -1,5 +1,5 @@
-"""The claim that a solver for stiff problems does not help, tested with implicit methods at fixed steps and with codes that
-choose their steps."""
+"""The claim that a solver for stiff problems does not help, tested with implicit methods at fixed steps and with variable-step
+codes."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ def stiff_solvers() -> Claim:
 
 
 def stiff_solvers_further() -> Claim:
-    """Run the same solvers, with longer runs at the other gains, and with more and longer runs of the codes with automatic
-    steps."""
+    """Run the same solvers, with longer runs at the other gains, and with more and longer runs of the variable-step codes."""
     listings, right, followed = [], PAPER_SETTING.right, []
     for gain in FURTHER_GAINS:
         rows = [gain.explicit(h) for h in STEPS] + _implicit(gain)
@@ -48,9 +47,9 @@ def stiff_solvers_further() -> Claim:
     )
     codes = "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in (*loose, *longer))
     more = Reading(
-        "in longer runs, at the other gains and with codes that choose their steps, none follows the equations",
+        "in longer runs, at the other gains and with variable-step codes, none follows the exact solution",
         not any(rows for _, rows in followed),
-        f"implicit steps that follow the equations, with projection: {gains}. Automatic steps: {codes}",
+        f"implicit steps that follow the exact solution, with projection: {gains}. Variable steps: {codes}",
         "beside",
     )
     return _claim(StiffRuns.now(full=True), more, listings=tuple(listings))
@@ -66,13 +65,13 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
         sentence=SENTENCES["stiff-solvers"],
         readings=(*_literal(tried), *_automatic(tried), *_supplementary(tried), _giving_up(tried), *more),
         shows=f"At h = {STEPS[1]:g} s the implicit midpoint rule rings at most {_worst(tried, 2):.2f} times as much as the "
-        f"equations for Gamma up to {GAINS[-1].gamma:g} (RK4 in Figure 3: {rk4:.2g} times). No singularity occurs.",
+            f"exact solution for Gamma up to {GAINS[-1].gamma:g} (RK4 in Figure 3: {rk4:.2g} times). No singularity occurs.",
         measured="the ringing of the estimates divided by that of the converged solution, smallest and largest in any second, "
         "without / with projection: "
         + "; "
         "".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / "
         f"{cell(row, 1, right)}" for row in (*tried.explicit, *at_paper))
-        + ". Automatic steps: "
+        + ". Variable steps: "
         + "; ".join(
             f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}, {row.free.evaluations} evaluations, "
             f"{row.free.seconds:.1f} s"
@@ -83,17 +82,17 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
         f"from {RINGING_START:g} to {RINGING_END:g} s. A result is right if in each second it is within a factor of "
         f"{AGREEMENT_FACTOR:g} of that of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings with an amplitude of up to "
         f"{numbers(right[1].ringing(*PAPER_SETTING.span))}. Implicit steps use {NEWTON_STEPS} Newton steps with the exact "
-        "Jacobian, and the estimate is limited at the end of each step. Automatic steps use the projection and the exact "
+        "Jacobian, and the estimate is limited at the end of each step. Variable steps use the projection and the exact "
         f"Jacobian. In that time no converged estimate is beyond {_highest(RINGING_END):.2g}, and the projection does not act; "
         f"RK4 at the paper's step leaves the solution at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing([*tried.explicit, *at_paper, *tried.tight, *tried.loose], right, PAPER_SETTING.gamma), *tables, *listings),
-        would_change="holds: for both methods and both steps, implicit steps that ring more than the equations at some gain",
+        would_change="holds: for both methods and both steps, implicit steps that ring more than the exact solution at some gain",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
 
 
 def _worst(tried: StiffRuns, place: int) -> float:
-    """Return the largest ratio of one implicit method's ringing to that of the equations, at any gain; infinite if a run is
+    """Return the largest ratio of one implicit method's ringing to that of the exact solution, at any gain; infinite if a run is
     lost."""
     rows = [(rows[place], gain) for rows, gain in zip(tried.fixed, GAINS, strict=True)]
     return max(np.inf if row.boxed.lost else ratios(row.boxed, gain.right[1], row.span)[1] for row, gain in rows)
@@ -132,8 +131,8 @@ def _avoiding(tried: StiffRuns) -> list[str]:
 
 
 def _shows_them(row: StiffRow, gain: StiffSetting) -> bool:
-    """Whether a run shows the phenomena of Figures 3 and 5: with projection, estimates that ring more than in the
-    solution of the equations; without projection, unbounded signals."""
+    """Whether a run shows the phenomena of Figures 3 and 5: with projection, estimates that ring more than in the exact solution;
+    without projection, unbounded signals."""
     return row.free.lost or row.boxed.lost or rings_too_much(row.boxed, gain.right[1], row.span)
 
 
@@ -143,14 +142,14 @@ def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
     right, failing = PAPER_SETTING.right, _failing(tried)
     return (
         Reading(
-            f"with automatic steps at a tight tolerance, {TOLERANCE:g} or {LOOSE_TOLERANCES[1]:g}, each solver rings more than "
-            f"the equations or gives up",
+            f"with variable steps at a tight tolerance, {TOLERANCE:g} or {LOOSE_TOLERANCES[1]:g}, each solver rings more than "
+            f"the exact solution or gives up",
             all(_shows_them(row, PAPER_SETTING) for row in tried.tight),
             "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in tried.tight),
         ),
         Reading(
-            f"with automatic steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g}, each solver rings more than the equations or "
-            f"gives up",
+            f"with variable steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g}, each solver rings more than the exact solution "
+            f"or gives up",
             len(failing) == len(tried.loose),
             "; ".join(f"{row.name} to {row.span[1]:g} s {cell(row, 1, right)}{_amplitude(row)}" for row in tried.loose)
             + f"; the converged solution rings with an amplitude of {right[1].ringing(*PAPER_SETTING.span).max():.2g}. The "
@@ -168,21 +167,21 @@ def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
 
 
 def _failing(tried: StiffRuns) -> list[StiffRow]:
-    """Return the runs at the loose tolerance that ring more than the equations or do not reach their end."""
+    """Return the runs at the loose tolerance that ring more than the exact solution or do not reach their end."""
     return [row for row in tried.loose if _shows_them(row, PAPER_SETTING)]
 
 
 def _supplementary(tried: StiffRuns) -> tuple[Reading, ...]:
-    """Return the readings on whether solvers follow the equations, including their ringing, which the sentence does not
+    """Return the readings on whether solvers follow the exact solution, including its ringing, which the sentence does not
     require."""
     coarse, fine = (
         [(row, gain) for gain, rows in zip(GAINS, tried.fixed, strict=True) for row in rows if row.setting == rows[first].setting]
         for first in (0, 2)
     )
     return (
-        _followed("at the paper's step of 1e-4 s no implicit method agrees with the equations at every gain: those that do not "
-        "ring too much are too damped", coarse),
-        _followed("at a tenth of that step, no implicit method agrees with the equations at every gain either", fine),
+        _followed("at the paper's step of 1e-4 s no implicit method agrees with the exact solution at every gain: those that do "
+            "not ring too much are too damped", coarse),
+        _followed("at a tenth of that step, no implicit method agrees with the exact solution at every gain either", fine),
         Reading(
             "without projection, signals go unbounded at some gain",
             any(row.free.lost for row, _ in (*coarse, *fine)),
@@ -193,7 +192,7 @@ def _supplementary(tried: StiffRuns) -> tuple[Reading, ...]:
 
 
 def _followed(says: str, pairs: list[tuple[StiffRow, StiffSetting]]) -> Reading:
-    """Return the reading that no method follows the equations at each of its gains."""
+    """Return the reading that no method follows the exact solution at each of its gains."""
     names = {row.name for row, _ in pairs}
     following = [n for n in names if all(agrees(row.boxed, gain.right[1], row.span) for row, gain in pairs if row.name == n)]
     told = "; ".join(f"Gamma = {gain.gamma:g}, {row.name} {cell(row, 1, gain.right)}" for row, gain in pairs)
@@ -206,8 +205,8 @@ def _amplitude(row: StiffRow) -> str:
 
 NO_SINGULARITY = (
     "The solution of (1)-(8) without modelling error has no singularity at any Gamma: V of Theorem 1 does not grow for any u, "
-    "so theta_hat is bounded; x, x_hat "
-    "and the filter then obey linear equations with bounded coefficients and stay finite at all times"
+    "so theta_hat is bounded. Therefore x, x_hat and the filter obey linear equations with bounded coefficients and stay finite "
+    "at all times"
 )
 
 
@@ -219,7 +218,7 @@ def _giving_up(tried: StiffRuns) -> Reading:
     return Reading(
         "a code gives up, as if it met a singularity",
         bool(gave_up),
-        f"{len(gave_up)} of {len(codes)} runs with automatic steps gave up" + "".join(f": {said}" for said in gave_up),
+        f"{len(gave_up)} of {len(codes)} variable-step runs gave up" + "".join(f": {said}" for said in gave_up),
         "beside",
     )
 
@@ -256,7 +255,7 @@ bound."""
 LONG_AUTOMATIC_END = 10.0
 """Horizon [s] beyond the time during which an estimate is at its bound, which is from 6.5 to 9.3 s."""
 TOLERANCE = 1e-7
-"""Relative tolerance of the codes with automatic steps. At 1e-6 they damp the ringing up to 3 s by a quarter or more
+"""Relative tolerance of the variable-step codes. At 1e-6 they damp the ringing up to 3 s by a quarter or more
 (docs/laboratory/claims.md)."""
 LOOSE_TOLERANCES = (1e-3, 1e-6)
 """Loose tolerances. The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a

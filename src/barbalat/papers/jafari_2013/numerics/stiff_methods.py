@@ -1,9 +1,9 @@
 """Solvers for stiff problems on one closed loop: implicit steps compiled as a kernel, SciPy's codes, and SUNDIALS' CVODES.
 
-The projection makes the right-hand side jump. An implicit step is made without the projection, and the estimate is then
-replaced by the nearest point of the known set. This is Lie splitting of first order, as in the catching-up method for sweeping
-processes. The codes with automatic steps get the limited right-hand side itself, as every stage of our own solvers does. They
-locate the jumps by their step control, with limited success. Their Jacobian is that of the side on which the state is.
+The projection makes the right-hand side jump. An implicit step is made without the projection, and the estimate is then replaced
+by the nearest point of the known set. This is Lie splitting of first order, as in the catching-up method for sweeping processes.
+The variable-step codes get the limited right-hand side itself, as every stage of our own solvers does. They locate the jumps by
+their step control, with limited success. Their Jacobian is that of the side on which the state is.
 """
 
 from __future__ import annotations

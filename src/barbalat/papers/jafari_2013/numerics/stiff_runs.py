@@ -79,7 +79,7 @@ class StiffSetting:
         return StiffRow("implicit midpoint" if midpoint else "implicit Euler", self._setting(h), *paths, self.span)
 
     def automatic(self, budgets: dict[SciPyMethod, int], *, tolerance: float, t_end: float) -> list[StiffRow]:
-        """Run the codes with automatic steps, with projection. SciPy's codes stop when their evaluations are used up."""
+        """Run the variable-step codes, with projection. SciPy's codes stop when their evaluations are used up."""
         given = section_v.problem()
         loop = ClosedLoop.of(given, _controllers(self.gamma)[1])
         paths = {"CVODES (BDF)": cvodes(loop, given, tolerance=tolerance, t_end=t_end)}
@@ -175,8 +175,9 @@ def cell(row: StiffRow, which: int, right: tuple[SolverPath, SolverPath]) -> str
 def listing(rows: list[StiffRow], right: tuple[SolverPath, SolverPath], gamma: float) -> Listing:
     """Return the table of all solvers with their cost."""
     return Listing(
-        f"Solvers on L1-AC of Section V, Gamma = {gamma:g}: ringing of the estimates over the converged solution's, smallest and largest in any second, evaluations of the "
-        "right-hand side (Newton steps of the implicit ones) per simulated second without projection, and the seconds of one core of this computer",
+        f"Solvers on L1-AC of Section V, Gamma = {gamma:g}. Columns 4 and 5: ringing of the estimates relative to the converged "
+        f"solution, smallest and largest in any second. Evaluations of the right-hand side (Newton steps of implicit solvers) "
+        f"are per simulated second without projection. Core s: seconds of one core of this computer",
         ("solver", "step or tolerance", "until [s]", "without projection", "with projection", "evaluations per s", "core s"),
         tuple(
             (

@@ -49,7 +49,7 @@ def stiffness() -> Claim:
         listings=(
             table("The loop's eigenvalues at the crest of |x|", {"Gamma": GAINS, "fastest decay [1/s]": decay, "largest |lambda| [rad/s]": size}),
         ),
-        would_change="a loop whose decay rates grow apart as the gain rises",
+        would_change="a loop whose decay rates differ more and more as the gain rises",
     )  # fmt: skip
 
 

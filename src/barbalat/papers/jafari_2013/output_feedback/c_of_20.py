@@ -86,8 +86,8 @@ def claim() -> Claim:
             Reading(
                 "a first-order C, such as (6), is sufficient",
                 FIRST in satisfied,
-                f"H is stable for at most {most[FIRST]} of {len(family)} plants: its denominator is m s d(s) + w (s + m), and "
-                f"where d(s) = s^2 + a_1 s + a_0 has a_1 < 0 the coefficient m a_1 is negative, whatever w and m are",
+                f"H is stable for at most {most[FIRST]} of {len(family)} plants. Its denominator is m s d(s) + w (s + m); if "
+                f"d(s) = s^2 + a_1 s + a_0 has a_1 < 0, its coefficient m a_1 is negative for any w and m",
                 "beside",
             ),
             Reading(
@@ -102,15 +102,16 @@ def claim() -> Claim:
         shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; a C of first "
         f"order stabilises at most {most[FIRST]} of them.",
         measured=f"of the {len(family)} plants, the number for which H is stable at the best bandwidth: "
-        f"{', '.join(f'{count} ({name})' for name, count in most.items())}. (20) is satisfied for all plants: {told or 'by none'}. "
+        f"{', '.join(f'{count} ({name})' for name, count in most.items())}. These C satisfy (20) for all plants: "
+        f"{told or 'none'}. "
         "Ref. 15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
         how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = "
         f"{M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of "
         f"H, certified L1 norms; a grid says nothing about the plants between its points",
         listings=(table("For how many plants H of (20) is stable, by the bandwidth of "
         "C", {"w [rad/s]": BANDWIDTHS} | {name: [str(count) for count in values] for name, values in counts.items()}),),
-        would_change="fails: a set for which no C of these forms satisfies (20). The lead was found because every plant of the "
-        "set behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
+        would_change="fails: a set for which no C of these forms satisfies (20). This lead works because every plant of the set "
+            "behaves as 1/s^2 at high frequency; other relative degrees or zeros need a new search",
     )  # fmt: skip
 
 

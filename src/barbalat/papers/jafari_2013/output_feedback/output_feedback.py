@@ -53,9 +53,9 @@ def l1_is_linear() -> Claim:
             ),
         ),
         shows=f"Inside its bounds it differs from a linear controller by {difference:.0e} of the largest |u|.",
-        measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is inside "
-        f"its bounds; a constant disturbance leaves |e| = {left:.1g}; after 5 s of saturation the mean |e| of the next 8 s is "
-        f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
+        measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is "
+        f"inside its bounds. A constant disturbance leaves |e| = {left:.1g}. After 5 s of saturation the mean |e| of the "
+        f"next 8 s is {late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the linear "
         "equivalent is multiplied out and integrated as a separate realisation",
         listings=(_compared_with_equivalent(runs[controller.name], runs["equivalent"]),),
@@ -124,11 +124,11 @@ def rohrs() -> Claim:
                 "beside",
             ),
         ),
-        shows=f"The classical law {falls}; of {len(runs)} modified ones {len(bounded)} stay bounded.",
+        shows=f"The classical law {falls}; {len(bounded)} of {len(runs)} modified ones stay bounded.",
         measured=f"the classical law {falls}, and {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other "
         f"laws over {case.simulation.t_end:g} s is {span(heights)}, without adaptation {resting.figures['max_abs_y']:.3g}. The "
-        f"dead zone keeps the loop bounded by stopping the adaptation. Of {len(DEAD_ZONES)} further dead zones, g_0 = "
-        f"{span(DEAD_ZONES)}, {len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
+        f"dead zone keeps the loop bounded by stopping the adaptation. With {len(lost)} of {len(DEAD_ZONES)} further dead "
+        f"zones, g_0 = {span(DEAD_ZONES)}, the loop diverges" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
             _motions(bounded, case.simulation.t_end),

@@ -47,15 +47,17 @@ def is_linear() -> Claim:
         shows=f"It differs from a linear controller by {difference:.0e} of the largest |u|; a constant disturbance leaves |e_1| "
         f"= {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s and {left[-1]:.0e} with a = 0.",
         measured=f"its control differs from that of its realisation by {difference:.1g} of the largest |u|. Its estimate is a "
-        f"difference of two measurements; {100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance "
-        f"are never estimated with a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz; with a = 0 all of it is estimated. "
+            f"difference of two measurements. With a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz it never includes "
+            f"{100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance; with a = 0 it includes all "
+            f"of it. "
         "Its margins are exact, as for any linear controller: it tolerates "
-        f"{' and '.join(f'{1e3 * margin:.1f} ms' for margin in margins)} of further delay",
-        how="bundled case quadrotor-pitch without its limits: motor lag 0.04 s, delay 2.5 ms; the law is used in its exact form "
-        "and as flown; RK4, two steps per sample; the linear realisation is multiplied out and runs on the same measurements",
+        f"a further delay of {' and '.join(f'{1e3 * margin:.1f} ms' for margin in margins)}",
+        how="bundled case quadrotor-pitch without its limits: motor lag 0.04 s, delay 2.5 ms, RK4, two steps per sample. The "
+            "law is used in its exact and in its as-flown form. The linear realisation is multiplied out and runs on the same "
+            "measurements",
         listings=(
             table(
-                "As flown, for each predictor pole: the remaining effect of a constant disturbance of 0.05 N m",
+                "The remaining effect of a constant disturbance of 0.05 N m in the as-flown form, for each predictor pole",
                 {"a [1/s]": TRIED_POLES, "|e_1| [rad]": left},
             ),
         ),

@@ -91,7 +91,7 @@ def claim(*, full: bool = False) -> Claim:
         "delta_0 = 0.5, tau = 0.1 s, h = 2e-3 s, 240 s",
         listings=(table("The largest |y - y_m| against tau, by relative degree n* and law", {"tau [s]": taus, **errors}),),
         would_change="a relative degree at which the transient error does not shrink with tau, or at which the error grows in "
-        "time with the disturbance and the lag; a run shows only one relative degree, and the paper gives no proof",
+            "time with the disturbance and the lag. A run shows only one relative degree, and the paper gives no proof",
         sharpened=f"relative degree {max(DEGREES)}, and the gradient law as well as pure least squares",
     )  # fmt: skip
 

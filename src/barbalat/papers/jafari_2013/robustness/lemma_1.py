@@ -1,10 +1,10 @@
 """Lemma 1 along runs of the adaptive law (15), with and without a modelling error eta.
 
-With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's
-bounds, and at most this at the bounds. Therefore the integral of (epsilon m_s)^2 from 0 is at most V(0) plus the integral of
-eta^2/m_s^2, and the constant of S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0 and max(1, V(t)) for
-those that begin at t. Pure least squares does not bound V(t) under a lasting error. The constants are therefore measured, and
-``scalar_lemma`` shows that none is sufficient for all signals.
+With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's bounds, and
+at most this at the bounds. Therefore the integral of (epsilon m_s)^2 from 0 is at most V(0) plus the integral of eta^2/m_s^2. The
+constant of S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0 and max(1, V(t)) for those that begin at t. Pure
+least squares does not bound V(t) under a lasting error. The constants are therefore measured, and ``scalar_lemma`` shows that
+none is sufficient for all signals.
 """
 
 from __future__ import annotations
@@ -62,11 +62,12 @@ def bounded(runs: dict[float, Along]) -> Claim:
         shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.2f} times those of "
         f"the first.",
         measured=        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
-        f"{halves['error'].max():.3g}, |theta_hat_i| {halves['theta_hat'].max():.3g} and |theta_hat'| "
-        f"{halves['rate'].max():.3g}; in the second half of a run the suprema are at most {growth['theta_hat']:.3g} (theta_hat) "
-        f"and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} (the others) times those of the first",
-        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; the reading is that none of the suprema grows in the "
-        "second half"),
+            f"{halves['error'].max():.3g}, |theta_hat_i| {halves['theta_hat'].max():.3g} and |theta_hat'| "
+            f"{halves['rate'].max():.3g}. In the second half of a run the supremum of theta_hat is at most "
+            f"{growth['theta_hat']:.3g} times that of the first half, and those of the others at most "
+            f"{max(value for name, value in growth.items() if name != 'theta_hat'):.2g} times",
+        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "at 3000 instants; the reading is that no supremum grows in the "
+            "second half"),
         listings=(_suprema(tuple(runs), halves),),
         would_change="a supremum that keeps growing along a run, which is all that a finite run can show",
     )  # fmt: skip
@@ -81,14 +82,14 @@ def without_error(run: Along) -> Claim:
     sentence = SENTENCES["lemma-1-no-error"]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(falls, f"V from {V[0]:.3g} to {V[-1]:.2g}; the integral of (epsilon m_s)^2 is {spent[-1]:.4g}; "
-        f"the last quarter adds at most a fraction {max(late.values()):.0e} of each integral"),),
+        readings=(sentence.reads(falls, f"V goes from {V[0]:.3g} to {V[-1]:.2g}, and the integral of (epsilon m_s)^2 is "
+            f"{spent[-1]:.4g}. The last quarter adds at most a fraction {max(late.values()):.0e} of each integral"),),
         shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V within "
         f"{gap:.0e}.",
-        measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) "
-        f"within {gap:.0e} of it; the integrals of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach "
-        f"{run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g} and {run.integrals['rate'][-1]:.3g}, and the last quarter adds at "
-        f"most a fraction {max(late.values()):.0e} of each",
+        measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises. The sum of V and the integral of (epsilon "
+            f"m_s)^2 is V(0), to within a fraction {gap:.0e}. The integrals of epsilon^2, (epsilon m_s)^2 and |theta_hat'|^2 "
+            f"reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g} and {run.integrals['rate'][-1]:.3g}; the last quarter "
+            f"adds at most a fraction {max(late.values()):.0e} of each",
         how=METHOD.format("Delta_m = 0", "the integrals are computed with the loop; V at 3000 instants"),
         listings=(
             table(
@@ -128,13 +129,14 @@ def with_error(runs: dict[float, Along]) -> Claim:
         f"{scalar_lemma.constants(scalar_lemma.ScalarGradient()).max():.2g} with the gradient law.",
         measured=        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition "
         f"{_at_most(by_definition)}; with the integral "
-        f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
-        f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
-        f"of V(0), so V may rise, by up to {risen.max():.3g} V(0). For any signals: see the readings",
+        f"of eta^2/m_s^2 {_at_most(constants)}. Since V' = -(epsilon m_s)^2 + eta^2/m_s^2, the constants with the integral are "
+        f"at most max(1, V) = 1, and for theta_hat' at most |P(0)|^2 = {section_v.COVARIANCE0**2:g}. Along the runs this "
+        f"equation is satisfied to within {gap:.0e} V(0). V is not monotone: it rises to up to {risen.max():.3g} V(0). For any "
+        f"signals: see the readings",
         how=METHOD.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
-            "nu is the smallest number for which the integral over [t, t + T] is at most nu (mu T + 1), or at most nu (the "
-            "integral of eta^2/m_s^2 + 1), for every pair of 3000 instants",
+            "for every pair t, t + T of 3000 instants, nu is the smallest number for which the integral over [t, t + T] is at "
+            "most nu (mu T + 1), or at most nu (the integral of eta^2/m_s^2 + 1)",
         )
         + "; for arbitrary signals: one parameter, piecewise constant phi and eta, closed form",
         listings=(

@@ -122,15 +122,16 @@ def readings() -> tuple[Reading, Reading]:
     return (
         SENTENCES["lemma-1-small"].reads(
             _bounded(taught[0]),
-            f"a bias of {LEARNT_BIAS:g} is learnt with phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, and then "
-            f"phi = 1: pure least squares (15) needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, and the "
+            f"if a bias of {LEARNT_BIAS:g} is learnt with phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g} before "
+            f"phi = 1, pure least squares (15) needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, and the "
             f"gradient law needs {span(taught[1])}",
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, for any signals of (13)",
             _bounded(left[0]),
-            f"phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from {left[0][0]:.3g} at "
-            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is {span(left[1])} with the gradient law",
+            f"phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0. With pure least squares (15) the integral of (epsilon m_s)^2 "
+            f"after T_1 goes from {left[0][0]:.3g} at T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} "
+            f"s; with the gradient law it is {span(left[1])}",
             "beside",
         ),
     )

@@ -112,7 +112,7 @@ class TauTradeOff:
         said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(tolerates, THEOREM_SIZES, strict=True))
         holds = bool(np.isfinite(tolerates).all() and (loses > 0).all() and (np.diff(tolerates) > 0).all())
         return SENTENCES[f"tau-limit-{self.key}"].reads(
-            holds, f"smallest tau tolerated: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
+            holds, f"smallest sufficient tau: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
         ), said
 
     def claim(self) -> Claim:
@@ -123,7 +123,7 @@ class TauTradeOff:
         doubled = (along[1] / along[0])[np.isfinite(along[:2]).all(axis=0)]
         literal, said = self.literal
         beside = Reading(
-            f"with Section V's alpha_0 = 0 it rises with each of {len(sizes)} sizes, and by more than a factor of two in all",
+            f"with Section V's alpha_0 = 0 it rises with each of {len(sizes)} sizes, by more than a factor of two in all",
             bool((np.diff(taus) > 0).all()) and bool(taus[-1] > 2 * taus[0]),
             f"{taus[0]:.3g} to {taus[-1]:.3g} s",
             "beside",
@@ -131,22 +131,23 @@ class TauTradeOff:
         return Claim(
             sentence=SENTENCES[f"tau-limit-{self.key}"],
             readings=(literal, beside),
-            shows=f"Smallest tau tolerated: {said} of {self.word}.",
-            measured=            f"smallest tau tolerated: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s "
-            f"for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to {(taus / sizes).max():.2f} times the {self.word}; no tau "
-            f"tolerates {self._nothing_tolerated()}. At these values of tau the linear loop with the estimates frozen at theta "
-            f"loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; the "
-            f"small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. Along the boundary, at "
-            f"5 % more than its tau, the tail's error grows from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its "
-            f"tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
+            shows=f"Smallest sufficient tau: {said} of {self.word}.",
+            measured=            f"the smallest tau that keeps the run bounded is {taus[0]:.3g} s at a {self.word} of "
+                f"{sizes[0]:.3g} s and {taus[-1]:.3g} s at {sizes[-1]:.3g} s, which is {(taus / sizes).min():.2f} to "
+                f"{(taus / sizes).max():.2f} times the {self.word}. No tau tried keeps it bounded with "
+                f"{self._nothing_tolerated()}. At these values of tau the linear loop with the estimates frozen at theta loses "
+                f"stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}. The "
+                f"small-gain theorem shows this loop stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. Along the "
+                f"boundary, at 5 % more than its tau, the tail error grows from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; "
+                f"at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
             how=f"Section V, robust MRAC, {MENDED}, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x "
             f"{len(TAUS)} values of tau, then bisection "
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. "
             "The frozen loop follows from the scheme's equations by exact Jacobians; it does not guarantee anything for the "
             "adapting loop",
             maps=(self._map(), self._chart()),
-            would_change="a tau that tolerates every size, or a boundary that does not rise with the size; the Delta* of the "
-            "theorem is not computed",
+            would_change="a tau that keeps runs bounded with every size, or a boundary that does not rise with the size. The "
+                "Delta* of the theorem is not computed",
         )  # fmt: skip
 
     def _nothing_tolerated(self) -> str:
@@ -162,12 +163,13 @@ class TauTradeOff:
             title=f"Theorem 2's trade-off: τ against {self.title}",
             caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = "
             f"{STEP * 1e3:g} ms. {LOSS_CRITERION}. "
-            f"Marks: the smallest τ tolerated over {BOUNDARY_RUN_FACTOR * T_END:g} "
-            "s, bisected to 1 %; these longer runs show growth that is too slow for the cells' shorter runs. Cells at large τ "
-            "and large modelling errors are lost because a transient of the learning outlasts the first quarter. The lines "
-            "refer to the linear loop with frozen estimates: its exact stability limit with θ̂ = θ, and the limit up to which "
-            "the small-gain theorem shows it stable, with θ̂ = θ and with the worst θ̂ found in the known set (an estimate; "
-            "above the end of this line the frozen loop is unstable with some θ̂ even without modelling error). None of them is "
+            f"Marks: the smallest τ that keeps runs of {BOUNDARY_RUN_FACTOR * T_END:g} s bounded, bisected to 1 %; these longer "
+            f"runs show growth that is too slow for the cells' shorter runs. Cells at large τ and large modelling errors are "
+            f"lost because a transient of the learning outlasts the first quarter. The lines refer to the linear loop with "
+            f"frozen estimates. They show its exact stability limit with θ̂ = θ, and the limits up to which the small-gain "
+            f"theorem shows it stable, with θ̂ = θ and with the worst θ̂ found in the known set. The last limit is an estimate; "
+            f"above the end of its line the frozen loop is unstable with some θ̂ even without modelling error. None of the "
+            f"lines is "
             "a guarantee for the adapting loop, whose estimates move.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),
             y=ChartAxis("τ [s]", TAUS, logarithmic=True),
@@ -193,12 +195,12 @@ class TauTradeOff:
             key=f"tau-error-{self.key}",
             title=f"The error along the boundary: {self.title}",
             caption=f"The cost of the smallest τ: the largest |e| in the last quarter of runs over "
-            f"{BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ at the observed boundary; below this boundary runs are "
-            f"lost. Away from the largest sizes the error is proportional to τ.",
+            f"{BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ at the observed boundary. Below this boundary runs "
+            f"are lost. Away from the largest sizes the error is proportional to τ.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),
             quantity="max |e| in the last quarter",
             curves=tuple(curves),
-            lost="lost beyond, or no τ is tolerated",
+            lost="lost beyond this point, or lost for every τ",
         )
 
 
@@ -212,13 +214,14 @@ def _range_of_tau(delay: TauTradeOff) -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(bool(inside.all()), f"{inside.sum()} of {len(inside)} values of tau from {RANGE_TAUS[0]:g} to "
-            f"{RANGE_TAUS[admitted][-1]:.3g} s tolerate {RANGE_DELAY:g} s"),
-            Reading("the upper limit is needed: no tau above 1/delta_0 tolerates it", not beyond.any(), f"{beyond.sum()} of "
-            f"{len(beyond)} values from {RANGE_TAUS[~admitted][0]:g} to {RANGE_TAUS[-1]:g} s tolerate it", "beside"),
+                f"{RANGE_TAUS[admitted][-1]:.3g} s keep the run bounded with a delay of {RANGE_DELAY:g} s"),
+            Reading("the upper limit is needed: no tau above 1/delta_0 keeps the run bounded", not beyond.any(),
+            f"{beyond.sum()} of {len(beyond)} values from {RANGE_TAUS[~admitted][0]:g} to {RANGE_TAUS[-1]:g} s do", "beside"),
         ),
         shows=f"A delay of {RANGE_DELAY:g} s is tolerated at {inside.sum()} of {len(inside)} values of tau below 1/delta_0 = "
         f"{1 / DELTA_0:g} s, and at {beyond.sum()} of {len(beyond)} above it.",
-        measured=f"the tail's largest |e| is {span(tails[admitted])} below 1/delta_0 and {span(tails[~admitted])} above it",
+        measured=f"the largest |e| in the tail is {span(tails[admitted])} for tau below 1/delta_0 and {span(tails[~admitted])} "
+            f"above it",
         how=f"Section V, robust MRAC, {MENDED}, with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}, exact delay of "
         f"{RANGE_DELAY:g} s, RK4, h = {STEP:g} s, {t_end:g} s. {LOSS_CRITERION}",
         listings=(table(f"The robust MRAC with a delay of {RANGE_DELAY:g} s", {"tau [s]": RANGE_TAUS, "max |e|, tail": tails}),),
@@ -250,14 +253,14 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
         ),
         shows=f"With theta known the loop tolerates mu = {tolerated_mu:.3g} s for -mu s and a delay of {margin:.3g} s; for "
         f"robust MRACs mu is {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
-        measured=f"the loop with theta known tolerates mu = {tolerated_mu:.4g} s, {ratio:.3f} times its delay margin; over "
-        f"{len(FROZEN_TAUS)} values of tau, the frozen loop of the robust MRAC tolerates delays of {span(limits[0])} s and "
-        f"values of mu of {span(limits[1])} s",
+        measured=f"the loop with theta known tolerates mu = {tolerated_mu:.4g} s, {ratio:.3f} times its delay margin. Over "
+            f"{len(FROZEN_TAUS)} values of tau, the frozen loop of the robust MRAC tolerates delays of {span(limits[0])} s and "
+            f"values of mu of {span(limits[1])} s",
         how="with theta known, the exact characteristic roots of 1 + L (1 - mu s); for the frozen loops of the robust MRAC, "
         f"{MENDED}, -mu s is realised as -mu s/({DERIVATIVE_POLE} s + 1)",
         listings=(table("Tolerated by the frozen loop", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu "
         "[s]": limits[1], "mu/delay": ratios}),),
-        would_change="a loop with theta known whose delay margin is a large phase at the frequency at which |L| = 1",
+        would_change="a loop with theta known whose delay margin corresponds to a large phase at the frequency at which |L| = 1",
     )  # fmt: skip
 
 

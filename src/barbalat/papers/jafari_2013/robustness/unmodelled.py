@@ -97,14 +97,15 @@ def compared_with_rohrs() -> tuple[tuple[Reading, ...], Listing]:
         Reading(
             "they can also diverge on Rohrs' plant (which the paper does not name), |theta| <= 20",
             bool(np.isfinite(wide[None]).any() and np.isfinite(wide[KAPPAS[0]]).any()),
-            f"{lost(None)}; {lost(KAPPAS[0])}; the frozen loops are stable with theta_hat up to {largest_gain(None):.3g} and {largest_gain(KAPPAS[0]):.3g}; with |theta| <= {NARROW_BOUND:g} "
+            f"{lost(None)}; {lost(KAPPAS[0])}. The frozen loops are stable with theta_hat up to {largest_gain(None):.3g} and "
+            f"{largest_gain(KAPPAS[0]):.3g}. With |theta| <= {NARROW_BOUND:g}, "
             f"{sum(int(np.isfinite(each).sum()) for each in narrow.values())} of {sum(each.size for each in narrow.values())} runs diverge",
             "beside",
         ),
         Reading(
             "on the same plant, L1-AC can also diverge with the slower filter",
             bool(np.isfinite(wide[kept]).any()),
-            f"{lost(kept)}: in these runs the slower filter keeps L1-AC bounded although MRAC diverges",
+            f"{lost(kept)}: in these runs L1-AC with the slower filter stays bounded although MRAC diverges",
             "beside",
         ),
     )  # fmt: skip
@@ -226,8 +227,10 @@ def claim(*, full: bool = False) -> Claim:
         sentence=SENTENCES["unmodelled-unbounded"],
         readings=readings,
         shows=f"With a delay of {firsts.min():g} s, which the loop tolerates if theta is known, runs grow without bound at every gain tried.",
-        measured=        f"shortest delay with unbounded growth, at any gain tried: {_of_section_v(found, ideal)}. At every gain, for {len(below['MRAC (3)-(4)'])} (MRAC) and {len(below['L1-AC (5)-(8)'])} (L1-AC) of {len(THETAS)} values of theta in the known set, "
-        f"the same loop tolerates this delay, {firsts.min():g} s to {firsts.max():g} s, if theta is known; theta = 0: {_of_the_centre(found, ideal)}",
+        measured=        f"shortest delay with unbounded growth, at any gain tried: {_of_section_v(found, ideal)}. At every "
+            f"gain, for {len(below['MRAC (3)-(4)'])} (MRAC) and {len(below['L1-AC (5)-(8)'])} (L1-AC) of {len(THETAS)} values "
+            f"of theta in the known set, the same loop tolerates this delay, {firsts.min():g} s to {firsts.max():g} s, if theta "
+            f"is known. For theta = 0: {_of_the_centre(found, ideal)}",
         how=f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
         f"{DELAYS[-1]:g} s; RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. A run counts as unbounded if it diverges or "
         f"if |e| in the last quarter exceeds {UNBOUNDED_RATIO:g} times the largest |x_m|; all other runs stay below "
@@ -296,8 +299,8 @@ def _below_the_limit(found: Loss) -> str:
     tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]
     lost = sum(int((row < limit).sum()) for row, limit in zip(found.loses, limits, strict=True))
     return (
-        f"its authors' measure, the delay margin of its limit for Gamma to infinity, is {limits.min():.3g} to "
-        f"{limits.max():.3g} s; of {tried} runs with a shorter delay {lost} are unbounded"
+        f"its authors' measure, the delay margin in the limit Gamma to infinity, is {limits.min():.3g} to {limits.max():.3g} s; "
+        f"{lost} of {tried} runs with a shorter delay are unbounded"
     )
 
 
@@ -308,9 +311,10 @@ def _down(value: float) -> str:
 def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[float, ...]) -> tuple[Listing, ...]:
     return tuple(
         table(
-            f"{name}: the largest delay [s] with a bounded run, the next one tried, which is unbounded (inf: none up to "
-            f"{DELAYS[-1]:g} s)"
-            ", the delay tolerated with theta known, and the largest |e| in the bounded runs' last quarter over the largest |x_m|",
+            f"{name}: the largest delay [s] with a bounded run and the next one tried, which is unbounded (inf: none up to "
+            f"{DELAYS[-1]:g} s); the delay tolerated with theta known; the largest |e| in the bounded runs' last quarter over "
+            f"the "
+            "largest |x_m|",
             {
                 "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
                 "Gamma": gains * len(THETAS),

@@ -150,7 +150,8 @@ class CommandErrors:
         return Reading(
             f"{self.scheme}: at the end of the run the error is below {SMALL_ERROR_SHARE:g} of the largest |x_m| with every command",
             bool(small.all()),
-            f"{int(small.sum())} of {len(small)} are; the largest is {self.late[worst]:.2g} ({self.kinds[worst]}); each is at most {(self.late / self.quarters[:, 0]).max():.2g} of the first quarter's error",
+            f"{int(small.sum())} of {len(small)} are. The largest error is {self.late[worst]:.2g} ({self.kinds[worst]}), and "
+            f"each is at most {(self.late / self.quarters[:, 0]).max():.2g} of the first quarter's error",
             "beside",
         )
 
@@ -214,8 +215,8 @@ def claim(*, full: bool = False) -> Claim:
 def _listing(of: CommandErrors, t_end: float) -> Listing:
     names = np.array(of.kinds)
     return Listing(
-        f"max |e| over the largest |x_m| in the first, the second and the last quarter of {t_end:g} s, {of.scheme}"
-        f": the smallest and the largest over a kind's {len(names) // len(KINDS)} commands",
+        f"largest |e| divided by the largest |x_m| in the first, second and last quarter of {t_end:g} s, {of.scheme}: the "
+        f"smallest and largest of the {len(names) // len(KINDS)} commands of each kind",
         ("command", "first quarter", "second quarter", "last quarter"),
         tuple((kind, *(span(column[names == kind]) for column in of.quarters[:, [0, 1, 3]].T)) for kind in KINDS),
     )

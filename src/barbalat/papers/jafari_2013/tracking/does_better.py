@@ -180,7 +180,7 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
             Reading(
                 "no tuning of L1-AC is better than L1-AC of Section V in this way",
                 not better_too.any(),
-                f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6); the largest value "
+                f"{int(better_too.sum())} of {count} are, {int(better_too[:half].sum())} of {half} with (6). The largest value "
                 f"of their smallest factor is {least_of_l1:.2f}, or {least_with_6:.2f} with (6); that of the robust MRAC is "
                 f"{least:.2f}",
                 "beside",
@@ -197,7 +197,7 @@ def better(l1: Side, robust: Side, own: Array) -> Claim:
         f"Section V: Gamma = {section_v.FIGURE_4_GAIN:g}, h = {OWN_STEP:g} s. Each side has {count} points of Sobol's sequence "
         f"over its parameters, on logarithmic scales: {ranges(L1_KNOBS)}, filter (6) or (2 kappa s + 1)/(kappa s + 1)^2; "
         f"{ranges(ROBUST_KNOBS)}. The delays are {len(DELAYS)} from {DELAYS[0]:g} to {DELAYS[-1]:g} s, then bisected {HALVINGS} "
-        f"times, in runs over {DELAYED_T_END:g} s; a run counts as tracking the model if its error in the tail is below "
+        f"times, in runs over {DELAYED_T_END:g} s. A run counts as tracking the model if its error in the tail is below "
         f"{UNFOLLOWED_SHARE:g} of the largest |x_m|",
         maps=(_chart(l1, robust),),
         listings=(
@@ -313,9 +313,9 @@ def _chart(*sides: Side) -> Chart:
         key="robust-mrac-l1-fronts",
         title="Results of each side's tunings: error against the tolerated delay",
         caption=""
-        "The Pareto front of all tunings of a side: the smallest value of max |e| among the tunings that tolerate at least this "
-        "input delay, without a disturbance and with the worse of d = 20 and d = 20 sin 2t. Both sides have the same number of "
-        "tunings, drawn evenly over their own parameters; none is selected by hand.",
+        "The Pareto fronts of all tunings of a side, without a disturbance and with the worse of d = 20 and d = 20 sin 2t. Each "
+        "shows the smallest max |e| among the tunings that tolerate at least this input delay. Both sides have the same number "
+        "of tunings, drawn evenly over their own parameters; none is selected by hand.",
         x=ChartAxis("tolerated input delay [s]", DELAYS, logarithmic=True),
         quantity="smallest max |e|",
         curves=tuple(curves),

@@ -48,8 +48,8 @@ def bound_9(size: int = MEMBERS) -> Claim:
         readings=(sentence.reads(bool((ratio < 1).all()), f"the largest |e| / bound is {ratio.max():.2f} over {size} runs"),),
         shows=f"The largest |e| of {size} random runs is {ratio.max():.2f} of the bound.",
         measured=        f"the largest |e| / bound is {ratio.max():.2f}, median {np.median(ratio):.2f}, over {size} runs",
-        how="Section V with theta drawn from the box and Gamma from 0.1 to 100; RK4, h = 1e-4 s, 20 s, every step; the bound is "
-        "rounded outward",
+        how="Section V with theta drawn from the box and Gamma from 0.1 to 100, RK4, h = 1e-4 s, 20 s, every step; the bound is "
+            "rounded outward",
         listings=(table("Largest |e| over the bound, by Gamma", _by_decade([c.gamma for _, c in members], ratio)),),
         would_change="one numerically stable run with e(0) = 0 and no modelling error whose |e| exceeds the bound",
         sharpened=FULL_COMMAND,
@@ -93,8 +93,8 @@ def bound_10(size: int = MEMBERS) -> Claim:
         readings=(sentence.reads(bool((ratio < 1).all()), f"the largest |e| / bound is {ratio.max():.3f} over {size} runs"),),
         shows=f"The largest |e| of {size} random runs is {ratio.max():.3f} of the bound.",
         measured=        f"the largest |e| / bound is {ratio.max():.3f}, median {np.median(ratio):.3f}, over {size} runs",
-        how=f"as for (9), kappa from 0.001 to 0.95 kappa_max = {0.95 * largest:.4f} s; certified norms and model bounds; nu_1, "
-        f"for which the paper gives no formula, by our own construction",
+        how=f"as for (9), with kappa from 0.001 to 0.95 kappa_max = {0.95 * largest:.4f} s and certified norms and model "
+            f"bounds. The paper gives no formula for nu_1, so we constructed one",
         listings=(
             table(
                 "Largest |e| over the bound, by kappa",
@@ -175,8 +175,8 @@ def part_iii() -> Claim:
         f"error is {left:.0e}, by Barbalat's lemma and C(0) = 1.",
         measured="for MRAC, part (iii) is part (i) with r constant. For L1-AC, the bound (10) for r = 50 as Gamma goes to "
         f"infinity is {bound:.4g}, and the error of a run in the tail is {left:.1g}. The missing steps: the integral of "
-        "|x_tilde|^2 is at most V(0), so x_tilde -> 0 (Barbalat); x_hat - x_m is then driven through W_b (1 - C) by a signal "
-        "that tends to a constant, and (1 - C)(0) = 0",
+        f"|x_tilde|^2 is at most V(0), so x_tilde -> 0 (Barbalat). Then x_hat - x_m is driven through W_b (1 - C) by a signal "
+        f"that tends to a constant, and (1 - C)(0) = 0",
         how=f"certified norm and model bounds, kappa = {section_v.KAPPA:g} s; run: Gamma = 1, RK4, h = 1e-3 s, 120 s",
         listings=(table("For r = 50: the error that part (ii) allows, and the error of a run", {"": ("bound (10), Gamma -> "
         "infinity", "|e|, tail of a run"), "|e|": (bound, left)}),),
@@ -299,9 +299,9 @@ def is_mrac() -> Claim:
         Reading(
             "MRAC has the predictor (8) in place of the model (2), to which it is equal without a filter",
             difference < 1e-9,
-            "without a filter the largest errors of (3), (7), (8) and of (3)-(4) have a relative difference of "
-            f"{difference:.1g}; with C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any "
-            "MRAC",
+            f"without a filter the largest errors of (3), (7), (8) and of (3)-(4) have a relative difference of "
+            f"{difference:.1g}. With C(s) before the plant and the predictor, (3), (7), (8) are (5)-(8) by definition, for any "
+            f"MRAC",
             "beside",
         ),
         *(
@@ -315,8 +315,8 @@ def is_mrac() -> Claim:
         shows=f"With the filter, (3)-(4) as printed, driven by e, have tail errors that are only {shares[own][0]:.2g} and "
         f"{shares[own][1]:.2g} times those of (5)-(8).",
         measured=f"a filter of kappa = {section_v.KAPPA:g} s before the error-driven MRAC gives a different scheme: {literal}. "
-        "The difference between them is the predictor (8), whose input is the filter's output: with C = 1 it is the model, and "
-        f"the errors are those of MRAC to within a relative difference of {difference:.1g}",
+        f"They differ in the predictor (8), whose input is the filter's output. With C = 1 the predictor is the model, and the "
+        f"errors equal those of MRAC to within a relative difference of {difference:.1g}",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = 1e-4 s, 60 s; weaker readings: Gamma = {numbers(FILTERED_GAINS)}, h down "
         f"to {min(FILTERED_KAPPAS.values()):g} s; a test confirms the step-by-step agreement with C = 1 to rounding",
         listings=(
