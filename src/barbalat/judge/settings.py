@@ -24,10 +24,10 @@ separates cycles from other runs."""
 class Judge(Settings):
     """The criteria for the verdicts *follows*, *lost* and *limit cycle*; all have defaults.
 
-    follows  by component, the largest |error| in the tail up to which a run counts as following, in the plant's units; 5 % of
-             the component's
-             scale by default. The scale is the model's largest motion; if the model is at rest, the largest of initial state,
-             noise and the model's response to the disturbances
+    follows  by component, the largest |error| in the tail up to which a run counts as following, in the plant's units. Every
+             component is judged: one without a value has 5 % of its scale, and a very large value excludes a component. The scale
+             is the model's largest motion; if the model is at rest, the largest of initial state, noise and the model's response
+             to the disturbances
     lost     by component, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale by default
     cycle    the hysteresis of a reversal of the limited control and the smallest swing of a limit cycle, as a fraction of the
              control's range. The range is that between its limits or, without limits, the one that it covers
