@@ -25,7 +25,11 @@ def rows(found: Design) -> list[list[str]]:
 
 def _failed(found: Design, one: Candidate) -> list[list[str]]:
     share = found.failed(one)
-    return [] if share is None else [[one.name, "no failed run under other commands", "", "", "", f"{share.count} of {share.judged} runs"]]
+    return (
+        []
+        if share is None
+        else [[one.name, "no failed run under other commands", "", "", "", f"{share.count} of {share.judged} runs"]]
+    )
 
 
 def _row(found: Design, one: Candidate, name: str) -> list[str]:

@@ -102,9 +102,7 @@ class Draws:
     def words(self) -> str:
         """The ranges of the commands' sizes and paces, relative to the command of the case."""
         sizes, paces = self.commands.T
-        return (
-            f"{sizes.min():.2g} to {sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast"
-        )
+        return f"{sizes.min():.2g} to {sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast"
 
     @property
     def groups(self) -> list[Array]:

@@ -214,7 +214,9 @@ class Design:
             others = [one.name for one in self.candidates[1:] if one.meets]
             if others:
                 also = "meets" if len(others) == 1 else "meet"
-                said.append(f"{', '.join(others)} {also} the specification too, with more failed validation runs or larger errors")
+                said.append(
+                    f"{', '.join(others)} {also} the specification too, with more failed validation runs or larger errors"
+                )
             said.append(
                 f"the tightest requirement is {first.tightest}: {first.factor[first.tightest] * 100:.0f} % of the limit is used"
             )
