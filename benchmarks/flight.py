@@ -25,7 +25,7 @@ from benchmarks.flight_cases import CASES, SIMULATION, shelled
 
 MACHINE = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
 OPTIONS = ["-std=c99", "-ffp-contract=off", "-O2"]
-BOARD = Path(__file__).parents[1] / "tests" / "export" / "cortex_m4"
+BOARD = Path(__file__).parents[1] / "examples" / "cortex-m"
 PAGE = Path(__file__).parents[1] / "docs" / "guides" / "flight-cost.txt"
 BOARD_EMULATOR = (
     "qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting-config", "enable=on,target=native", "-kernel", "program",

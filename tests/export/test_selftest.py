@@ -158,7 +158,7 @@ def test_it_passes_on_other_machines(name, machine, tmp_path, exported) -> None:
 
 
 CORTEX_M4F = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
-BOARD = Path(__file__).parent / "cortex_m4"
+BOARD = Path(__file__).parents[2] / "examples" / "cortex-m"
 
 
 @needs("arm-none-eabi-gcc", "qemu-system-arm")

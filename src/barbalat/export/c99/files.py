@@ -109,6 +109,7 @@ def readme(printed: Printed, *, closed_loop: bool = False, warning: str = "") ->
         measured_lines=_measured(printed),
         units=_units(printed),
         u_baseline=_handed(printed),
+        between=_between(printed),
         existing=EXISTING.format(macro=macro, measured=printed.measured) if contents.problem.handed_controls else "",
         commands=(f"{q} commands" if q > 1 else "the command") + units_text(command_units(contents.problem)),
         further=f" to [{m - 1}]" if m > 1 else "",
@@ -156,6 +157,13 @@ def _handed(printed: Printed) -> str:
     controls = len(printed.contents.problem.handed_controls)
     places = [f"{printed.macro}_U_BASELINE{f' + {i}' if i else ''}" for i in range(controls)]
     return "".join(f"    in.{printed.measured}[{place}] = ...;   /* u of the existing loop */\n" for place in places)
+
+
+def _between(printed: Printed) -> str:
+    """The functions that may be called between two steps."""
+    functions = ["start", *(["set"] if printed.contents.parameters else []), "read_log"]
+    named = [f"`{printed.name}_{one}`" for one in functions]
+    return f"{', '.join(named[:-1])} and {named[-1]}"
 
 
 def _measured(printed: Printed) -> str:

@@ -10,6 +10,12 @@ static void stop(void)
     }
 }
 
+/* An interrupt of the timer, for programs without one. */
+__attribute__((weak)) void SysTick_Handler(void)
+{
+    stop();
+}
+
 void reset(void)
 {
     *(volatile uint32_t *)0xE000ED88u |= 0xFu << 20; /* CPACR: full access to CP10 and CP11 (ARMv7-M, B3.2.20) */
@@ -19,5 +25,5 @@ void reset(void)
 }
 
 __attribute__((section(".vectors"), used)) static void (*const vectors[])(void) = {
-    (void (*)(void))&top_of_stack, reset, stop, stop, stop, stop, stop,
+    (void (*)(void))&top_of_stack, reset, stop, stop, stop, stop, stop, 0, 0, 0, 0, stop, stop, 0, stop, SysTick_Handler,
 };
