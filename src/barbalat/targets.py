@@ -41,7 +41,8 @@ MEASURED_STATE = Need(
 KNOWN_SET = Need(
     "a known set",
     lambda problem: isinstance(problem, Problem) and problem.uncertainty is not None,
-    "the known set: give uncertainty.lower and .upper, or .center and .radius",
+    "the known set, the ranges of the plant: give the parameters in [parameters] a tolerance, or give uncertainty.lower and "
+    ".upper, or .center and .radius",
 )
 NO_CLOCK = Need(
     "a plant without t in its terms",
@@ -78,10 +79,11 @@ EXPORT = Target(command="export", called="an export", sampled=True)
 EXPORTED_LOOP = Target(command="export --closed-loop", called="an exported loop", problem=(NO_CLOCK,), sampled=True)
 IN_THE_LOOP = Target(command="run --sil", called="software in the loop", sampled=True)
 CONTEST = Target(command="contest", called="a contest", problem=(MEASURED_STATE, KNOWN_SET), tunable=True)
+DESIGN = Target(command="design", called="a design", problem=CONTEST.problem, tunable=True)
 TRADE_OFF = Target(command="tradeoff", called="the trade-off", problem=(MEASURED_STATE, KNOWN_SET), tunable=True)
 TUNE = Target(command="tune without --vary", called="a search over the settings of a scheme", tunable=True)
 
-TARGETS = (EXPORT, EXPORTED_LOOP, IN_THE_LOOP, CONTEST, TRADE_OFF, TUNE)
+TARGETS = (EXPORT, EXPORTED_LOOP, IN_THE_LOOP, CONTEST, DESIGN, TRADE_OFF, TUNE)
 """All targets that do not accept every case. ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary accept every
 case."""
 

@@ -49,6 +49,7 @@ scheme = "mrac"
 gamma = 1.0
 sample_time = 0.005
 """
+UNKNOWN = "[uncertainty]\nlower = [0.0]\nupper = [3.0]\n"
 SMALL = ["--schemes", "mrac", "--plants", "2", "--members", "8"]
 
 
@@ -121,6 +122,13 @@ def test_refusals_are_one_sentence(tmp_path, capsys, specification, said):
 def test_a_case_without_a_specification_is_refused(capsys):
     assert main(["design", "first-order"]) == 2
     assert "[specification]" in capsys.readouterr().err
+
+
+def test_a_case_without_ranges_is_told_how_to_give_them(tmp_path, capsys):
+    (tmp_path / "case.toml").write_text(CASE.replace("SPECIFICATION", "settling = 1.5").replace(UNKNOWN, ""))
+    assert main(["design", "case.toml"]) == 2
+    said = "a design needs the known set, the ranges of the plant: give the parameters in [parameters] a tolerance"
+    assert said in capsys.readouterr().err
 
 
 AROUND_A_BASELINE = """

@@ -365,7 +365,7 @@ def test_the_schema_says_where_a_scheme_and_a_signal_do_not_go():
     assert left_out(SCHEMES["linear"]) == "Does not support plants with several inputs or a regressor other than x."
     assert (
         left_out(SCHEMES["mit-rule"])
-        == "Does not support plants with several inputs or a baseline. Not for contest, tradeoff and tune without --vary."
+        == "Does not support plants with several inputs or a baseline. Not for contest, design, tradeoff and tune without --vary."
     )
-    assert left_out(OUTPUT_SCHEMES["l1-output-piecewise"]) == "Not for contest and tradeoff."
+    assert left_out(OUTPUT_SCHEMES["l1-output-piecewise"]) == "Not for contest, design and tradeoff."
     assert sum("A page of explore keeps" in one for one in said) >= len(SIGNALS)

@@ -44,7 +44,7 @@ from barbalat.study.ideal_benchmark import NOISE_SENTENCE
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.study.resolved import resolved
 from barbalat.study.verdicts import Criterion
-from barbalat.targets import CONTEST, require_continuous_reading
+from barbalat.targets import CONTEST, Target, require_continuous_reading
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
@@ -106,9 +106,9 @@ def contest(
     return replace(found, notes=(*said, *found.notes))
 
 
-def posed(problem: TrackingProblem) -> Problem:
-    """Return the problem if a contest can be held on it. InputError otherwise."""
-    CONTEST.require(problem)
+def posed(problem: TrackingProblem, target: Target = CONTEST) -> Problem:
+    """Return the problem if a contest, or another target, can be held on it. InputError otherwise."""
+    target.require(problem)
     assert isinstance(problem, Problem)
     return problem
 

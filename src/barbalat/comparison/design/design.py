@@ -32,6 +32,7 @@ from barbalat.protocols import Controller
 from barbalat.study.fixed_steps import fixed_steps
 from barbalat.study.resolved import resolved
 from barbalat.sweeps.statistics import Share
+from barbalat.targets import DESIGN
 from barbalat.validate import Array, InputError, counted
 
 DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 4, 288, 64
@@ -361,7 +362,7 @@ def design(
             "the case has no [specification]: add this table with requirements, such as settling = 1.0 and u_max = 10.0"
         )
     validate.instance("specification", asked, Specification)
-    problem = posed(whole.problem)
+    problem = posed(whole.problem, DESIGN)
     steps = fixed_steps(problem, whole.controllers, whole.simulation)
     check = None if steps.tolerance is None else resolved(problem, whole.controllers, steps.tolerance)
     simulation, whole = steps.simulation, replace(whole, simulation=steps.simulation)
