@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from barbalat.certificates.certify import certify
-from barbalat.controllers import Adrc, L1Adaptive, Mrac
+from barbalat.controllers import Adrc, L1Adaptive, Mrac, Sampled
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import GainError
@@ -89,6 +89,23 @@ def test_an_oscillation_that_is_the_solvers_is_told(section_v):
     assert found[controller.name].values["delay_onset_simulated"] == 0
     assert any("outside the region of stability" in text and "settles nothing" in text for text in said)
     assert not any("same verdicts" in text for text in said)  # an unstable run confirms nothing
+
+
+def test_euler_steps_of_a_sampled_law_are_not_put_down_to_the_solver():
+    """Its h |lambda| is far within the solver's limits. A smaller step of the solver leaves the spectral radius as it is;
+    only a smaller sample time removes the finding."""
+
+    def found(sample_time, dt):
+        law = Sampled(Mrac(gamma=1e3), sample_time, discretization="euler")
+        return PlainRun.of(DRIVE, law, Simulation(t_end=4.0, dt=dt))
+
+    coarse, fine, quick = found(0.02, 1e-3), found(0.02, 2.5e-4), found(1e-3, 2.5e-4)
+    assert coarse.label is not None and 100 * coarse.h_lambda_max < min(coarse.limits)
+    assert fine.label is not None and fine.radius_max == pytest.approx(coarse.radius_max, rel=0.01)
+    assert quick.label is None and not quick.sentences
+    (said,) = coarse.sentences
+    assert "sample time" in said and f"{coarse.radius_max:.4g}" in said
+    assert "solver's limit" not in said and "check_numerics" not in said
 
 
 def test_a_finer_step_confirms_each_controller():

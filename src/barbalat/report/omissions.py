@@ -17,10 +17,14 @@ def grouped_omissions(sentences: Iterable[str]) -> list[str]:
         found = _OMITTED.fullmatch(sentence)
         why = sentence if found is None else _reason(found["why"])
         groups.setdefault(why, []).append((sentence, "" if found is None else found["who"]))
-    return [
-        group[0][0] if len(group) == 1 else f"{', '.join(who for _, who in group)} are omitted: each {why}"
-        for why, group in groups.items()
-    ]
+    return [group[0][0] if len(group) == 1 else _together([who for _, who in group], why) for why, group in groups.items()]
+
+
+def _together(names: list[str], why: str) -> str:
+    """Return the sentence on several schemes. A name may contain a comma."""
+    between = "; " if any("," in name for name in names) else ", "
+    each = f"they declare{why.removeprefix('declares')}" if why.startswith("declares ") else f"each {why}"
+    return f"{between.join(names)} are omitted: {each}"
 
 
 def _reason(why: str) -> str:

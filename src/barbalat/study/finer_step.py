@@ -20,7 +20,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.by_tolerance import FINER
 from barbalat.run.engine.simulate import simulate
-from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE, NOT_REPEATED
 from barbalat.solvers.simulation import LEAST_TOLERANCE, Simulation
 from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, DelayMargins, gains_scanned, longest_delay
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed, quiet
@@ -52,6 +52,7 @@ class PlainRun:
 
     h_lambda_max  the largest step times |eigenvalue| along the run; ``limits`` are the solver's limits on the imaginary and the
                   real axis. None with a tolerance
+    radius_max    for a law sampled by Euler steps, the largest spectral radius of its map from sample to sample; otherwise None
     label         *outside the region of stability from ...*, or None
     damping       a sentence if numerical damping may hide an oscillation, or None
     verdict       the judge's
@@ -65,6 +66,7 @@ class PlainRun:
     damping: str | None
     verdict: Verdict
     settles: bool
+    radius_max: float | None = None
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None = None) -> PlainRun:
@@ -81,6 +83,7 @@ class PlainRun:
         return cls(
             settles=settles,
             h_lambda_max=run.stiffness.h_lambda_max,
+            radius_max=run.stiffness.radius_max,
             limits=(solver.imaginary_limit, solver.real_limit),
             label=run.label,
             damping=None if run.damping is None else run.damping.sentence,
@@ -91,15 +94,30 @@ class PlainRun:
     def sentences(self) -> list[str]:
         """The findings about the run, as sentences."""
         said = []
-        if self.label is not None and self.limits is not None:
+        is_ = "" if self.label is None or self.label.startswith("diverges") else "is "
+        if self.label is not None and self._of_the_law:
+            said.append(
+                f"the run without a delay {is_}{self.label.removesuffix(NOT_REPEATED)}: the law takes one Euler step in each "
+                f"sample time, which amplifies modes that its equations do not (spectral radius from sample to sample up to "
+                f"{self.radius_max:.4g}). An oscillation may be due to the sample time, which a smaller simulation.dt does not "
+                f"change"
+            )
+        elif self.label is not None and self.limits is not None:
             imaginary, real = self.limits
             said.append(
-                f"the run without a delay is {self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit "
+                f"the run without a delay {is_}{self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit "
                 f"is {imaginary:.3g} on the imaginary axis and {real:.3g} on the real one, so an oscillation may be due to the "
                 f"solver"
                 f"{'' if self.settles else f'. A step {FINER_BY} times smaller leaves the region too and settles nothing'}"
             )
         return [*said, *filter(None, (self.damping,))]
+
+    @property
+    def _of_the_law(self) -> bool:
+        """Whether the law's own Euler steps, and not the solver's, leave the region: the solver's are within both its limits."""
+        if self.radius_max is None or self.limits is None or self.h_lambda_max is None:
+            return False
+        return self.radius_max > 1 and self.h_lambda_max < min(self.limits)
 
     def as_json(self) -> dict[str, Any]:
         return {

@@ -136,14 +136,11 @@ def entrants_of(
         raise InputError(f"--schemes must be one of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
     reach, how = reach_of(problem, simulation)
     theta_set, theta_0 = problem.known.theta_set, problem.known.theta_0
-    beyond = unresolved(reach.highest_gain, how, simulation)
-    left_out = [f"{beyond}, are not tried"]
-    if sample_time is not None:
+    if sample_time is None:
+        left_out = [f"{unresolved(reach.highest_gain, how, simulation)}, are not tried"]
+    else:
         reach = reach.sampled(sample_time, SAMPLED_GAINS_BEYOND)
-        left_out = [
-            f"gains above {SAMPLED_GAINS_BEYOND:g} times {beyond.removeprefix('gains above ')} of a continuous law, and time "
-            f"constants below half a sample period, {reach.times[0]:g} s, are not tried"
-        ]
+        left_out = [f"adaptive gains above {reach.highest_gain:.2g} and time constants below {reach.times[0]:g} s are not tried"]
     reach = replace(
         reach,
         theta_hat0=theta_0 if theta_0 is not None or theta_set is None else theta_set.middle,
@@ -154,7 +151,7 @@ def entrants_of(
     found, outside = [], {id(one) for one in own}
     for name, one in [*candidates, *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
-            left_out.append(f"{name} is omitted: it does not declare what can be tuned")
+            left_out.append(f"{name} is omitted: it declares no tunable setting")
             continue
         entrant = Entrant(knobs=one.knobs(reach))
         if id(one) in outside and reach.theta_hat0 is not None:

@@ -169,6 +169,10 @@ def _text(values: Array) -> str:
     return ", ".join(f"{v:.3g}" for v in np.atleast_1d(values))
 
 
+NOT_REPEATED = ", not settled without a finer step (check_numerics)"
+"""The end of the label of a run that was not repeated."""
+
+
 def label(unstable_from: float | None, diverged_at: float | None, kind: Class | None, check: FinerStep | None) -> str | None:
     """The label; None for a run that stayed inside the region, or whose class ``kind`` a finer step confirms with at least as
     much oscillation. Times are in s.
@@ -182,7 +186,7 @@ def label(unstable_from: float | None, diverged_at: float | None, kind: Class | 
     outside = f"outside the region of stability from t = {unstable_from:.4g} s"
     diverges = "" if diverged_at is None else f"diverges at t = {diverged_at:.4g} s, "
     if check is None:
-        return f"{diverges}{outside}, not settled without a finer step (check_numerics)"
+        return f"{diverges}{outside}{NOT_REPEATED}"
     if check.origin == "solver" or (diverged_at is None and check.kind is not None and check.kind is not kind):
         return f"numerically unstable from t = {unstable_from:.4g} s"
     if check.origin != "unsettled":
