@@ -155,6 +155,24 @@ def test_what_the_longest_outage_is_worth_is_told(capsys) -> None:
     assert "longest_outage" not in capsys.readouterr().out
 
 
+def test_a_verdict_is_shown_only_where_it_differs_from_that_without_faults(capsys) -> None:
+    """A table of two states has one line for each kind of fault on a screen of 80 columns."""
+    row = Degradation(faults="10 % lost, in bursts of 10", draws=8, missed=0.1, beyond=0.2, worst=(2.0, 3.0), lost=0)
+    same, worse = replace(row, classes={"off": 8}), replace(row, faults="50 % lost", classes={"off": 7, "limit cycle": 1})
+    found = Campaign(
+        controller="c", names=("theta", "omega"), units=("rad", "rad/s"), sample_time=T, nominal=(1.0, 2.0), rows=(same, same),
+        starts=(T,), longest=3, most=9, verdict="off", sentence="off by 9 % in omega",
+    )  # fmt: skip
+    _show(Screen(), found)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[-5:] for line in lines if "in bursts of 10" in line] == [["20", "%", "2", "3", "2"]] * 2
+    assert max(map(len, lines)) <= 80 and not any("verdict  " in line for line in lines)
+    _show(Screen(), replace(found, rows=(same, worse)))
+    said = capsys.readouterr().out
+    assert "none: verdict off," in said and "50 % lost: verdict off 7, limit cycle 1," in said
+    assert "10 % lost, in bursts of 10: missed samples 10 %," in said
+
+
 def test_a_component_without_any_error_does_not_count() -> None:
     row = Degradation(faults="", draws=1, missed=0.0, beyond=0.0, worst=(0.0, 3.0), lost=0)
     found = Campaign(

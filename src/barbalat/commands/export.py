@@ -128,17 +128,11 @@ def execute(options: argparse.Namespace) -> int:
 def _show(screen: Screen, found: Campaign) -> None:
     """Print the effect of faults, compared with the run without faults, and the longest tolerated outage."""
     from barbalat.export.campaign import TOLERATED
-    from barbalat.judge.verdict import percent
     from barbalat.validate import counted
 
     screen.title(f"{found.controller}: the compiled C run through faults")
     screen.line(f"Without faults: {found.sentence}.")
-    all_errors = len(found.names) <= MOST_ERROR_COLUMNS
-    errors = [f"max |e|\n{one}" for one in _components(found)] if all_errors else ["worst\nmax |e|"]
-    unchanged = [f"{value:.4g}" for value in found.nominal] if all_errors else ["-"]
-    nominal = ["none", found.verdict, percent(found.missed), "0 %", *unchanged, "1"]
-    headings = ["faults", "verdict", "missed\nsamples", "time\nbeyond", *errors, "factor"]
-    screen.table(headings, [nominal, *(_row(found, row, all_errors=all_errors) for row in found.rows)])
+    judged = _table(screen, found)
     outage = f"{counted(found.longest, 'sample')}, {found.longest * found.sample_time:.4g} s"
     one_more = (
         "it is the longest one tried" if found.worst is None else f"one more sample did harm from t = {found.worst:.6g} s on"
@@ -157,9 +151,31 @@ def _show(screen: Screen, found: Campaign) -> None:
     screen.line(
         f"Each row is the worst of {draws}, but the number of missed samples is their mean, up to where a run diverges. Time "
         f"beyond: the fraction of time for which any |e_i| exceeds its fault-free maximum. Factor: the largest |e_i| divided by "
-        f"its fault-free maximum, for the worst component. The judge gives a verdict on each draw; a verdict without a count "
-        f"applies to all draws."
+        f"its fault-free maximum, for the worst component. "
+        + (
+            "The judge gives a verdict on each draw. It is shown if it differs from that without faults; without a count it "
+            "applies to all draws."
+            if judged
+            else "The judge's verdict on every draw is that without faults."
+        )
     )
+
+
+def _table(screen: Screen, found: Campaign) -> bool:
+    """Print a row for each kind of faults. Return whether a verdict differs from that without faults; only then there is a column
+    of verdicts."""
+    from barbalat.judge.verdict import percent
+
+    all_errors = len(found.names) <= MOST_ERROR_COLUMNS
+    errors = [f"max |e|\n{one}" for one in _components(found)] if all_errors else ["worst\nmax |e|"]
+    unchanged = [f"{value:.4g}" for value in found.nominal] if all_errors else ["-"]
+    verdicts = ["" if row.verdict == found.verdict else row.verdict for row in found.rows]
+    judged = any(verdicts)
+    rows = [["none", *[found.verdict] * judged, percent(found.missed), "0 %", *unchanged, "1"]]
+    for row, verdict in zip(found.rows, verdicts, strict=True):
+        rows.append([row.faults, *[verdict] * judged, *_figures(found, row, all_errors=all_errors)])
+    screen.table(["faults", *["verdict"] * judged, "missed\nsamples", "time\nbeyond", *errors, "factor"], rows)
+    return judged
 
 
 def _components(found: Campaign) -> list[str]:
@@ -171,7 +187,8 @@ MOST_ERROR_COLUMNS = 3
 """Number of components up to which each has a column; if there are more, a row shows the component that grows most."""
 
 
-def _row(found: Campaign, row: Degradation, *, all_errors: bool) -> list[str]:
+def _figures(found: Campaign, row: Degradation, *, all_errors: bool) -> list[str]:
+    """The entries of a row after its verdict."""
     from barbalat.judge.verdict import percent
 
     i = found.worst_component(row)
@@ -180,4 +197,4 @@ def _row(found: Campaign, row: Degradation, *, all_errors: bool) -> list[str]:
     errors = ["-"] * (len(found.nominal) if all_errors else 1)
     if row.worst is not None and i is not None:
         errors = [f"{value:.4g}" for value in row.worst] if all_errors else [f"{row.worst[i]:.4g} in {_components(found)[i]}"]
-    return [row.faults, row.verdict, *shares, *errors, factor]
+    return [*shares, *errors, factor]

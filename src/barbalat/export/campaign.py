@@ -192,7 +192,7 @@ def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
     """Faults keyed by name: the faults of the case, and lost measurements, which every controller eventually encounters."""
     found: dict[str, tuple[Fault, ...]] = {"the case's own": tuple(own)} if own else {}
     found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
-    words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
+    words = f"{100 * BURST_SHARE:g} % lost, in bursts of {BURST_SAMPLES}"
     return found | {words: (Dropout(share=BURST_SHARE, burst=BURST_SAMPLES * T),)}
 
 
