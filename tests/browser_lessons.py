@@ -23,6 +23,17 @@ from browser_explorer import compared, copied, judged_alike, settled
 from chromium import look, overheard
 
 CONDITIONS = "() => [...document.querySelectorAll('#conditions [data-condition]')].map(one => one.dataset.condition)"
+LONG, NEXT = "figure-4", "small-gain"
+"""A lesson that takes seconds, and one that is chosen before they have passed."""
+MARKED = "() => document.querySelectorAll('[aria-busy=true]').length"
+CHOSEN = """async (lesson) => {
+    const choice = document.querySelector('[data-part=choice]');
+    choice.value = lesson;
+    choice.dispatchEvent(new Event('change'));
+    await new Promise((done) => setTimeout(done, 500));
+    const marked = ['verdicts', 'charts', 'figures'].every((id) => document.getElementById(id).closest('[aria-busy=true]'));
+    return [marked, document.getElementById('running')?.textContent ?? '', document.body.dataset.state === 'ready'];
+}"""
 ESTIMATE_ERROR = 1e-3
 """Tolerance of a trapezoidal sum with steps of 0.02 divided by the matrix's norm. The sum is inaccurate where a component changes
 its sign."""
@@ -46,6 +57,8 @@ def of_page(browser: Browser, file: Path) -> Iterator[str]:
         if "kappa" in lesson.key or "bias" in lesson.key:
             said += [f"{lesson.key}: {one}" for one in estimated(tab)]
     said += by_address(tab, file)
+    if LONG in {lesson.key for lesson in PAGES[file.name]}:
+        said += hurried(tab)
     tab.close()
     yield from (f"{file.name}: {one}" for one in said)
     yield from at_both_widths(tabs(browser), file.name, f"{file.as_uri()}#lesson={PAGES[file.name][-1].key}")
@@ -84,6 +97,21 @@ def by_address(tab: Page, file: Path) -> Iterator[str]:
     settled(tab)
     if goal(tab) != "reached":
         yield f"the address of {lesson.key} with its example opens as {goal(tab)}"
+
+
+def hurried(tab: Page) -> Iterator[str]:
+    """The faults of a page on which a lesson is chosen while another one runs: it must mark the results that it still shows as
+    earlier ones, and end with those of the last lesson."""
+    for lesson in (LONG, NEXT):
+        marked, said, ready = tab.evaluate(CHOSEN, lesson)
+        if ready and lesson == LONG:
+            yield f"{lesson} is too short to show what the page says while it runs"
+        if not ready and not (marked and said.endswith("The panels show the previous setting.")):
+            yield f"{lesson}: the results of the lesson before are not marked, and the page says {said!r}"
+    settled(tab)
+    if tab.evaluate(MARKED):
+        yield f"{NEXT}: its own results are marked as earlier ones"
+    yield from compared(tab, f"{NEXT} after {LONG}")
 
 
 def goal(tab: Page) -> str | None:

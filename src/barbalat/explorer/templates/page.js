@@ -19,46 +19,118 @@ const keys = data.controllers.map(() => "");
 const wanted = data.controllers.map(() => null);
 const busy = data.controllers.map(() => false);
 const costs = data.controllers.map(() => 0);
+const behind = data.controllers.map(() => null); // what a controller has been waiting for since its last result
+const results = document.querySelectorAll(".result");
+let asked = 0;
 let pinned = null;
 let drawn = 0;
 let drawnAt = 0;
 const PATIENCE = 150; // ms without a picture, after which finished runs are drawn before the others have arrived
+const LATE = 300; // ms without a result, after which the page says that it shows the previous setting
 let following = null; // the setting that follows once the lesson's initial setting has been simulated
 
 const source = URL.createObjectURL(new Blob([JSON.parse(byId("worker").textContent)], { type: "text/javascript" }));
 const count = Math.max(1, Math.min(data.controllers.length, navigator.hardwareConcurrency || 1));
-const workers = Array.from({ length: count }, () => new Worker(source));
-const idle = workers.slice();
-for (const worker of workers) {
+const idle = Array.from({ length: count }, started);
+
+function started() {
+  const worker = new Worker(source);
   worker.onerror = (event) => { byId("failed").textContent = `This browser can't run the page's simulations: ${event.message}`; };
   worker.onmessage = ({ data: answer }) => {
+    if ("done" in answer) {
+      busy[answer.index].done = answer.done;
+      showProgress();
+      return;
+    }
     idle.push(worker);
     answered(answer);
     send();
   };
+  return worker;
 }
 
 function changed() {
+  following = null;
   history.replaceState(null, "", `#${toHash(data, setting)}`);
   request();
 }
 
+// Stops the simulation of a controller whose result nothing will show.
+function abandon(i) {
+  if (!waits(i)) return;
+  if (busy[i]) {
+    const { worker } = busy[i];
+    worker.onmessage = null; // the last message may already be on its way
+    worker.terminate();
+    idle.push(started());
+  }
+  [busy[i], wanted[i], behind[i], keys[i]] = [false, null, null, ""];
+}
+
+// A lesson begins: no result of the setting before it arrives any more.
+function abandonAll() {
+  data.controllers.forEach((_, i) => abandon(i));
+}
+
 function request() {
+  const before = keys.join();
   data.controllers.forEach((_, i) => {
-    if (!setting.shown[i]) return;
+    if (!setting.shown[i]) {
+      abandon(i);
+      return;
+    }
     const task = taskOf(data, setting, i);
     const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag, task.between?.fraction, task.recordPoints, task.condition?.parameters].join(" ");
     if (key === keys[i]) return;
     keys[i] = key;
     wanted[i] = { task, began: performance.now() };
+    if (!behind[i]) awaited(i);
   });
+  if (keys.join() !== before) asked += 1;
   send();
   document.body.dataset.state = "busy";
   if (!waiting()) show();
 }
 
+function waits(i) {
+  return Boolean(busy[i] || wanted[i]);
+}
+
 function waiting() {
-  return [...busy, ...wanted].some(Boolean);
+  return data.controllers.some((_, i) => waits(i));
+}
+
+// Says so if a controller's next result takes long.
+function awaited(i) {
+  const next = {};
+  behind[i] = next;
+  setTimeout(() => { if (behind[i] === next) sayRunning(i); }, LATE);
+}
+
+// Marks the results on the page as those of an earlier setting. The first setting has none.
+function sayRunning(i) {
+  const steps = (busy[i] || wanted[i]).task.grid.steps.toLocaleString("en");
+  showProgress();
+  const earlier = asked > 1 && drawnAt > 0;
+  byId("running").textContent = `Running ${steps} steps …${earlier ? " The panels show the previous setting." : ""}`;
+  for (const one of results) {
+    one.setAttribute("aria-busy", "true");
+    one.classList.toggle("earlier", earlier);
+  }
+}
+
+// The progress of the slowest run, without words, since a live region would read each of them out.
+function showProgress() {
+  const done = data.controllers.flatMap((_, i) => (waits(i) ? [busy[i].done ?? 0] : []));
+  byId("running").style.setProperty("--done", `${(100 * Math.min(...done)).toFixed()}%`);
+}
+
+function sayDone() {
+  byId("running").textContent = "";
+  for (const one of results) {
+    one.removeAttribute("aria-busy");
+    one.classList.remove("earlier");
+  }
 }
 
 // Sends tasks to the free workers, beginning with the one that took longest last time.
@@ -67,9 +139,9 @@ function send() {
     const free = wanted.flatMap((one, i) => (one && !busy[i] ? [i] : []));
     if (!free.length) return;
     const i = free.reduce((best, one) => (costs[one] > costs[best] ? one : best));
-    busy[i] = wanted[i];
+    busy[i] = { ...wanted[i], worker: idle.pop() };
     wanted[i] = null;
-    idle.pop().postMessage({ ...busy[i].task, id: i });
+    busy[i].worker.postMessage({ ...busy[i].task, id: i });
   }
 }
 
@@ -77,8 +149,12 @@ function answered(answer) {
   const i = answer.index;
   const { task, began } = busy[i];
   busy[i] = false;
-  if (answer.failed) byId("failed").textContent = `${data.controllers[i].name} can't be simulated here: ${answer.failed}`;
-  else {
+  behind[i] = null;
+  if (wanted[i]) awaited(i);
+  if (answer.failed) {
+    runs[i] = null;
+    byId("failed").textContent = `${data.controllers[i].name} can't be simulated here: ${answer.failed}`;
+  } else {
     const { tEnd, steps } = task.grid;
     answer.t = answer.starts.map((k) => (k * tEnd) / steps);
     answer.began = began;
@@ -123,7 +199,10 @@ function draw() {
   byId("coarse").style.visibility = live.some(({ run }) => run.coarse) ? "visible" : "hidden"; // it keeps its space, so that the layout does not jump
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
-  if (!waiting()) settled(live);
+  if (!waiting()) {
+    sayDone();
+    settled(live);
+  }
   document.body.dataset.state = waiting() || drawn ? "busy" : "ready";
 }
 
@@ -168,6 +247,7 @@ function settled(live) {
 // Reads the setting from the address. If the address names a lesson and changes its setting, the lesson's initial setting is
 // simulated first and the changed one after it.
 function entered() {
+  abandonAll();
   const given = fromHash(data, location.hash.slice(1));
   const beginning = beginningOf(data, given.lesson);
   following = given.lesson && toHash(data, given) !== toHash(data, beginning) ? given : null;
@@ -178,6 +258,7 @@ function entered() {
 }
 
 function begin(key) {
+  abandonAll();
   lessons.begun(key);
   Object.assign(setting, beginningOf(data, key));
   controls.show();

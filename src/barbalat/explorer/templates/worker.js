@@ -10,6 +10,7 @@ import { Continued, cycleOf, heldIn, Kept, renew, slowestPeriod, verdictOf } fro
 import { conditionOf } from "./impulse.js";
 import { stabilityOf, Watch } from "./stability.js";
 
+const TELL_EVERY = 100; // ms between two reports of progress
 const kernels = new Map();
 const conditions = new Map(); // the last condition of each controller
 let table = null;
@@ -162,7 +163,8 @@ function conditionFor({ index, condition }) {
   return conditions.get(index).value;
 }
 
-export function simulated(task) {
+// Simulates a task. told(fraction) is called with the fraction of the steps that are done.
+export function simulated(task, told = () => undefined) {
   const began = performance.now();
   const { grid, shape } = task;
   const commands = tableFor(task);
@@ -217,6 +219,7 @@ export function simulated(task) {
     kept += one.blocks;
     bounded = totals.merge(one, out, shape.states);
     if (!bounded) break;
+    told(stopOf(one) / grid.steps);
   }
   const finalState = kernel.view(at.state, shape.states).slice();
   const ring = task.lag ? kernel.view(at.ring, ringAt).slice() : null;
@@ -299,7 +302,12 @@ function judged(task, kernel, commands, watch, stop, recorded, starts) {
 if (typeof document === "undefined") {
   self.onmessage = ({ data }) => {
     try {
-      const found = simulated(data);
+      let said = performance.now();
+      const found = simulated(data, (done) => {
+        if (performance.now() - said < TELL_EVERY) return;
+        said = performance.now();
+        self.postMessage({ index: data.index, done });
+      });
       self.postMessage({ id: data.id, index: data.index, ...found }, [found.recorded.buffer, found.starts.buffer, found.r.buffer]);
     } catch (error) {
       self.postMessage({ id: data.id, index: data.index, failed: String(error) });
