@@ -70,7 +70,9 @@ def test_a_finding_is_told_only_where_it_was_measured() -> None:
     claim = a_claim("tau-error", False, statement="<b>a statement</b>")
     (lesson,) = [lesson for _, lesson in LESSONS if lesson.key == "figure-2"]
     told = {one["id"]: one for one in lesson.as_data(("Robust MRAC", "L1", "MRAC"), [claim])["claims"]}
-    assert told["figures-2-5"] == {"id": "figures-2-5"}
+    assert told["figures-2-5"] == {
+        "id": "figures-2-5", "statement": "Figures 2 to 5 look as their captions and the text describe them",
+    }  # fmt: skip
     assert (told["tau-error"]["finding"], told["tau-error"]["headline"]) == ("fails", "It is 7.")
     assert addresses([claim])["tau-error"] == "explorer.html#lesson=figure-2"
     assert "boundary" not in addresses([claim])

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 from barbalat.papers.claim import Claim
+from barbalat.papers.finding import Sentence
+from barbalat.papers.ledger import part_with
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,12 +108,19 @@ class Lesson:
 
 
 def _claim(name: str, claims: Sequence[Claim]) -> dict[str, Any]:
-    """Return a row of the ledger, with its finding if it was measured in the same run."""
+    """Return a row of the ledger: its sentence, and its finding if it was measured in the same run."""
     found = [claim for claim in claims if claim.id == name]
     if not found:
-        return {"id": name}
+        return {"id": name, "statement": _statement(name)}
     (claim,) = found
     return {
         "id": name, "statement": claim.statement, "finding": claim.finding, "headline": claim.headline,
         "place": f"claims.html#claim-{name}",
     }  # fmt: skip
+
+
+def _statement(name: str) -> str:
+    """Return what a row states, or its subject if it tests no sentence of the paper."""
+    paper, part = part_with(name)
+    said = (one.statement for one in paper.coverage if isinstance(one, Sentence) and one.row == name)
+    return next(said, part.names[name])

@@ -88,7 +88,7 @@ function claimOf(claim) {
     const finding = document.createElement("b");
     finding.textContent = claim.finding;
     row.append(`: ${claim.statement}. Finding: `, finding, `. ${claim.headline}`);
-  } else row.append(`: its finding is measured by barbalat claims ${claim.id}.`);
+  } else row.append(`: “${claim.statement}”. barbalat claims ${claim.id} measures this.`);
   return row;
 }
 
