@@ -1055,7 +1055,7 @@ def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("W_hat_bound", "V_hat_bound", "control_bound")
 def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """The bound by the e-modification, which holds whatever else acts on the loop. For a sampled loop it is part of the
+    """The bound due to the e-modification, which holds whatever else acts on the loop. For a sampled loop it is part of the
     response."""
     if c.scheme == "sampled":
         at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
@@ -1833,7 +1833,7 @@ ERROR_BOUNDS["own V"] = lambda c: (V := c.earlier("lyapunov_decay")).bound_of_e(
 
 @rule("estimates_error_bound")
 def _estimates_error_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """For the estimates s_i whose s_i - (L theta)_i is s_i - theta_j."""
+    """The bound applies to the estimates s_i for which s_i - (L theta)_i is s_i - theta_j."""
     V, n = c.earlier("lyapunov_decay"), c.case.n
     unit = [fmpq(0)] * (len(c.case.theta) - 1) + [fmpq(1)]
     of_theta = zip(V.s, V.L.tolist(), strict=True)

@@ -56,7 +56,7 @@ def test_what_does_not_apply_says_why(problems):
 
 
 def test_a_named_dictionary_is_one():
-    """It is copied, pickled and compared like a plain dictionary and keeps its messages."""
+    """A named dictionary is copied, pickled and compared like a plain one, and keeps its messages."""
     named = Named.of("figure", {"max |e|": 1.0}, {"RMS e": "is not computed"})
     for same in (copy.copy(named), copy.deepcopy(named), pickle.loads(pickle.dumps(named))):
         assert same == {"max |e|": 1.0} == named
@@ -65,7 +65,7 @@ def test_a_named_dictionary_is_one():
 
 
 def test_a_known_set_takes_matrices_as_theta_does():
-    """They are given by rows, as in files. The two ends of a box must have the same shape."""
+    """The ends of a set are given by rows, as in files. The two ends of a box must have the same shape."""
     box = ParameterBox(lower=[[-1, -2], [-3, -4], [-5, -6]], upper=[[1, 2], [3, 4], [5, 6]])
     assert box.lower.tolist() == [-1, -2, -3, -4, -5, -6] and box.upper.tolist() == [1, 2, 3, 4, 5, 6]
     assert ParameterBall(center=[[1, 2], [3, 4]], radius=1.0).center.tolist() == [1, 2, 3, 4]

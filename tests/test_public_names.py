@@ -30,7 +30,7 @@ def stub_of(home: str) -> Path:
 
 @pytest.mark.parametrize("home", HOMES)
 def test_a_public_module_says_what_is_in_it(home):
-    """Its names are in ``dir`` and ``__all__`` and exist, and the reference documents them."""
+    """The names of a public module are in ``dir`` and ``__all__`` and exist, and the reference documents them."""
     module = importlib.import_module(home)
     assert inspect.getdoc(module)
     assert set(module.__all__) <= set(dir(module))

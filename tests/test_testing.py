@@ -59,7 +59,7 @@ def test_the_package_s_own_schemes_pass(name):
 
 
 def test_a_controller_sampled_by_nature_is_compared_sample_by_sample(one):
-    """Its sample time need not be a multiple of the checker's steps."""
+    """The controller's sample time need not be a multiple of the checker's steps."""
     controller = L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.05))
     assert "SciPy's integration" in str(check(controller, one))
 

@@ -181,8 +181,8 @@ def test_refused_with_the_field_and_the_value(section_v, case):
 
 
 def test_a_singular_A_m_is_not_hurwitz_in_any_coordinates():
-    """Its zero eigenvalue is computed as a rounding of either sign. Both must be rejected, because P would be a division by
-    it."""
+    """The zero eigenvalue of the matrix is computed as a rounding of either sign. Both must be rejected, because P would be a
+    division by it."""
     for angle in np.linspace(0.1, 3.0, 30):
         T = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         refusal(lambda T=T: plant(A_m=T @ np.diag([0.0, -1.0]) @ T.T, b=T @ [1.0, 1.0]))
@@ -234,7 +234,7 @@ def test_an_absurd_tau_is_carried_or_refused(section_v, tau):
 
 
 def test_numbers_of_numpy_are_numbers():
-    """They are accepted even if their arithmetic would overflow."""
+    """Such numbers are accepted even if their arithmetic would overflow."""
     assert Step(np.int8(100), 0.0, np.int8(100))(np.array([1.0])) == 200
     assert Simulation(t_end=np.float32(1), dt=np.float64(0.5), record_points=np.int64(5)).steps == 2
     chirp = Chirp(1.0, np.uint8(5), np.uint8(1), 4.0)

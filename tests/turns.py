@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def drawn(items: Sequence[T], count: int, of: str = "") -> list[T]:
-    """This many of the items in their order, selected by the commit of the sources, and separately for each name ``of``. Without
+    """This many of the items, in order, selected by the commit of the sources, and separately for each name ``of``. Without
     a clone they are always the same."""
     places = random.Random(commit() + of).sample(range(len(items)), min(count, len(items)))
     return [items[i] for i in sorted(places)]

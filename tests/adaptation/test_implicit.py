@@ -135,8 +135,8 @@ def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
 
 @pytest.mark.full
 def test_many_short_steps_tend_to_the_continuous_law():
-    """Over one second with constant data, compared with 4000 explicit steps, 400 implicit steps at least halve the distance of
-    100 steps.
+    """After one second with constant data, the result of 400 implicit steps is at most half as far from that of 4000 explicit
+    steps as the result of 100 implicit steps.
 
     The tolerance is 1 % of the path of the estimate, which covers the error of the explicit steps and the instant of a reset.
     """
@@ -214,7 +214,8 @@ def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme()
 
 @pytest.mark.parametrize("leaking", [False, True])
 def test_a_leaking_step_keeps_to_the_set_and_zero(leaking):
-    """The smallest box that contains the known one and zero; for a ball, the smallest concentric ball that contains zero."""
+    """With a leakage, the set is the smallest box that contains the known one and zero, or the smallest concentric ball that
+    contains zero."""
     random = np.random.default_rng(17)
     for _ in range(50):
         lower = random.uniform(-3, 2, 3)

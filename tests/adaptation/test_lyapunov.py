@@ -103,7 +103,7 @@ def test_against_the_equations_written_out(problems, case):
 def test_V_does_not_grow_pointwise(problems, seed):
     """V = e'P e + theta_tilde'Gamma^-1 theta_tilde along (1)-(4) does not grow at random states, also on the boundary of the set.
 
-    With the dead zone, V = max(0, sqrt(e'P e) - g_0)^2 + ... for a disturbance within the bound stated in its docstring.
+    With the dead zone, this holds for V = max(0, sqrt(e'P e) - g_0)^2 + ... and a disturbance within the bound in its docstring.
     """
     problem = problems[3]
     plant, P, n = problem.plant, problem.known.P, 3
@@ -138,7 +138,7 @@ def test_V_does_not_grow_pointwise(problems, seed):
 
 
 def test_the_memory_holds_z_as_theta_times_R(problems):
-    """Q = R theta along a whole run, with and without forgetting, because the filter uses no derivatives and is exact."""
+    """Q = R theta holds along a whole run, with and without forgetting, because the filter uses no derivatives and is exact."""
     problem = problems[3]
     for learning in (LEARNING, CompositeLearning(gamma_c=1.0, time_constant=0.5, forgetting=0.3, capacity=0.2)):
         settings = Mrac(gamma=5.0, learning=learning)
@@ -152,7 +152,8 @@ def test_the_memory_holds_z_as_theta_times_R(problems):
 
 
 def test_learning_needs_no_persistent_excitation(problems):
-    """A step command excites only for a while. The MRAC keeps its parameter error, which vanishes with a memory.
+    """A step command excites only for a while. Without a memory the MRAC keeps its parameter error; with a memory the error
+    vanishes.
 
     h Gamma gamma_c capacity = 2^-8 50 6 = 1.2 is below RK4's limit of 2.78, so the step resolves the memory's term.
     """

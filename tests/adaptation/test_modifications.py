@@ -43,7 +43,7 @@ def test_switching_sigma_is_off_inside_and_full_beyond_twice():
 
 def test_epsilon_modification_rests_where_the_error_does():
     """With phi = 1, an equilibrium requires epsilon = 0 or epsilon = nu |epsilon m_s| theta_hat. The modification does not move
-    the first one."""
+    the equilibrium with epsilon = 0."""
     law = Gradient(gamma=2.0, leakage=EpsilonModification(nu=0.1))
     assert estimate(law, 1.5, 60.0) == pytest.approx(1.5, abs=1e-5)
     assert EpsilonModification(nu=0.5).coefficient(np.ones(2), -3.0) == 1.5

@@ -80,7 +80,7 @@ def test_the_nearest_thing_that_is_meant(old, new, meant):
     ],
 )  # fmt: skip
 def test_what_an_object_refuses_is_told_as_it_was_typed(old, new, said):
-    """This also holds if the object contains the converted number, and in lists and nested tables."""
+    """The message shows the typed value even if the object contains the converted number, and in lists and nested tables."""
     found = refusal(lambda: parse_case(edited((old, new))))
     assert found.endswith(said), found
 

@@ -484,7 +484,7 @@ def test_the_template_names_every_solver_and_every_kind_of_command():
 
 @pytest.mark.parametrize("simulation", ["dt = 1e-3", "tolerance = 1e-6"])
 def test_a_case_that_cannot_be_simulated_is_refused_when_it_is_read(simulation):
-    """A case with a tolerance was read, and ``certify`` answered for it."""
+    """Such a case with a tolerance was once read, and ``certify`` gave a certificate for it."""
     text = f"{DRIVE.split('[simulation]')[0]}[sensor]\nquantization = 0.1\n[simulation]\nt_end = 4.0\n{simulation}\n"
     controller = '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 3.0\n'
     assert "MRAC: sensor.quantization applies only to controllers that sample the sensor" in refusal(

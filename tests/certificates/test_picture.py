@@ -30,8 +30,8 @@ def test_the_marks_are_where_the_margins_are(delay):
 
 
 def test_several_certificates_are_a_dictionary_that_shows_itself(certified):
-    """It prints on one line. In a notebook it shows five lines for each controller and every loop. It behaves like a plain
-    dictionary."""
+    """The dictionary prints on one line. In a notebook it shows five lines for each controller and every loop. Otherwise it
+    behaves like a plain dictionary."""
     _, found = certified("paper")
     assert isinstance(found, dict) and found == dict(found) and pickle.loads(pickle.dumps(found)) == found
     text = repr(found)

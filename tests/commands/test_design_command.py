@@ -299,7 +299,7 @@ def among(**held_out):
 
 
 def test_a_controller_that_fails_under_other_commands_is_not_said_simply_to_meet():
-    """It fails in three of four validation runs. Its headline, its reasons, its row and its sentence say so."""
+    """The controller fails in three of four validation runs. Its headline, its reasons, its row and its sentence say so."""
     found = among(ADRC=validated(1, 1, 1, 0))
     failed = (
         "3 of 4 validation runs, whose commands are 0.58 to 1.4 times as large and 0.56 to 1.9 times as fast, were lost, ended "

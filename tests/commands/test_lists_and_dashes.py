@@ -69,7 +69,7 @@ def test_names_may_have_commas_between():
 
 @pytest.mark.parametrize("name", [None, "paper"])
 def test_a_dash_is_standard_output(name, tmp_path, monkeypatch, capsys):
-    """The plain text, for a pipe or an editor, without a schema file or a file named "-"."""
+    """The case is printed as plain text, for a pipe or an editor; no schema file and no file named "-" is written."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "-", *(["--from", name] if name else [])]) == 0
     said = capsys.readouterr()

@@ -128,7 +128,7 @@ def refuse(constant):
 @pytest.mark.parametrize("part", range(10))
 @pytest.mark.short(kept=lambda part: part == 0)
 def test_mutants_run_or_are_refused_in_one_sentence(part, by_turns, tmp_path, capsys):
-    """1500 of them, in parts for several workers."""
+    """There are 1500 mutants, in parts for several workers."""
     cases = originals()
     for seed in by_turns(range(150 * part, 150 * (part + 1)), 16):
         rng = random.Random(seed)

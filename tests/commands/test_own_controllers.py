@@ -104,7 +104,7 @@ def test_a_case_names_the_files_classes(folder, capsys):
     ],
 )
 def test_a_file_that_is_wrong(folder, capsys, laws, words):
-    """One sentence, exit code 2, nothing on standard output."""
+    """The command prints one sentence on standard error, nothing on standard output, and has exit code 2."""
     case, file = folder(CASE, laws)
     for command in ("run", "certify"):
         assert main([command, str(case), "--controllers", str(file)]) == 2

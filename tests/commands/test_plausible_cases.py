@@ -17,7 +17,7 @@ def folder(tmp_path):
 
 
 def test_four_cases_in_five_are_taken_by_the_package(folder, sample):
-    """Otherwise it would spend most of its time on rejections, which other tests cover."""
+    """Otherwise the fuzzer would spend most of its time on rejections, which other tests cover."""
     count = sample(40, 300)
     taken = sum(plausible.accepted(fuzz.drawn(seed, None, folder), folder) for seed in range(count))
     assert taken >= 0.8 * count

@@ -169,7 +169,8 @@ def test_the_stored_table_is_of_this_suite():
 
 
 def test_l1_is_tuned_over_both_filters_and_ends_of_ranges_are_marked():
-    """The second time constant ranges from the first one to (6). The page marks a tuning at an end with a star."""
+    """The second time constant ranges from the first one up to a value with which the filter is practically (6). The page marks a
+    tuning at an end with a star."""
     suite = Suite.read()
     case, held = suite.case("section-v"), suite.sample_time("section-v")
     entrants, _ = entrants_of(case.problem, case.simulation, schemes=("l1", "robust-mrac"), sample_time=held)

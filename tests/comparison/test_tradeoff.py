@@ -200,7 +200,7 @@ def test_the_baseline_alone_takes_part_beside_a_baseline_whose_parameters_are_th
 
 
 def test_the_normalised_law_is_also_tried_far_slower_than_the_model():
-    """Its rate is at most Gamma, so its gains start at a hundredth of the slowest rate of the others."""
+    """The rate of the normalised law is at most Gamma, so its gains start at a hundredth of the slowest rate of the others."""
     times = np.array([0.1, 1.0])
     scale = TuningScale(highest_gain=1e3, highest_square=1e3, times=times, density=2, known=SMALL.known, sample_time=0.01)
     gains = NormalizedMrac.knobs(scale).values["gamma"]

@@ -388,7 +388,7 @@ def test_a_controller_without_knobs_is_left_out_of_all_and_refused_alone(tmp_pat
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_search_comes_close_to_where_a_constraint_binds(seed):
-    """The search for the smallest admissible x with a second number of little influence, like L1's filter and gain with a
+    """The test searches for the smallest admissible x with a second number of little influence, like L1's filter and gain with a
     delay."""
     limit = 0.2 + 0.1 * seed
     tried = []
@@ -451,7 +451,7 @@ def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(
 
 
 def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
-    """Its margin includes neither the actuator's limits nor a varying command."""
+    """The margin of the linear loop includes neither the actuator's limits nor a varying command."""
     case = tmp_path / "drive.toml"
     case.write_text(DRIVE)
     found = tune(str(case), "rms_e", subject_to=["delay_margin_adapting >= 1e-3"], controller="MRAC", plants=1, trials=288)

@@ -94,7 +94,8 @@ def test_the_kernel_does_what_plain_stepping_does(example, solver):
 
 @pytest.mark.short(kept=lambda example: example[1:] == (2, 0))
 def test_the_error_of_a_solver_falls_with_its_order(example):
-    """RK4's step is halved three times before any bound is reached. Each difference is smaller by 2^4 = 16, within a third."""
+    """RK4's step is halved three times before any bound is reached. Each difference is smaller than the previous one by a factor
+    of 2^4 = 16, within a third."""
     given, controller = example
     ends = []
     for k in range(4):

@@ -33,7 +33,7 @@ def test_the_pages_law_runs(problems, law):
 
 
 def test_it_is_the_standard_mrac_whatever_the_regressor(problems, law):
-    """They are equal up to roundings of reordered sums. phi has two entries for two states, then five."""
+    """The law and MRAC are equal up to roundings of reordered sums. phi has two entries for two states, then five."""
     linear = problems[2]
     plant = replace(linear.plant, theta=[0.5, 0.3, 0.2, 0.1, 0.1], regressor=Polynomial(degree=2))
     for problem in (linear, replace(linear, plant=plant, uncertainty=None)):

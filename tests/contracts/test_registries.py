@@ -190,7 +190,8 @@ def test_editors_get_a_schema(problem):
 
 
 def test_every_key_has_a_meaning():
-    """It is written once, in the docstring of the settings, for the docs and for the schema that editors use."""
+    """The meaning of a key is written once, in the docstring of the settings, for the docs and for the schema that editors
+    use."""
     for problem in CASES:
         case_table(problem)
     tables = [table for table in Table.__subclasses__() if table.recipe.settings.__module__.startswith("barbalat.")]

@@ -237,7 +237,7 @@ def test_rest_stays_rest(example):
 
 @pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_disturbance_reaches_the_plant(example):
-    """With d the run differs. With d = 0 it equals the run without d, up to roundings of sums in a different order."""
+    """With d the run differs. With d = 0 the run equals the run without d, up to roundings of sums in a different order."""
     given, controller = example
     arguments = {"plant": given.plant, "reference": given.reference, "uncertainty": given.uncertainty}
     simulation = Simulation(t_end=4.0, dt=2.0**-8)

@@ -66,7 +66,7 @@ def test_nothing_is_claimed_of_a_law_from_outside(problems):
 
 
 def test_a_scheme_from_outside(problems):
-    """It runs, continuous and sampled. Only the class itself could have a midpoint form."""
+    """The scheme runs, continuous and sampled. Only the class itself could have a midpoint form."""
     plain = Plain(5.0)
     run = simulate(problems[2], [plain], SIMULATION)["plain"]
     assert np.isfinite(run.states).all() and run.adapting.on_bounds is None and run.adapting.excitation is None
@@ -87,7 +87,7 @@ def test_the_form_of_a_class_from_outside_does_not_matter(problems):
 
 
 def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
-    """They equal those of MRAC with the same equations. Margins are accessed by name, like results."""
+    """The margins and trade-offs equal those of MRAC with the same equations. Margins are accessed by name, like results."""
     problem, simulation = problems[2], Simulation(t_end=5.0, dt=1e-2)
     controllers = [Mrac(gamma=10.0, projection=False), Plain(10.0), Bare(10.0), Proportional([1.0, 1.0])]
     found = delay_margins(problem, controllers, simulation, scan=4, resolution=0.2)

@@ -150,7 +150,8 @@ void flown(int count, const double *x, const double *r, const double *u_baseline
 
 
 def test_an_existing_loop_of_its_own_code_is_heard(tmp_path):
-    """Its PI is another rule in Python. u is its output plus the adaptive part, and the limits act on the sum."""
+    """The existing PI controller is a different rule, in Python. u is the sum of its output and the adaptive part, and the limits
+    act on the sum."""
     compiler = require_compiler()
     folder = export_controller(EXTERNAL, Sampled(Mrac(gamma=20.0), 0.02), SIMULATION, out=tmp_path / "out")
     texts = {name: (folder / name).read_text() for name in ("controller.h", "controller.c")}

@@ -107,7 +107,7 @@ def test_the_estimate_is_a_difference_of_two_measurements(name):
 
 @pytest.mark.parametrize("name", ["exact", "several"])
 def test_u_is_what_scipys_trapezoidal_rule_makes_of_the_estimates(name):
-    """They agree from 5 s on. SciPy's filter starts before the first sample and the package's filter starts at it, but by then
+    """The two agree from 5 s on. SciPy's filter starts before the first sample and the package's filter starts at it, but by then
     the initial values have decayed by e^-50."""
     problem, controller = CASES[name]
     m, T, C = problem.plant.inputs, controller.sample_time, controller.filter

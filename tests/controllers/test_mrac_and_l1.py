@@ -111,7 +111,8 @@ def test_without_its_filter_l1_is_mrac(problems, n, projection):
 
 
 def test_without_its_filter_l1_is_mrac_in_section_v(section_v):
-    """It also holds with projection, states near 100 and a gain of 1. The tolerance is 20 000 steps * 100 * 1e-16 = 2e-10."""
+    """The two are equal also with projection, states near 100 and a gain of 1. The tolerance is 20 000 steps * 100 * 1e-16 =
+    2e-10."""
     pair = [Mrac(gamma=1.0), L1Adaptive(gamma=1.0, filter=None, name="L1, C = 1")]
     mrac, l1 = simulate(section_v, pair, Simulation(t_end=20.0, dt=1e-3)).values()
     np.testing.assert_allclose(l1.x, mrac.x, rtol=0, atol=2e-10)

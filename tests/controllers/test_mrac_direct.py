@@ -46,7 +46,8 @@ def test_the_textbook_s_first_order_plant(name, gamma):
 
 
 def test_with_a_feedforward_that_rests_it_is_the_standard_mrac(problems):
-    """It equals the standard MRAC for omega = 1, k_r_hat(0) = k_0 and a gain that moves k_r_hat by less than a rounding."""
+    """The direct MRAC equals the standard MRAC for omega = 1, k_r_hat(0) = k_0 and a gain that moves k_r_hat by less than a
+    rounding."""
     controllers = [Mrac(gamma=2.0), DirectMrac(gamma=2.0, gamma_r=1e-30)]
     plain, direct = simulate(problems[2], controllers, Simulation(t_end=10.0, dt=1e-3)).values()
     np.testing.assert_allclose(direct.theta_hat, plain.theta_hat, atol=1e-12)

@@ -27,7 +27,7 @@ def unknown(x):
 
 @pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
 def test_a_run_is_the_equations_neuron_by_neuron(leakage):
-    """The equations are written for one neuron after the other and integrated by SciPy's error-controlled steps. The tolerance
+    """The equations are written neuron by neuron and integrated with SciPy's adaptive steps. The tolerance
     1e-8 is for RK4 at 1 ms with motions of a second and a corner of the e-modification where e'P b changes its sign.
     """
     controller = NetworkMrac(gamma=20.0, gamma_v=7.0, leakage=leakage, neurons=3, scale=[2.0, 0.5], seed=4, spread=1.5)
@@ -132,7 +132,7 @@ def test_it_learns_what_no_regressor_was_given_for():
 
 
 def test_the_initial_inner_weights_are_those_of_the_seed():
-    """They follow from the definition of PCG64's raw bits, whose upper 53 are a double in [0, 1)."""
+    """The weights follow from the definition of PCG64's raw bits, whose upper 53 are a double in [0, 1)."""
     raw = np.random.PCG64(7).random_raw(6)
     expected = [1.5 * (2 * (int(bits) // 2**11 / 2**53) - 1) for bits in raw]
     assert initial_inner_weights(7, 1.5, (2, 3)).ravel().tolist() == expected
@@ -143,8 +143,8 @@ def test_the_initial_inner_weights_are_those_of_the_seed():
 
 
 def test_euler_s_steps_of_the_sampled_form():
-    """The steps of 10 ms are computed by hand from the run's measurements, and the model under its held command by SciPy. They
-    agree up to rounding."""
+    """The steps of 10 ms are computed by hand from the run's measurements, and the model under its held command with SciPy. The
+    results agree up to rounding."""
     controller, T = NetworkMrac(gamma=5.0, leakage=LEAKAGES[0], neurons=2), 0.01
     at = Simulation(t_end=1.0, dt=1e-3, record_points=1000)
     (run,) = simulate(SINE, [Sampled(controller, T, discretization="euler")], at).values()

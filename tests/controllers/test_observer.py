@@ -143,7 +143,8 @@ def test_mrac_on_the_estimate_is_what_scipy_integrates(kind):
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_a_sampled_observer_is_its_difference_equation(kind):
-    """The current estimator and Tustin's form of the derivative, along the exact motion under the held u."""
+    """The observer is compared with the current estimator and Tustin's form of the derivative, along the exact motion under the
+    held u."""
     problem = posed(kind)
     alone = Sampled(controller=BaselineAlone(nominal=problem.plant.theta), sample_time=T)
     run = simulate(problem, [alone], replace(SIMULATION, record_points=4001))["Baseline"]
@@ -173,8 +174,8 @@ LOST = (5, 6, 7, 20, 50, 51)
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_a_lost_sample_is_predicted_and_corrects_nothing(kind):
-    """By hand, with the exact motion of the truth. Without a sample, x_hat moves by the nominal plant alone, and a derivative
-    keeps its value."""
+    """The reference is computed by hand, with the exact motion of the truth. Without a sample, x_hat moves by the nominal plant
+    alone, and a derivative keeps its value."""
     times = [[k * T - T / 4, k * T + T / 4] for k in LOST]
     problem = replace(posed(kind), faults=(Dropout(times=times),))
     alone = Sampled(controller=BaselineAlone(nominal=problem.plant.theta), sample_time=T)
@@ -389,7 +390,7 @@ def test_the_design_stays_where_the_plant_is_varied_and_knows_no_truth():
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_exported_c_predicts_through_lost_samples_as_simulated(kind):
-    """With a delay in the observer, bursts of lost samples, ranges and a longest outage."""
+    """The case has a delay in the observer, bursts of lost samples, ranges and a longest outage."""
     labels = Labels(names=["place", "length", "rate", "length_rate"])
     shell = Shell(range={"length": [-2.0, 2.0]}, rate={"place": 50.0}, longest_outage=0.05, fallback="fade")
     problem = posed(kind, input=PlantInput(saturation=[-1.0, 1.2], delay=1.7 * T), labels=labels, shell=shell)
@@ -475,7 +476,7 @@ def with_pi(kind, **more):
 
 @pytest.mark.parametrize("kind", ["luenberger", "kalman"])
 def test_a_pi_controller_acts_on_the_measured_state_itself(kind):
-    """It does not depend on the observer's estimate: SciPy integrates only the plant and the integral."""
+    """The PI controller does not depend on the observer's estimate: SciPy integrates only the plant and the integral."""
     problem = with_pi(kind)
     run, true_A = simulate(problem, [BaselineAlone()], SIMULATION)["Baseline"], problem.simulated.A
 
@@ -512,7 +513,7 @@ def test_a_measured_state_is_sampled_or_predicted_in_simulation_and_c(kind):
 
 
 def test_a_measured_state_continues_as_predicted_through_a_lost_sample():
-    """Its component of x_hat is the sample if there is one, and otherwise the model's prediction."""
+    """The state's component of x_hat is the sample if there is one, and otherwise the model's prediction."""
     made = with_pi("kalman").observer.equations(X0, None, T)
     plain = posed("kalman").observer
     unchanged = replace(with_pi("kalman").observer, direct=()).equations(X0, None, T)
@@ -537,7 +538,7 @@ without scaling."""
 
 @pytest.mark.parametrize("step", (None, 0.002, 1e-5))
 def test_a_fine_encoder_has_a_kalman_filter(step):
-    """Its poles are those of the Hamiltonian matrix. With short samples the sampled filter has the same poles."""
+    """The filter's poles are those of the Hamiltonian matrix. With short samples the sampled filter has the same poles."""
     pendulum = [[0.0, 0, 1, 0], [0, 0, 0, 1], [0, 1.5, -15.0, -0.004], [0, 26.5, -34.0, -0.08]]
     plant = Plant(A=pendulum, b=[0.0, 0.0, 2.0, 4.5], poles=[-5.0, -6.0, -7.0, -8.0])
     observer = Problem(plant=plant, observer=KalmanObserver(**ENCODERS, measured=C)).observer

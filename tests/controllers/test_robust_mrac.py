@@ -44,7 +44,7 @@ def random_problem(seed: int, n: int, relative_degree: int) -> tuple[Problem, np
 
 
 def auxiliary_lag(tau: float, order: int) -> tuple[np.ndarray, ...]:
-    """1/(tau s + 1)^order in state space by SciPy."""
+    """1/(tau s + 1)^order in state space, made with SciPy."""
     A, B, C, _ = scipy_signal.tf2ss([1.0], np.atleast_1d(np.poly([-1 / tau] * order)) * tau**order)
     return A, B[:, 0], C[0]
 
@@ -171,7 +171,7 @@ def test_the_error_shrinks_with_tau_for_any_relative_degree(n, relative_degree):
 
 
 def written_out(problem, controller, n_star):
-    """x, x_m, theta_hat, P, xi, Xi, n_d, w (swapping) and v (Q) by (13)-(16), with W_m and the realisation of Q by SciPy."""
+    """x, x_m, theta_hat, P, xi, Xi, n_d, w (swapping) and v (Q) by (13)-(16), with W_m and the realisation of Q from SciPy."""
     plant, k_0, r = problem.plant, problem.reference_model.k_0, problem.reference
     n, A_m, b, c_0 = plant.n, plant.A_m, plant.b, controller.c_0
     alpha_0, delta_0 = controller.normalization.alpha_0, controller.normalization.delta_0
@@ -261,7 +261,7 @@ def test_the_covariance_of_the_run(problems, n):
 
 
 def test_the_normalised_scheme_has_no_auxiliary_input(section_v):
-    """It is the limit of the robust scheme for a slow auxiliary input: Q = W_m^-1/(tau s + 1) ~ 1/tau."""
+    """The normalised scheme is the limit of the robust scheme for a slow auxiliary input: Q = W_m^-1/(tau s + 1) ~ 1/tau."""
     law = Gradient(gamma=10.0)
     simulation = Simulation(t_end=5.0, dt=1e-3)
     pair = [NormalizedMrac(law=law, c_0=[1, 1]), RobustMrac(law=law, c_0=[1, 1], tau=1e6)]

@@ -201,8 +201,8 @@ def test_a_limit_that_the_model_knows_is_not_learnt_from():
 
 
 def test_an_aircraft_beside_the_others():
-    """On lateral-aircraft, whose actuators are unknown to the scheme, it follows the model, and Table 1 lists the remaining
-    properties."""
+    """On lateral-aircraft, whose actuators are unknown to the scheme, the scheme follows the model, and Table 1 lists the
+    remaining properties."""
     case = load_case("lateral-aircraft")
     controller = RobustMrac(tau=0.5, law=Gradient(gamma=100.0), normalization=Normalization(alpha_0=1.0))
     (run,) = simulate(case.problem, [controller], Simulation(t_end=10.0, dt=5e-3)).values()

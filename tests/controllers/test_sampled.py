@@ -187,7 +187,8 @@ def test_the_predictor_of_mrac_tends_to_the_model_with_the_sample_time(section_v
 
 def test_the_fast_loop_tolerates_one_sample_of_delay(section_v):
     """For Gamma -> infinity, u_next = u - v - theta'phi + k_0 r with the input v of the plant, so z^2 - a z + a = 0 for a delay
-    of a T and |z|^2 = a. 0.9 T is tolerated without chatter, but 1.1 T is not. With a filter five samples and more are tolerated.
+    of a T and |z|^2 = a. A delay of 0.9 T is tolerated without chatter, but 1.1 T is not. With a filter, delays of five samples
+    and more are tolerated.
     """
     T = 1e-3
     rates = {}

@@ -156,7 +156,7 @@ def test_what_winds_up_without_the_remedy_stays_bounded_with_it(name):
 
 
 def test_the_bundled_f16_can_take_the_remedies():
-    """Its elevator has limits and unknown effectiveness. Ten times the command drives it into the limits."""
+    """The F-16's elevator has limits and unknown effectiveness. Ten times the command drives it into the limits."""
     problem = load_case("f16-short-period").problem
     problem = replace(problem, reference=Sine(amplitude=4.0, frequency=0.5))
     remedied = [

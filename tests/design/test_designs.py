@@ -59,7 +59,8 @@ def series(K: StateSpace, G: TransferFunction) -> StateSpace:
 
 
 def test_against_python_controls_synthesis(model):
-    """At the resulting bandwidth the optimal norm of control.mixsyn is below the package's norm. Without the back-off it is 1."""
+    """At the resulting bandwidth the optimal norm of control.mixsyn is below the package's norm. Without the back-off that norm
+    is 1."""
     pytest.importorskip("slycot")
     delay = 0.02
     found = mixed_sensitivity(model, delay)

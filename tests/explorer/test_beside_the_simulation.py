@@ -71,7 +71,7 @@ def recorded_case(folder, *, mu=1.5, disturbance="", rows=40):
     ],
 )
 def test_a_recorded_command_and_the_modified_error_have_the_bits_of_a_run(tmp_path, disturbance):
-    """They are computed by the page's scripts together with a formula and a jumping signal whose columns are between the columns
+    """The page's scripts compute both together with a formula and a jumping signal whose columns are between the columns
     of the record."""
     source = recorded_case(tmp_path, disturbance=disturbance)
     described = Described.of(source)

@@ -94,7 +94,7 @@ class FoundAround:
 
 
 def mutated_around(printed: Printed) -> tuple[str, tuple[Changed, ...]]:
-    """controller.c with every mutant, and the mutants in their order. ``barbalat_mutant`` selects one."""
+    """controller.c with every mutant, and the mutants in order. ``barbalat_mutant`` selects one."""
     text = source(printed)
     if f"{printed.macro}_LONGEST_OUTAGE" not in header(printed):
         rules = tuple(one for one in RULES if "OUTAGE" not in one[1] and "OUTAGE" not in one[0])

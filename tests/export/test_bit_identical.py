@@ -96,7 +96,7 @@ LONG_RUNS = [pytest.param(name, *how.values, marks=how.marks) for name, how in z
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "compiler"), LONG_RUNS)
 def test_a_hundred_thousand_samples(name, compiler, tmp_path) -> None:
-    """Every scheme, alternating between both compilers and all levels of optimisation."""
+    """Every scheme is tested; the tests alternate between both compilers and all levels of optimisation."""
     replayed(name, tmp_path, LONG, LONG_SAMPLES, compiler=compiler)
 
 
@@ -104,8 +104,8 @@ def test_a_hundred_thousand_samples(name, compiler, tmp_path) -> None:
 @pytest.mark.parametrize("name", FEW)
 @pytest.mark.short(kept=lambda name: name in FEW[:2])
 def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
-    """The scheme's equations in NumPy, sample by sample, with the freeze switch on and off, as a second computation of the same
-    numbers.
+    """NumPy evaluates the scheme's equations sample by sample, with the freeze switch on and off, as a second computation of the
+    same numbers.
 
     The tolerance 1e-7 is for the same sums in a different order over 400 samples with given measurements, without a closed loop.
     """

@@ -125,7 +125,7 @@ def test_regular_outages_are_just_within_the_longest_one() -> None:
 
 @needs_gcc
 def test_a_jitter_within_the_shells_band_is_taken_and_so_is_one_without_a_band() -> None:
-    """The status reports both. Neither is counted as a missed sample."""
+    """The status reports both kinds of jitter. Neither counts as a missed sample."""
     for shell in (None, Shell(longest_outage=0.04, jitter=0.45)):
         problem, controller = surrounded("Mrac-state-midpoint", shell, (Jitter(time=0.002),))
         found = simulate_export(problem, controller, replace(RUN, t_end=1.0, dt=T / 10))

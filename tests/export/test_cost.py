@@ -60,7 +60,7 @@ def test_every_scheme_has_a_row() -> None:
 @pytest.mark.full
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 def test_the_table_is_what_is_counted() -> None:
-    """This holds with the compiler named on the page. Other compilers agree within a quarter."""
+    """The counts equal the table for the compiler named on the page. Other compilers agree within a quarter."""
     same, shown = flight.tools() in flight.PAGE.read_text(), _shown()
     assert list(shown) == [name for name, _, _ in CASES]
     for name, problem, controller in CASES:

@@ -169,8 +169,8 @@ def test_at_wrong_times_the_baseline_has_the_present_measurement(tmp_path) -> No
 @pytest.mark.parametrize("problem", [replace(PROBLEM, shell=replace(PROBLEM.shell, fallback="hold")), PROBLEM, ON_BASELINE])
 @pytest.mark.parametrize("every", [2, 3])
 def test_wrong_times_again_and_again_do_not_hold_the_control_still(problem, every, tmp_path) -> None:
-    """Every good call has the same result as without the wrong ones. No fade begins at it, because the next wrong time would
-    restart it."""
+    """Every good call has the same result as without the wrong calls. No fade begins at a good call, because the next wrong time
+    would restart the fade."""
     x, time = measured(60), np.ones(60)
     r, time[21::every] = 0.1 + 0.05 * np.sin(0.2 * np.arange(60)), 1.3
     status, u, _ = flown(tmp_path / "wrong", x, r=r, time=time, problem=problem)
@@ -211,8 +211,8 @@ def test_a_bad_parameter_ends_in_the_fallback(tmp_path) -> None:
 
 
 def test_a_wrong_time_does_not_open_the_rate(tmp_path) -> None:
-    """The times are 1.5 T before it and T after it. A value that changes by the rate of three samples is not accepted as a
-    measurement, but the next values are."""
+    """The time is 1.5 T at the wrong call and T at the next ones. A value that changes by the rate of three samples is not
+    accepted as a measurement, but the next values are."""
     x, time = measured(30), np.ones(30)
     time[20], x[21, 1] = 1.5, 0.02 + 3 * 150.0 * T
     status, _, _ = flown(tmp_path, x, time=time)

@@ -54,7 +54,8 @@ pytestmark = needs_gcc
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
 @pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[2])
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller) -> None:
-    """This also holds at the actuator's limits and after a reset. Each of several loaded libraries has a separate state."""
+    """The samples are equal also at the actuator's limits and after a reset. Each of several loaded libraries has a separate
+    state."""
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     loop = expected.loop
     u = expected.states[:, loop.unpack(np.arange(loop.size)).held.u - loop.size]  # counted from the end
@@ -81,7 +82,7 @@ def test_several_inputs() -> None:
 
 
 def test_it_is_the_c_that_a_user_gets(monkeypatch) -> None:
-    """They are equal except for the prefix of names and the number that marks the files of one export."""
+    """The two sources are equal except for the prefix of names and the number that marks the files of one export."""
     seen = {}
 
     def keeping(compiler, texts, *options, **named):

@@ -163,7 +163,7 @@ int main(void)
 @needs("gcc", "aarch64-linux-gnu-gcc", "qemu-aarch64")
 @pytest.mark.full
 def test_a_unit_made_on_linux_has_a_binary_for_aarch64_too(tmp_path) -> None:
-    """It is made by the cross compiler, and in qemu its results are bit-identical to those of this machine's binary."""
+    """The binary is made by the cross compiler, and in qemu its results are bit-identical to those of this machine's binary."""
     import fmpy
 
     path = write_units(tmp_path, *EXAMPLES[one("Mrac-free-midpoint")], SHORT, 3)["controller"]
@@ -257,7 +257,8 @@ def test_states_are_got_set_and_freed(version, tmp_path) -> None:
 @needs_gcc
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_step_that_is_repeated_or_left_out_is_refused_however_late(version, tmp_path) -> None:
-    """This holds even after a million samples. An instant with the accumulated rounding of that many steps is accepted."""
+    """Such a step is rejected even after a million samples. An instant with the accumulated rounding of that many steps is
+    accepted."""
     made = units(FREE, EXAMPLES[one("Mrac-free-euler")][1], SHORT, version=version)
     (path,) = (write(tmp_path / "made", {}) / name for name in made)
     path.write_bytes(made[path.name])
@@ -376,7 +377,7 @@ def test_bounds_that_exclude_the_initial_estimate_are_refused_and_all_three_can_
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["Mrac-state-midpoint", "Mrac-state-euler", "NormalizedMrac-ball-midpoint", "RobustMrac-state"])
 def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
-    """No sample is rejected because of it. After the next sample the estimate is at the new bound or inside it."""
+    """No sample is rejected because of the new bound. After the next sample the estimate is at the new bound or inside it."""
     paths, begun = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2), 0.1
     slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": begun})
     ball = "uncertainty.radius" in slave.at
@@ -458,7 +459,7 @@ def test_units_have_units(tmp_path) -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_integral_of_a_baseline_has_no_label(version, tmp_path) -> None:
-    """It is a state of the problem in addition to the states of the plant, to which the labels belong."""
+    """The integral is a state of the problem in addition to the states of the plant, to which the labels belong."""
     import fmpy
 
     case, seen = load_case("aircraft-lqi"), dict[str, set[tuple[str | None, str]]]()
@@ -526,8 +527,8 @@ def test_the_check_that_is_named_can_be_run(tmp_path, capsys) -> None:
 @needs_gcc
 @pytest.mark.full
 def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:
-    """The simulation splits its step there, but an exported plant does not. The jump is at t = pi, after 314 samples of 0.01
-    s."""
+    """The simulation splits its step at the jump, but an exported plant does not. The jump is at t = pi, after 314 samples of
+    0.01 s."""
     problem = replace(
         FREE, reference=Square(amplitude=1.0, frequency=1.0), sensor=None, plant=replace(FREE.plant, input=PlantInput())
     )

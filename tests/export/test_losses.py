@@ -349,8 +349,8 @@ def test_the_piecewise_law_answers_what_one_sample_left_of_a_gap(kappa, factor, 
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name in LINEAR and "midpoint" in name])
 @pytest.mark.short(kept=lambda name: name.startswith("LinearOutput"))
 def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> None:
-    """It adds the error evenly, sample by sample, and no faster. README.md says so and recommends a restart after a long
-    outage."""
+    """The integrator adds the error evenly, sample by sample, and no faster. README.md says so and recommends a restart after a
+    long outage."""
     found = outage(exported(tmp_path, *EXAMPLES[name]), tmp_path, recorded(*EXAMPLES[name], SIMULATION, 200))
     assert (found.u[200:] == found.u[199]).all()
     first, middle, last = found.kept[[-2001, -1001, -1]]
@@ -389,7 +389,8 @@ def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
 
 @pytest.mark.dear
 def test_one_of_two_actuators_has_limits(tmp_path) -> None:
-    """Its control is output within the limits, and the other control is unchanged. The header and the self-test cover both."""
+    """The control with limits is output within them, and the other control is unchanged. The header and the self-test cover
+    both."""
     limited = PlantInput(saturation=[-0.5, 0.25])
     name = next(name for name in EXAMPLES if name.startswith("Mrac-several"))
     problem = replace(SEVERAL, plant=replace(SEVERAL.plant, input=(limited, PlantInput())))

@@ -55,8 +55,8 @@ def after_a_large_command(printed: Printed, folder: Path, bad: int = 100):
 @needs_gcc
 @pytest.mark.parametrize(("problem", "last"), [(STIFF, 102), (BARE, 100 + REFUSALS)], ids=["with limits", "without limits"])
 def test_without_a_longest_outage_the_controller_begins_again_too(problem, last, tmp_path) -> None:
-    """It begins again at the second rejected result. A control without limits that the command has made large is discarded after
-    ten."""
+    """The controller begins again at the second rejected result. A control without limits that the command has made large is
+    discarded after ten."""
     found, nominal = after_a_large_command(exported(problem, tmp_path), tmp_path)
     assert found.status[100] == 0 and (found.status[101 : last + 1] == RESULT_REFUSED).all()
     assert (found.status[last + 1 :] == 0).all()

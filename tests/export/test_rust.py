@@ -35,7 +35,7 @@ def test_the_crate_computes_the_simulations_bits(beginning, float32, tmp_path) -
 @needs("cargo")
 @pytest.mark.dear
 def test_a_crate_with_parameters_sets_them(tmp_path) -> None:
-    """It sets everything that the C accepts, and a different gain gives different controls."""
+    """The crate sets everything that the C accepts, and a different gain gives different controls."""
     crate(KINDS[2], tmp_path, parameters=True, name="roll")
     text = (tmp_path / "lib.rs").read_text()
     tested = text.replace(
@@ -65,7 +65,7 @@ def test_a_crate_with_parameters_sets_them(tmp_path) -> None:
 @needs("cargo")
 @pytest.mark.dear
 def test_a_crate_whose_fallback_acts_at_once_passes_its_test(tmp_path) -> None:
-    """Its control is not held if a measurement is lost."""
+    """The controller's output is not held if a measurement is lost."""
     problem, controller = surrounded(KINDS[2], SHELLS["at once"])
     export_controller(problem, controller, SIMULATION, out=tmp_path, target="rust")
     done = subprocess.run(["cargo", "test", "--offline"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)

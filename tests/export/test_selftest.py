@@ -64,7 +64,8 @@ def exported(shared) -> Callable[..., Path]:
 @pytest.mark.parametrize(("name", "float32"), [(name, False) for name in CHOSEN] + [(name, True) for name in CHOSEN])
 @pytest.mark.short(kept=lambda name, float32: name in (CHOSEN[7:14:6] if float32 else CHOSEN[1:14:8]))
 def test_it_passes(name, float32, tmp_path, exported) -> None:
-    """It is compiled without warnings, including those on promotion to double. With float32 no number has double precision."""
+    """The export is compiled without warnings, including those on promotion to double. With float32 no number has double
+    precision."""
     exported(name, tmp_path, float32=float32)
     done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
     assert done.returncode == 0, done.stdout

@@ -500,7 +500,7 @@ def test_a_shell_that_refuses_the_case_itself_is_not_exported() -> None:
 
 
 def test_a_shell_that_refuses_the_cases_command_is_not_run(tmp_path, capsys) -> None:
-    """It is rejected with the same sentence as an export, before anything is simulated."""
+    """The run is rejected with the same sentence as an export, before anything is simulated."""
     case, moving = tmp_path / "case.toml", CASE.replace('"constant"\nvalue = 1.0', '"sine"\namplitude = 1.0\nfrequency = 1.0')
     case.write_text(moving + "[shell]\nrate = { command = 0.01 }")
     assert main(["run", str(case), "--no-plots"]) == 2

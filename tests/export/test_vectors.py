@@ -111,7 +111,7 @@ def test_the_midpoint_laws_projection_is_reached_at_every_face() -> None:
 
 @needs_gcc
 def test_the_self_test_takes_both_sides_of_what_advance_decides(tmp_path) -> None:
-    """This is counted by gcov or clang-19. At most two outcomes are unreachable from any state."""
+    """The outcomes are counted by gcov or clang-19. At most two outcomes are unreachable from any state."""
     made = contents("NormalizedMrac-ball-euler")
     told = coverage(Printed(made), tmp_path)
     taken, of = map(int, (part for part in told.replace(":", "").split() if part.isdigit()))

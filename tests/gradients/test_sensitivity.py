@@ -299,7 +299,8 @@ gamma = 1.0
 
 
 def test_numbers_that_define_a_form_are_marked_and_come_last(tmp_path):
-    """A chain of integrators, a denominator's 1, and the coefficients of an actuator whose static gain is one."""
+    """The marked numbers are those of a chain of integrators, a denominator's 1, and the coefficients of an actuator whose static
+    gain is one."""
     found = [one for one in sensitivity(written(tmp_path, DEFINING), of=["rms_e"]).derivatives if one.figure == "rms_e[0]"]
     actuator, multiplicative = "plant.input.actuator", "plant.input.multiplicative"
     assert {str(one.path) for one in found if one.definition} == {
@@ -340,7 +341,7 @@ def test_numbers_that_another_one_moves_by_rounding_alone_have_no_slope_in_it(tm
 
 
 def test_a_number_without_a_slope_leaves_the_others(tmp_path, monkeypatch):
-    """As if what follows from k_0 had a corner."""
+    """The test pretends that the numbers that follow from k_0 have a corner."""
 
     def directions(near, *arguments):
         for one in near.moved:

@@ -66,7 +66,7 @@ def test_the_true_plant_is_always_in_the_set(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_written_case_can_be_simulated(seed):
-    """With one input or two; the step divides the time, and there is a command for each input."""
+    """The plant has one input or two. The step of the case divides its time, and the case has a command for each input."""
     rng = np.random.default_rng(seed)
     n, m = 2 + seed // 4, 1 + seed % 2
     A = rng.normal(size=(n, n)) - 2.0 * np.eye(n)

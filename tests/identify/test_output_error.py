@@ -123,7 +123,7 @@ def test_the_operating_point_is_an_equilibrium_that_is_removed():
 
 
 def test_a_plant_without_an_equilibrium_has_no_operating_point():
-    """x' = 1 plus a drift without noise, for any u."""
+    """The plant is x' = 1 plus a drift without noise, for any u."""
     t = 0.1 * np.arange(200)
     x = np.column_stack([t, np.sin(t)])
     u = np.cos(t)[:, None]
@@ -201,7 +201,7 @@ def test_states_at_rest_are_not_taken_for_a_wrong_plant():
 
 
 def test_bounds_that_exclude_the_plant_lead_to_an_unstable_one_inside_them():
-    """Its simulation over the whole recording would overflow."""
+    """A simulation of the unstable plant over the whole recording would overflow."""
     found = identify(rig(0.1, 1e-3, 0), within={("w", "w"): (30.0, 40.0)})
     assert found.rows[1].nominal[1] == pytest.approx(30.0) and found.horizon is not None
     assert any("the fit of w' lies outside the bounds of within" in said for said in found.findings)

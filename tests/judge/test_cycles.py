@@ -112,7 +112,7 @@ def test_what_is_looked_at_in_runs_is_no_cycle_either():
 
 
 def test_a_run_that_cycles_where_its_command_turns_as_fast_is_a_limit_cycle():
-    """It stays within 5 % of the scale, moves from limit to limit, and reverses less often than the command."""
+    """The run stays within 5 % of the scale, moves from limit to limit, and reverses less often than the command."""
     problem = relay_problem(1.0, 0.01, reference=Sines(amplitudes=[1.0, 0.06], frequencies=[0.3, 100.0]), limit=1.3)
     (result,) = simulate(problem, [Gain(k=np.array([1e3]))], Simulation(t_end=40.0, dt=1e-3)).values()
     verdict = result.verdict
@@ -149,7 +149,7 @@ gamma = 10.0
 
 
 def test_a_cycle_slower_than_the_tail_is_found_where_it_is_looked_at_closely():
-    """It is found by ``judge.closely``, which ``run`` uses if the tail is shorter than three periods of the model."""
+    """The cycle is found by ``judge.closely``, which ``run`` uses if the tail is shorter than three periods of the model."""
     plain, closely = (parse_case(SLOW + more) for more in ("", "[judge]\nclosely = true\n"))
     simulation = plain.simulation
     assert tail_is_short(plain.problem, simulation)

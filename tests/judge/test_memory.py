@@ -150,7 +150,7 @@ def test_the_same_lines_in_numpy():
 
 @pytest.mark.parametrize("offset", [0.0, 7.0])
 def test_swings_are_the_way_between_turns_of_the_tail(offset):
-    """They are found from the extremes of the whole path, for any mean of the control."""
+    """The swings are found from the extremes of the whole path, for any mean of the control."""
     memory, one = Memory(1, 1, 1, limited=(True,), rate_limited=(False,), hysteresis=0.025, weighed=True), np.ones((3000, 1))
     t = np.linspace(0, 30, 3000)
     u = (offset + np.sin(2 * t) + 0.3 * np.sin(9 * t))[:, None]

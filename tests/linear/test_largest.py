@@ -16,7 +16,8 @@ def up_to(limit):
 
 @pytest.mark.parametrize("limit", [1e-300, 1e-160, 3e-5, 0.7, 1.0 - 1e-16, 1e12, 1e200])
 def test_neighbours_of_a_known_limit(limit):
-    """This also holds if the product of the ends is below the smallest float, which once made the search endless."""
+    """The search finds the limit even if the product of the ends is below the smallest float, which once made the search
+    endless."""
     eight_roundings = 8 * sys.float_info.epsilon
     assert largest(up_to(limit), 0.0, 10 * limit) == pytest.approx(limit, rel=eight_roundings)
     assert largest(up_to(limit), limit / 1e4, limit * 1e4) == pytest.approx(limit, rel=eight_roundings)

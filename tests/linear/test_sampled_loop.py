@@ -160,8 +160,8 @@ def test_the_delay_of_one_of_several_inputs_and_of_all(at, own):
 
 
 def test_the_gain_of_one_of_several_inputs_and_of_all():
-    """It is the first factor of a fine grid at which the loop written by hand is unstable, and the loop changes within 1e-9 of
-    the result."""
+    """The gain is the first factor of a fine grid at which the loop written by hand is unstable, and the loop changes within 1e-9
+    of the result."""
     loop, delay = two_inputs(), 0.05
     found = {None: gain_margins(loop, delay)}
     for i in range(2):

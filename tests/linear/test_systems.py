@@ -39,7 +39,7 @@ def random_pair(random, n, relative_degree, rate=1.0):
 @pytest.mark.parametrize("relative_degree", [0, 1, 2, 3])
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
 def test_realisation_has_the_frequency_response(order, relative_degree):
-    """It agrees with SciPy's evaluation of the polynomials and with python-control's state space."""
+    """The response agrees with SciPy's evaluation of the polynomials and with python-control's state space."""
     relative_degree = min(relative_degree, order)
     random = np.random.default_rng(10 * order + relative_degree)
     den = np.poly(-random.uniform(0.1, 50, order))

@@ -31,7 +31,7 @@ SIMULATION = Simulation(t_end=0.5, dt=1e-2)
 
 
 def test_of_several_the_one_that_does_not_fit_is_named():
-    """It can't run, so there is nothing to certify. This is an error and not a finding."""
+    """The named controller can't run, so there is nothing to certify. This is an error and not a finding."""
     squared = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.5], regressor=Terms(terms=("x1**2",)))
     given, linear = Problem(plant=squared), LinearFeedback(controller=TransferFunction([1.0], [1.0, 0.0]), name="old PI")
     for use in (simulate, certify, delay_margins):

@@ -1,4 +1,4 @@
-"""Section V's robust MRAC from the paper's equations in plain NumPy, with the corrected sign of (14), for integration by SciPy.
+"""Section V's robust MRAC from the paper's equations in plain NumPy, with the corrected sign of (14), for integration with SciPy.
 
 There is no projection, but the modelling error -mu s/(T s + 1) and a matched disturbance. Nothing from the package is used.
 """

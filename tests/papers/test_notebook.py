@@ -25,7 +25,7 @@ def executed(text: str) -> str:
 
 
 def test_every_row_has_one():
-    """Each is a valid notebook with the code that lists the row."""
+    """Every row has a valid notebook with the code that lists the row."""
     for paper in papers().values():
         for part in paper.ledger:
             for name in part.names:

@@ -30,7 +30,7 @@ def test_a_smooth_series_is_a_line_within_less_than_a_pixel():
 
 
 def test_what_oscillates_too_fast_keeps_its_extrema_and_its_ends():
-    """Including those between the instants, which only the envelope contains."""
+    """The extrema between the instants, which only the envelope contains, are kept too."""
     t = np.linspace(0.0, 10.0, 5_001)
     value = np.sin(40 * np.pi * t) * t
     low, high = np.minimum(value[:-1], value[1:]), np.maximum(value[:-1], value[1:])

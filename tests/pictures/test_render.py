@@ -84,7 +84,7 @@ def test_names_are_shown_as_they_are():
 
 
 def test_names_in_pictures_have_symbols_and_powers_of_ten():
-    """This happens only if a value follows. A scheme named after a letter keeps its name."""
+    """A name becomes a symbol only if a value follows. A scheme named after a letter keeps its name."""
     assert in_symbols("L1, gamma 1e6, no projection") == "L1, γ 10⁶, no projection"
     assert in_symbols("Gamma = 4.3e-05, kappa 0.02") == "Γ = 4.3·10⁻⁵, κ 0.02"
     assert in_symbols("Sigma-modification, fixed gamma, 0x1e5, v1e5") == "Sigma-modification, fixed gamma, 0x1e5, v1e5"

@@ -76,7 +76,7 @@ def test_every_line_of_a_panel_is_another_one_and_stands_so_in_the_legend(count)
 
 
 def test_components_of_one_run_keep_their_dash_and_have_marks():
-    """Their levels, which are true values and bounds, are dashed."""
+    """The levels of the components, which are true values and bounds, are dashed."""
     several = [Series(t=one.t, value=one.value, label=one.label, colour=one.colour, dash=0) for one in series(NINE)]
     (axes,) = draw([Panel(title="Estimates", series=several)], 10.0).axes
     told = styles(axes.get_legend().legend_handles)
@@ -100,7 +100,7 @@ def test_distributions_of_many_schemes_are_drawn():
 
 
 def test_a_png_has_every_hue_that_its_lines_have():
-    """This also holds for covered lines with few visible pixels. A palette chosen only by pixels would turn purple into grey."""
+    """Covered lines with few visible pixels keep their hue too. A palette chosen only by pixels would turn purple into grey."""
     panels = [Panel(title="All", series=series(6), whole_row=True) for _ in range(4)]
     picture = np.asarray(Image.open(io.BytesIO(render(draw(panels, 10.0), "png"))).convert("RGB")).reshape(-1, 3).astype(int)
     assert (picture[0] == 255).all()

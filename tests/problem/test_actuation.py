@@ -1,4 +1,4 @@
-"""The path of u to the plant: limits and dynamics in their order, compared with a plain integration."""
+"""The path of u to the plant: limits and dynamics, in order, compared with a plain integration."""
 
 from __future__ import annotations
 

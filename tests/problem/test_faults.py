@@ -21,7 +21,8 @@ def mixed(z: int) -> int:
 
 
 def test_what_is_drawn_is_splitmix() -> None:
-    """Its first output from a seed of zero is the published 0xE220A8397B1DCDAF. The numbers are two rounds of it."""
+    """The first output of SplitMix64 from a seed of zero is the published 0xE220A8397B1DCDAF. The numbers are two rounds of
+    it."""
     gamma = 0x9E3779B97F4A7C15
     assert mixed(gamma) == 0xE220A8397B1DCDAF
     for seed, place, slot in ((0, 0, 0), (7, 3, 12345), (2**64 - 1, 2**32 + 5, 10**13)):

@@ -129,7 +129,8 @@ def test_bounds_that_remain_too_wide_say_so(monkeypatch):
 
 
 def test_the_nominal_plant_lies_in_its_own_set():
-    """This also holds if an entry is known exactly or a range ends at the nominal value, for any roundings."""
+    """The set contains the nominal plant also if an entry is known exactly or a range ends at the nominal value, for any
+    roundings."""
     for make in (lambda: joint(tolerance=0.3), pendulum, lambda: joint(between=(1.3, 1.7))):
         for seed in range(10):
             plant = make()
@@ -140,7 +141,7 @@ def test_the_nominal_plant_lies_in_its_own_set():
 
 
 def test_formulas_are_written_as_numbers_are():
-    """In an array of NumPy, with a number to the power of a parameter, and with a sign."""
+    """The formulas are in NumPy arrays, have a number to the power of a parameter, and have a sign."""
     k, J = Parameter("k", 3.0, between=[2.0, 4.0]), Parameter("J", 0.5)
     plant = Plant(A=np.array([[0, 1], [-k / J, -(2**k)]]), b=np.array([0, +k]), A_m=[[0, 1], [-2, -3]])
     np.testing.assert_allclose(plant.A_m + np.outer(plant.b, plant.theta), [[0, 1], [-6, -8]], atol=1e-12)
@@ -169,7 +170,7 @@ def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
 
 
 def test_the_pendulum_is_matched_and_its_gain_uncertain():
-    """Its torque acts at the same place as gravity. omega is the nominal J + m l^2 over the actual one, by hand at the
+    """The input's torque acts at the same place as gravity. omega is the nominal J + m l^2 over the actual one, by hand at the
     corners."""
     found = derived(pendulum())
     assert found.is_matched and found.input_gain is not None
@@ -234,7 +235,7 @@ def test_an_unmatched_remainder_counts_in_every_unit_of_input_and_state(unit):
 
 
 def test_the_bound_of_a_small_theta_is_as_tight():
-    """With theta in units of a large b, an absolute tolerance made its interval six times too wide."""
+    """If a large b makes theta small, an absolute tolerance once made the interval of theta six times too wide."""
     k, m = (Parameter(name, 2.0, between=(1.0, 10.0)) for name in "km")
     found = [derived(Plant(A=[[0, 1], [-100 * k / (k + m), -3]], b=[0, b], A_m=[[0, 1], [-20, -3]])) for b in (1.0, 1e11)]
     widths = [one.theta.upper[0] - one.theta.lower[0] for one in found]

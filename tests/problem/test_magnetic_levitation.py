@@ -1,4 +1,4 @@
-"""The bundled levitation, compared with the equation of motion m y'' = m g - C i^2/y^2 integrated by SciPy."""
+"""The bundled levitation, compared with the equation of motion m y'' = m g - C i^2/y^2, integrated with SciPy."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def test_a_mask_is_not_ignored():
 
 
 def test_one_command_of_several_inputs_is_a_list_of_one():
-    """k_0 has a column for it, and the model moves by B k_0 r, as in SciPy's integration."""
+    """k_0 has one column, for this command, and the model moves by B k_0 r, as in SciPy's integration."""
     B, k_0 = np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([[2.0], [-3.0]])
     plant = Plant(A_m=[[-2.0, 0.0], [0.0, -3.0]], b=B, theta=[[1.0, 0.5], [0.2, 1.0]], x0=[0.0, 0.0])
     problem = Problem(plant, ReferenceModel(k_0), Sine(1.0, 2.0))

@@ -28,7 +28,7 @@ def exactly(text, point):
 @pytest.mark.parametrize("text", FORMULAS)
 @pytest.mark.parametrize("spread", [0.0, 1e-12, 0.01, 0.5])
 def test_exact_values_lie_within_the_bounds(text, spread):
-    """None of them is outside, not even by rounding, either at corners, where bounds are attained, or inside."""
+    """No exact value is outside the bounds, not even by rounding, either at corners, where bounds are attained, or inside."""
     rng = np.random.default_rng(7)
     names = sorted({"m", "l", "r", "J", "M", "g", "K"} & set("".join(c if c.isalnum() else " " for c in text).split()))
     for _ in range(5):

@@ -73,7 +73,7 @@ def test_nothing_but_formulas(term):
      "sqrt(0-1)*x1", "exp(1000)", "x1 + exp(1000) - exp(1000)", "0**-1", "abs(0/0)"],
 )  # fmt: skip
 def test_constants_are_finite_real_numbers(term):
-    """Otherwise one sentence shows the part, for any x."""
+    """A term with any other constant is rejected in one sentence that shows the part, for any x."""
     for make in (lambda: Terms(terms=(term,)), lambda: Nonlinearity(term.replace("x1", "y"))):
         assert len(refusal(make)) < 500
 

@@ -337,7 +337,7 @@ def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
 
 
 def test_documents_of_runs_and_certificates_name_the_differences():
-    """This includes a design without any guarantee of the motion, for which no guarantee is called void."""
+    """The documents of a design without any guarantee of the motion name the differences too, and call no guarantee void."""
     case = load_case("flexible-joint")
     certified = certified_case(case.problem, case.controllers, case.simulation)
     of_certify, of_run = certified.as_json(), sets_and_truth(case.problem)

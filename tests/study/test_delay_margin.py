@@ -263,7 +263,8 @@ def test_a_certificate_says_how_noise_enters_the_simulated_margins():
 
 
 def test_what_a_disturbance_drives_is_no_oscillation_of_the_loop():
-    """It makes the estimates and the control oscillate without a delay. With a constant disturbance they become constant."""
+    """A sinusoidal disturbance makes the estimates and the control oscillate without a delay. With a constant disturbance both
+    become constant."""
     simulation, controller = Simulation(t_end=10.0, dt=1e-3), Mrac(gamma=GAMMA)
     driven = replace(NOISY, sensor=None, disturbance=Sine(amplitude=1.0, frequency=20.0))
     found = delay_margins_ensemble([(driven, controller)], simulation)

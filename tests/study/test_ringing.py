@@ -10,7 +10,7 @@ from barbalat.study.ringing import fills, known_width, rings
 
 
 def test_an_estimate_whose_known_set_is_nearly_a_point_does_not_ring(problems):
-    """It is always projected onto both ends of a range whose size is a rounding or a tenth of a per mille."""
+    """The estimate is always projected onto both ends of a range whose size is a rounding or a tenth of a per mille."""
     given, low = problems[2], np.array([-2.0, 3.0])
     for width, expected in ((1e-14, [4.0, 0.0]), (3e-4, [4.0, 0.0]), (0.03, [4.0, 0.03])):
         box = ParameterBox(lower=low, upper=np.add(low, [4.0, width]))

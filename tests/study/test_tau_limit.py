@@ -95,7 +95,7 @@ def test_what_counts_as_grown():
 
 
 def test_quarters_against_every_sample(section_v):
-    """This also holds if the steps don't divide evenly and if a run is longer than one call of the kernel."""
+    """The quarters agree also if the steps don't divide evenly and if a run is longer than one call of the kernel."""
     for t_end, dt in ((1.0, 1e-3), (1.013, 1e-3), (50.0, 2e-4)):
         simulation = Simulation(t_end=t_end, dt=dt, record_points=10**6)
         members = [(section_v, Mrac(gamma=g)) for g in (1e-3, 1e-1)]

@@ -161,7 +161,7 @@ def test_figures_are_those_of_the_step_that_settles_a_member():
 
 
 def test_reruns_take_at_most_nine_times_a_large_sweeps_time():
-    """It leaves out the stiffest members. The others take the expected time, which is stated."""
+    """The reruns leave out the stiffest members. The others take the expected time, which is stated."""
     draws = {"plant.theta": "known-set", "controller[0].gamma": "loguniform:1:1000"}
     large = Settling(study(STIFF, draws, 10**6))
     assert large.expected(large.afforded.finest) < large.reruns < large.expected(np.inf)
@@ -184,7 +184,7 @@ def test_reruns_take_at_most_nine_times_a_large_sweeps_time():
 
 
 def test_an_actuator_that_the_step_does_not_bear_is_settled_by_one_that_does():
-    """Its poles are constant at 350 rad/s, with which RK4 at 10 ms is unstable, so every member would be lost."""
+    """The actuator's poles are constant at 350 rad/s, with which RK4 at 10 ms is unstable, so every member would be lost."""
     text = CaseText.read("first-order").text.replace("t_end = 60.0", "t_end = 10.0").split("[[controller]]")[0]
     text = text.replace("[plant.input]", "[plant.input]\nactuator = { num = [122500], den = [1, 490, 122500] }")
     text += '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 1.0\n'
@@ -344,7 +344,7 @@ def sweep_of_joint(axis: str):
     ],
 )
 def test_an_observer_that_differs_between_members_is_named(path, redesign, designs):
-    """It differs in its settings, or because it is designed again for each plant."""
+    """The observer differs in its settings, or because it is designed again for each plant."""
     text = CaseText.read("flexible-joint")
     given = {"observer.R": Axis(1e-9, 1e-8, 2), "parameters.m": Axis(0.0, 0.02, 2)}[path]
     plan = Plan({FieldPath.parse(path): given})

@@ -32,7 +32,7 @@ from barbalat.sweeps.study import Study
 from independent import refusal
 
 ANOTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable"}
-"""Settings with which LAPACK and the C library compute as on a processor of 2004."""
+"""Settings with which LAPACK and the C library compute as they would on a processor of 2004."""
 NOISY = "\n[sensor]\nnoise = { std = 0.01, sample_time = 0.01 }\n[simulation]"
 
 

@@ -109,7 +109,7 @@ def test_sobol_indices_of_any_sample():
 
 
 def test_main_effects_of_a_grid_and_of_draws_at_its_points():
-    """2 x + 3 y + noise: the variances add up."""
+    """For 2 x + 3 y + noise, the variances add up."""
     plan = Plan({PATHS[0]: Axis(0.0, 1.0, 5)}, {PATHS[1]: Uniform(0.0, 1.0), PATHS[2]: Uniform(0.0, 1.0)}, 2000)
     x = plan.values(0, len(plan))
     y = 2 * x[:, 0] + 3 * x[:, 1]

@@ -129,7 +129,7 @@ def test_other_equations_are_refused(tmp_path, monkeypatch):
 
 
 def test_a_store_of_before_the_judge_is_read_and_gone_on_with(tmp_path):
-    """It has neither the judge's columns nor its version, but the equations of its runs are the same."""
+    """The store has neither the judge's columns nor its version, but the equations of its runs are the same."""
     folder, prepared = tmp_path / "store", study(20, design=Design.RANDOM)
     identity = prepared.identity() | {"bounds": False}
     del identity["judge"]
@@ -218,7 +218,7 @@ def test_a_damaged_index_is_said(tmp_path):
 
 
 def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(sample, tmp_path):
-    """This includes the names of columns, which the text and its checksum do not contain by themselves."""
+    """The same holds for the names of columns, although the text and its checksum do not contain them by themselves."""
     folder = tmp_path / "store"
     run(folder)
     file = folder / INDEX_FILE

@@ -37,8 +37,8 @@ def test_figures_and_verdicts_are_those_of_fixed_steps() -> None:
 
 
 def test_the_recorded_run_of_the_worst_member_is_that_member() -> None:
-    """Its noise differs from the other members'. The extrema of the record equal the sweep's, up to the motion between recorded
-    instants."""
+    """The noise of the worst member differs from that of the other members. The extrema of the record equal the sweep's, up to
+    the motion between recorded instants."""
     problem = replace(CASE.problem, sensor=Sensor(noise=Noise(std=0.05, sample_time=0.1, seed=3)))
     case = replace(CASE, problem=problem, controllers=SLOW, simulation=Simulation(4.0, tolerance=1e-8))
     plan = Plan({}, dict(sampled(case, [("plant.theta[0]", "uniform:2:4")])), members=6, seed=1)

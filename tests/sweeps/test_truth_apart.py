@@ -199,7 +199,7 @@ def test_a_number_that_the_truth_gives_itself_is_varied_there(path, instead):
 
 
 def test_the_design_s_own_number_leaves_the_truth_as_it_is():
-    """With --redesign, and on an explorer's page."""
+    """The truth stays as it is with --redesign, and on an explorer's page."""
     own = parse_case(WITH_A_LAG).problem
     for redesign in (True, None):
         problem = varied(WITH_A_LAG, "plant.A[1][0]", redesign=redesign).at([3.0]).problem

@@ -86,7 +86,7 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
 
 
 def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
-    """Its problem has a command or a disturbance. From zeros every wrong controller would compute the same zeros."""
+    """The exported problem has a command or a disturbance. From zeros every wrong controller would compute the same zeros."""
     axes = Axes(hover=hovering(Quadrotor()))
     pairs = [of_axis(axis, "l1"), *(on_axis("l1", one) for one in (axes.attitude[0], axes.position[0]))]
     for problem, controller in pairs:

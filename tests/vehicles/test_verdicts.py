@@ -1,4 +1,4 @@
-"""The judge on flights: records written here that follow or oscillate from limit to limit."""
+"""The judge applied to flights: artificial records that follow the command, or oscillate between the limits."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def seen(y, u, *, t=T, limit=1.0):
 
 
 def test_a_control_that_goes_from_limit_to_limit_is_suspected():
-    """It oscillates at 5 rad/s with an error within the band and has 50/pi reversals in the tail of 10 s."""
+    """The flight oscillates at 5 rad/s with an error within the band and has 50/pi reversals in the tail of 10 s."""
     verdict = verdict_of(seen(0.02 * np.sin(5 * T), 2.0 * np.sin(5 * T)), T, 40.0, "")
     assert verdict.kind is Class.FOLLOWS and verdict.cycle is None
     assert verdict.suspect in {f"swings from limit to limit in the tail, {n} times" for n in (15, 16)}

@@ -1,1 +1,1 @@
-"""A problem and any controller as one system of differential equations; the only room that packs state vectors."""
+"""A problem and any controller as one system of differential equations; the only package that packs state vectors."""

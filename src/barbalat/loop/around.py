@@ -80,7 +80,7 @@ class OnLoop:
 
     where    (y,) the channels that it affects
     command  whether it affects the command instead
-    time     time [s] of a jitter; ``samples`` of a latency
+    time     jitter time [s], or ``samples`` of latency
     """
 
     kind: str
@@ -107,7 +107,7 @@ class OnLoop:
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """A shell, as numbers, and the faults; arrays are (y,) for measured channels and (q,) for commands.
+    """The numbers of a shell, and the faults; arrays are (y,) for measured channels and (q,) for commands.
 
     low, high  accepted range; infinite for a channel without a range
     rate       the fastest accepted change between samples; infinite for a channel without a limit
@@ -149,7 +149,8 @@ class Around:
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
-        """The shell and the faults, or None without either. Raises InputError for times that do not fit the sample time T [s]."""
+        """The shell and the faults; None if the case has neither. Raises InputError for times that do not fit the sample time T
+        [s]."""
         shell = problem.shell
         if shell is None and not problem.faults:
             return None

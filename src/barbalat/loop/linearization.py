@@ -24,7 +24,7 @@ evaluation."""
 
 
 def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
-    """A constant command, no disturbance, no noise."""
+    """The signals of a loop at rest: a constant command, without disturbance and noise."""
     return np.array([r] + [0.0] * (loop.signal_count - 1))
 
 

@@ -1,7 +1,7 @@
 """The true values of a loop's estimates, and the set onto which they are projected, from the roles that the equations declare.
 
 A law from outside the package may estimate anything, such as the weights of a network, or nothing. Its estimates are compared
-with the problem's parameters only if they are declared as such, explicitly or by convention, and if there are as many of both.
+with the problem's parameters only if they are declared as such, explicitly or by convention, and if their number is the same.
 """
 
 from __future__ import annotations

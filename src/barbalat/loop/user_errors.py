@@ -42,7 +42,7 @@ class Subject:
         return replace(self.part(" on symbols"), symbolic=True)
 
     def error(self, what: str) -> InputError:
-        """An error whose sentence begins with the subject."""
+        """An error whose message begins with the subject."""
         return InputError(f"{self.said}{what}", controller=self.controller)
 
 

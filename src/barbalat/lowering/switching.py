@@ -50,8 +50,8 @@ class Switched(NamedTuple):
 def switched(function: ca.Function, arguments: list[Any], choices: Any = None) -> Switched:
     """The function of these arguments, columns of expressions, with its choices as ``choices``, a column of J numbers 0 or 1.
 
-    Without ``choices`` each follows from its condition, so that the truth values of the conditions are the choices at these
-    arguments. Raises CountlessError for an expression with an operation of ``COUNTLESS``.
+    Without ``choices``, each choice follows from its condition, so that the truth values of the conditions are the choices at
+    these arguments. Raises CountlessError for an expression with an operation of ``COUNTLESS``.
     """
     import casadi as ca
 

@@ -67,7 +67,7 @@ class Numbers:
 
 
 def alike(one: Array, two: Array) -> Array:
-    """Which numbers are equal up to ROUNDING of their own size, and a zero up to a few roundings of the array's largest number.
+    """Which numbers are equal up to ROUNDING of their own size, or up to a few roundings of the array's largest number.
 
     A known set that follows from ranges is rounded outward, to 10 digits, so that equal sets may differ by 1e-10 of their size.
     """

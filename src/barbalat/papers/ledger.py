@@ -59,7 +59,7 @@ def under_way(
     told: Told | None = None,
     others: Mapping[str, Other] | None = None,
 ) -> Iterator[UnderWay]:
-    """Start the measurement of a paper's independent rows in this number of processes. The result is for ``measure``.
+    """Start the measurement of a paper's independent rows in ``processes`` processes. The result is for ``measure``.
 
     Each process begins with a quick row, so results appear soon. Then the longest tasks, including ``others``, start first, so
     all processes finish at about the same time. ``told`` is called from a different thread with each row as soon as it is

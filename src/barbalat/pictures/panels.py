@@ -119,7 +119,7 @@ def text_of(name: str) -> str:
 
 
 def as_typed(text: str) -> str:
-    """Return a text that Matplotlib shows literally: without mathematics, and not as a label that legends omit."""
+    """Return the text in a form that Matplotlib shows literally: without mathematics, and not as a label that legends omit."""
     return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 

@@ -10,7 +10,7 @@ and on a different plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta 
 statement about the plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
 
 If the input is limited, v = sat(u), anti-windup by back-calculation is available (Astrom and Murray, Feedback Systems, section
-11.4), with which xi' also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the part -K_i xi of
+11.4). It adds the term W (v - u) to xi'. With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the part -K_i xi of
 the control changes at the rate (v - u)/T_t, so the excess beyond the limits decays with the time constant T_t.
 """
 

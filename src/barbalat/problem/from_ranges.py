@@ -203,7 +203,7 @@ class FromRanges:
         return found if self.too_wide is None else [*found, self.too_wide]
 
     def beyond(self, own: KnownSet | None, gains: Sequence[Sequence[float]] | None) -> str:
-        """Return a text on what a known set of theta and intervals of the input gains do not contain."""
+        """Return a phrase on what a known set of theta and intervals of the input gains do not contain."""
         said = []
         low, high = self.theta.lower, self.theta.upper
         if own is not None:

@@ -12,7 +12,7 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
 LARGEST_SEED = 2**64 - 1
-"""The largest seed. The key of a Philox counter has 64 bits for it."""
+"""The largest seed. The key of a Philox counter has 64 bits for the seed."""
 
 
 def nearest_multiple(value: Value, step: Value) -> Value:

@@ -425,7 +425,8 @@ class DerivativeObserver(Observer):
     x_i' = x_j. The sampled form is Tustin's.
 
     cutoff    > 0, of the filter [rad/s]
-    measured  labels of the states that are measured, or C, (p, n), with a single 1 in each row; a case file may give `plant.C`
+    measured  labels of the states that are measured, or C, (p, n), whose rows have one nonzero entry each, a 1; a case file may
+              give `plant.C`
     """
 
     cutoff: float

@@ -204,10 +204,8 @@ def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
 
 
 def evaluated(field: str, part: Any, values: Mapping[str, float]) -> Any:
-    """Return the numbers, lists and tables of ``part`` with every text, which is a formula, replaced by its number for these
-    values.
-
-    InputError, with the field, for a text that is not a formula or has no finite real value at these values.
+    """Return ``part`` with every text, which is a formula, replaced by its number for these values. Raises InputError, with the
+    field, for a text that is not a formula or has no finite real value at these values.
     """
     if isinstance(part, dict):
         return {key: evaluated(f"{field}.{key}", value, values) for key, value in part.items()}

@@ -90,7 +90,7 @@ class PhysicalPlant(Settings):
         return None if self.sensor is None else sensor_at("sensor", self.sensor, values)
 
     def around(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Return everything at these values except A, b and the input gains, by its path in a case file."""
+        """Return everything except A, b and the input gains at these values, keyed by its path in a case file."""
         several = isinstance(self.input, (list, tuple))
         inputs: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}]
         given = {f"plant.input[{i}]" if several else "plant.input": one for i, one in enumerate(inputs)}

@@ -50,7 +50,7 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
-    """Return a row for each controller through one failure, sorted first by losses and then by error."""
+    """Return a row for each controller with one failure, sorted first by losses and then by error."""
     return [
         [
             one.controller,

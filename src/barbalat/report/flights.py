@@ -19,7 +19,7 @@ from barbalat.vehicles.flight import Failing, Flight
 from barbalat.vehicles.verdicts import said_of
 
 CSV_EVERY = 10
-"""Samples between rows of a CSV: ten rows per second, so the flights through a failure take about 100 kB."""
+"""Samples between rows of a CSV: ten rows per second, so the flights with one failure take about 100 kB."""
 
 NAMED_FAILURES = 3
 """Largest number of failures that a title names. All failures of a vehicle would take two lines."""
@@ -55,7 +55,7 @@ def _is_judged(found: FlightComparison) -> bool:
 
 
 def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
-    """Return a row for each controller through one failure, best first: name, verdict, and the metrics or the reason why control
+    """Return a row for each controller with one failure, best first: name, verdict, and the metrics or the reason why control
     was lost."""
     judged = _is_judged(found)
     return [[one.controller, *([_verdict(one)] if judged else []), *_cells(found, one)] for one in found.through(failure)]
@@ -117,7 +117,7 @@ def _delay(found: FlightComparison, seconds: float) -> str:
 
 
 def best_and_worst(found: FlightComparison, failure: Failing) -> str:
-    """Return a text that names the best and the worst of the controllers that kept control."""
+    """Return a sentence that names the best and the worst of the controllers that kept control."""
     kept = [flight for flight in found.through(failure) if not flight.lost]
     if not kept:
         return "no controller kept control"

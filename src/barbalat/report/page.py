@@ -121,7 +121,7 @@ class Film:
 def flight(
     found: FlightComparison, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None
 ) -> str:
-    """Return the page of ``barbalat fly``. The pictures over time and in space are given by failure name."""
+    """Return the page of ``barbalat fly``. The pictures over time and in space are keyed by the name of the failure."""
     return _rendered("flights.html", found=found, pictures=pictures, paths=paths, film=film, texts=flights)
 
 

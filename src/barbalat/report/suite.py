@@ -13,7 +13,7 @@ PAGE_COLUMNS = (*COLUMNS[:-1], "tuning; * at an end of its range")
 
 
 def identity(found: Standings) -> str:
-    """Return a text that identifies the suite, with its hash."""
+    """Return a phrase that identifies the suite, with its hash."""
     kind = "the public suite" if found.suite.is_public else "a suite other than the public one:"
     return f"{kind} {found.suite.name}, SHA-256 {found.suite.sha256}"
 

@@ -101,7 +101,7 @@ def front(one: Tuned, found: Tuning) -> list[list[str]]:
 
 
 def judged(found: Tuning) -> str:
-    """Return a text with the objective and the plants on which it is evaluated."""
+    """Return a phrase with the objective and the plants on which it is evaluated."""
     aim, count = found.aim, found.plants
     share = "the worst of" if aim.quantile == 1 else f"the {100 * aim.quantile:g} % quantile over"
     return (

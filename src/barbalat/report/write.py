@@ -184,7 +184,7 @@ def write_contest(folder: Folder, found: Contest) -> None:
 
 
 def write_design(folder: Folder, found: Design, *, explorer: str | None, files: Sequence[str], text: str | None) -> None:
-    """Write the page, and the page and picture of the contest."""
+    """Write the page of the design, and the page and the picture of its contest."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found.contest)) if found.contest.held_out else None
     folder.write("contest.html", page.contest(found.contest, picture))
     folder.write(PAGE, page.design(found, picture, explorer=explorer, files=files, text=text))

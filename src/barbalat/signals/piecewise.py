@@ -22,7 +22,7 @@ def between(start: float, stop: float, instants: Array) -> Array:
 
 
 def rounding_of(t: Array) -> Array:
-    """A few rounding errors of a time. A jump this close to a grid time counts as being at that time."""
+    """A tolerance of a few rounding errors at time t. A jump this close to a grid time counts as being at that time."""
     return 4 * np.finfo(float).eps * np.abs(np.asarray(t, dtype=float))
 
 

@@ -4,7 +4,7 @@ runs at the tolerance.
 A contest adds noise, which jumps every few milliseconds, and tries short delays and gains that are almost too high for the step.
 An ensemble of 64 tunings of MRAC on the first-order plant over 10 s takes 0.06 to 0.09 s of processor time at 20,000 fixed steps.
 At a tolerance of 1e-6 it takes 0.4 s without noise, 1.4 s with it and 3 s with a delay. Making its kernel takes a further 0.6 to
-1.4 s. Therefore a contest searches by fixed steps, and repeats only the tunings that it chooses at the tolerance.
+1.4 s. A contest therefore searches with fixed steps, and repeats only the chosen tunings at the tolerance.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class FixedSteps:
 
     @property
     def chosen_sentence(self) -> str | None:
-        """The sentence of a study that repeats what it chooses at the tolerance."""
+        """The sentence of a study that repeats its chosen runs at the tolerance."""
         if self.sentence is None or self.tolerance is None:
             return self.sentence
         return f"{self.sentence.removeprefix('all ')}; each chosen tuning is repeated at that tolerance"

@@ -251,8 +251,8 @@ class JudgedRuns:
         return begun, loss
 
     def _costs_more(self, noisy: Verdicts, without: Verdicts, chosen: Array, added: Array) -> Array:
-        """(J,) whether the noise increases the RMS error by more than it does both without the modelling error and with known
-        theta."""
+        """(J,) whether the noise increases the RMS error by more than both its increase without the modelling error and its
+        increase with known theta."""
         with np.errstate(invalid="ignore"):
             usual = np.maximum((self.undelayed.noisy.rms - self.undelayed.quiet.rms)[chosen], 0.0)
             more = noisy.rms - without.rms - usual - NOISE_BAND_SHARE * without.band

@@ -75,7 +75,7 @@ GROWTH = 8
 
 @dataclass(eq=False)
 class Pace:
-    """The number of members that run at once, based on the duration of earlier units. No bit depends on it.
+    """The number of members that run at once, based on the duration of earlier units. No bit of the results depends on it.
 
     ahead   number of units that wait for each running unit; a started unit takes longer than its work by this factor
     fewest  smallest number of members that run together, so that kernels have work for all lanes

@@ -75,7 +75,7 @@ class Afforded(NamedTuple):
 class Finer(Varied):
     """The cases of a study with a different step. A sampled controller keeps its sample time, and a sampled law keeps its steps.
 
-    With a tolerance, whatever the step, the finer tolerance is that which is used to measure the error of runs.
+    With a tolerance, the finer tolerance is the one that measures the error of runs, whatever the step.
     """
 
     varied: Varied
@@ -181,7 +181,7 @@ class Settling:
             yield Rerun(controller, places[part.which], part, study)
 
     def _settle(self, found: Columns, rerun: Rerun, fine: Figured) -> None:
-        """Use the results of the finer step, but keep the information whether estimates oscillate with the step of the case."""
+        """Use the results of the finer step, but keep the record of whether the estimates oscillate at the case's step."""
         name, resolved = self.study.controllers[rerun.controller], fine.finer_by == 0
         (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
         columns = fine.metrics.columns() | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}

@@ -197,7 +197,7 @@ class Study:
         return self.plan.values(first, count)
 
     def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """All columns of these members, each with the step of the case; raises InputError, with the number of the member, if a
+        """All columns of these members, run at the case's step; raises InputError, with the number of the member, if a
         member gives no valid case."""
         parts = list(self.parts(first, count))
         return self.columns(first, count, parts, run_here(parts, threads=threads, progress=progress))
@@ -222,7 +222,7 @@ class Study:
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of the members with these numbers, (K,), whose parts have run with the step of the case (see
+        """All columns of the members with these numbers, (K,), whose parts have run at the case's step (see
         ``columns``)."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}

@@ -223,7 +223,7 @@ def find_worst(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> WorstFound:
-    """Search the least and the largest value of metrics over a set, by gradients from many starts and from vertices.
+    """Search for the least and the largest value of metrics over a set, by gradients from many starts and from vertices.
 
     case     as in ``sweep``. ``vary`` and ``sample`` give the ranges; their counts and densities have no effect. By default the
              search covers the known set of the case: the ranges of its parameters, or else those of theta and of the input gain

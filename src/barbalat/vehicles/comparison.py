@@ -71,7 +71,8 @@ class FlightComparison:
         return figure_of(self.vehicle, self.all_through(failure), narrow=narrow, shown=shown)
 
     def scene(self, failure: Failing, controllers: Sequence[str]) -> Scene | None:
-        """Return the flights of these controllers through a failure in space; None if none of them left the start."""
+        """Return the flight paths of these controllers through a failure, in three dimensions; None if none of them left the
+        start."""
         chosen = [
             (i, one) for i, one in enumerate(self.all_through(failure)) if one.controller in controllers and len(one.record) > 1
         ]
@@ -115,7 +116,8 @@ class FlightComparison:
         return self.figure(self.failure_of(failure), shown=True)
 
     def plot_paths(self, failure: str | None = None) -> Figure:
-        """Draw the paths of all controllers through one failure in space. Raises InputError if the records have no path."""
+        """Draw the flight paths of all controllers for one failure, in three dimensions. Raises InputError if the records have no
+        path."""
         from barbalat.vehicles.picture import paths_figure
 
         return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)

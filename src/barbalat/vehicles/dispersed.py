@@ -207,7 +207,7 @@ def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | UnstoredCh
 
 
 def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterator[tuple[Chunk, Columns]]:
-    """Yield each chunk when it is finished. Each chunk has a separate process, and this number of processes run in parallel."""
+    """Yield each chunk when it is finished. Each chunk runs in its own process; ``processes`` of them run in parallel."""
     seconds = STARTING_SECONDS + campaign.chunk * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
     pool = ThreadPoolExecutor(processes)
     try:
@@ -281,7 +281,7 @@ class Pairing:
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """The results of one controller through one failure on all draws."""
+    """The results of one controller with one failure on all draws."""
 
     controller: str
     lost: Share

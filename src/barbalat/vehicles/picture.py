@@ -1,4 +1,4 @@
-"""Draws flights over time and in space, each picture with all controllers through one failure."""
+"""Draws flights over time and in space; each picture shows all controllers with one failure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ DRAWN_STRIDE = 10
 
 
 def figure_of(vehicle: Vehicle[Any, Any, Any], flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Draw the vehicle's panels with all controllers through one failure. Lost flights are drawn within the ranges of the others.
+    """Draw the vehicle's panels for the flights of all controllers with one failure. Lost flights are drawn within the ranges of
+    the others.
 
     narrow, shown  as for the picture of a run
     """

@@ -94,7 +94,7 @@ def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
 
 
 def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
-    """Return a text on motion of the controls in the tail that the commands do not explain; empty if there is none."""
+    """Return a sentence on motion of the controls in the tail that the commands do not explain; empty if there is none."""
     if tail >= len(t):
         return ""
     reversals, swings = kept.reversals, kept.swings

@@ -79,7 +79,7 @@ def test_gradient_decreases_its_lyapunov_function_at_the_right_rate():
 
 
 def test_gradient_of_one_parameter_is_an_exponential():
-    """phi = 1 and m^2 = 2: theta_tilde = theta_tilde(0) exp(-gamma t/2)."""
+    """With phi = 1 and m^2 = 2, theta_tilde = theta_tilde(0) exp(-gamma t/2)."""
     law = Gradient(gamma=0.8)
 
     def derivative(t, y):

@@ -47,7 +47,8 @@ FASTEST_POLE = 250.0
 
 @dataclass(frozen=True)
 class Used:
-    """The ratio of max |e| to the bound for each problem, for first-order filters also to kappa nu_1 + nu_2/sqrt(Gamma)."""
+    """The ratio of max |e| to the bound for each problem; for first-order filters, also its ratio to kappa nu_1 +
+    nu_2/sqrt(Gamma)."""
 
     ratio: np.ndarray
     constants: np.ndarray

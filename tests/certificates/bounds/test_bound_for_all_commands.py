@@ -74,7 +74,8 @@ def test_no_command_exceeds_it(n, sample):
 @pytest.mark.short(kept=lambda scheme: scheme == "L1")
 @pytest.mark.dear
 def test_the_checker_accepts_it_and_nothing_false(scheme):
-    """With x(0) away from zero, a lower number, a broken cell and a missing premise are each rejected."""
+    """For a plant with x(0) away from zero, the checker accepts the bound, and rejects a smaller bound, a broken cell and a
+    missing premise."""
     given, simulation = section_v.problem(), Simulation(t_end=1.0, dt=1e-3)
     small = replace(given, uncertainty=ParameterBox(lower=[0.0, -5.0], upper=[5.0, 5.0]))
     controller = section_v.l1("L1", 1e4) if scheme == "L1" else Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")
@@ -96,7 +97,7 @@ def test_the_checker_accepts_it_and_nothing_false(scheme):
 
 @pytest.mark.full
 def test_section_v_is_tight():
-    """The bound is within 15 % of a run. The small gain over the whole set gives 521 and 307."""
+    """The bound is at most 15 % above the error of the worst run. The small-gain theorem over the whole set gives 521 and 307."""
     given = section_v.problem()
     for controller, simulation in (
         (section_v.l1("L1", 1e4), Simulation(t_end=20.0, dt=2e-5)),

@@ -118,7 +118,8 @@ def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simu
 @pytest.mark.short(kept=lambda command: command == section_v.problem().reference)
 @pytest.mark.dear
 def test_the_checker_follows_linear_loops(command):
-    """It follows loops with a PI and with an observer through jumps and along sines, with the state away from the model's."""
+    """The checker follows loops with a PI controller and with an observer through jumps and along sines, with the state away from
+    the model's."""
     given, simulation = section_v.problem(), Simulation(t_end=5.0, dt=1e-3)
     slow = Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")
     problem = replace(given, reference=command)

@@ -64,7 +64,7 @@ def largest_distances(members: list[tuple[Problem, L1Adaptive]], C: TransferFunc
 @pytest.mark.parametrize("n", range(1, 5))
 @pytest.mark.short(kept=lambda n: n == 2)
 def test_the_bound_is_never_violated(n, sample):
-    """400 problems for each n, 40 in the short tests, with filters of order 1 and 2."""
+    """The test has 400 problems for each n (40 in the short tests), with filters of order 1 and 2."""
     rng, used = np.random.default_rng(300 + n), []
     while len(used) < sample(1, 10):
         command, order = random_problems.COMMANDS[len(used) % 4], 1 + len(used) % 2

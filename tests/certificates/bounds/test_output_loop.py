@@ -29,7 +29,8 @@ DRIVERS = (
 @pytest.mark.parametrize("kind", ["l1", "linear"])
 @pytest.mark.short(kept=lambda kind, f, drivers: (kind == "l1") == ((f is None) == (drivers is DRIVERS[1])))
 def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
-    """25 loops of each kind, 4 in the short tests. No run exceeds its bound, and most bounds are within a factor of ten."""
+    """There are 25 loops of each kind, 4 in the short tests. No run exceeds its bound, and most bounds are within a factor of
+    ten."""
     random = np.random.default_rng(3)
     members, bounds = [], []
     while len(members) < sample(4, 25):

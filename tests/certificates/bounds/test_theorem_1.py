@@ -30,8 +30,8 @@ def test_bound_9_is_never_violated(n, sample):
 @pytest.mark.parametrize("n", range(1, 6))
 @pytest.mark.short(kept=lambda n: n in (1, 2, 4))
 def test_bound_10_is_never_violated(n, sample):
-    """The bound by the norm of W_b (1 - C) for C(s) of order 1, 2 and 3. For order 1 also the paper's form, which is never
-    smaller."""
+    """The bound with the norm of W_b (1 - C) holds for C(s) of order 1, 2 and 3. For order 1 the paper's form also holds, and is
+    never smaller."""
     few = sample(1, 8) == 1
     used = random_problems.used_of_10(n, random_problems.FEW_10 if few else random_problems.SYSTEMS_10)
     assert len(used.ratio) == (240 if few else 2000)

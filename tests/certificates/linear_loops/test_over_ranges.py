@@ -182,7 +182,7 @@ def belt(observer, *, baseline=True):
 @pytest.mark.parametrize("observer", OBSERVERS)
 @pytest.mark.parametrize("baseline", [True, False])
 def test_the_loop_at_p_is_that_of_the_truth_with_these_parameters(observer, baseline):
-    """The plant given by matrices has the same loop as a truth with these parameters that is linearised as a whole."""
+    """The plant given by matrices has the same loop as a truth with these parameters, linearised as a whole."""
     case = belt(observer, baseline=baseline)
     plants, frequencies = plants_of(case.problem.design), np.geomspace(1.0, 1000.0, 50)
     for controller in case.controllers:
@@ -226,7 +226,7 @@ def with_dynamics_of_the_truth(problem, loop):
 
 
 def test_the_margin_of_the_belt_is_found_by_hand():
-    """The LQR, the Kalman filter, the actuator and the lag are computed by SciPy for the nominal plant, and the loop around the
+    """The LQR, the Kalman filter, the actuator and the lag are computed with SciPy for the nominal plant, and the loop around the
     plant at each corner."""
     case = belt("kalman")
     certificate = certify(case.problem, case.controllers[:1], case.simulation)["fixed"]

@@ -163,7 +163,7 @@ def refused(document, sentence):
 @pytest.mark.dear
 def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path, disturbance, refused_below):
     """The checker computes the sums again from the matrices alone and in a different arithmetic. The package's sums are within
-    two thousandths of them. Its bound of a disturbance's effect within a sample is cruder than the checker's."""
+    two thousandths of them. Its bound on the effect of a disturbance within a sample is cruder than the checker's."""
     problem = problem_of(path, reference=Square(amplitude=0.5, frequency=0.7), disturbance=disturbance)
     controller, simulation = CONTROLLERS[name], Simulation(t_end=T_END, dt=DT)
     found = certify(problem, [controller], simulation)

@@ -142,8 +142,8 @@ def test_a_pole_beside_the_axis_is_no_crossing():
 
 
 def test_the_screening_agrees_with_the_exact_margins():
-    """At random points of the set, with and without delay. The tolerance 0.03 is the interpolation's error near a pole of L close
-    to the axis."""
+    """The two agree at random points of the set, with and without delay. The tolerance 0.03 is the interpolation's error near a
+    pole of L close to the axis."""
     rng = np.random.default_rng(2)
     for plant, box, C in lightly_damped(4):
         for family in family_of(plant, C).values():

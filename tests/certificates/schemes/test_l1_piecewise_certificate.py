@@ -57,7 +57,7 @@ def grows(problem, law, dt):
 
 @pytest.mark.parametrize("form", [0, 1])
 def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
-    """Runs with delays 2 % below and above the margin, with the delay within a sample."""
+    """Runs have delays 2 % below and above the margin, and the delay ends within a sample."""
     problem, laws = without_limits()
     entry = certified(problem, laws[form], "delay_margin").entry("delay_margin")
     assert entry.kind == "exact" and "in sampled-data form" in entry.of

@@ -34,7 +34,7 @@ def test_the_norm_against_an_impulse_response(section_v):
 
 @pytest.mark.dear
 def test_the_bound_holds_over_the_known_set():
-    """48 random commands and theta, some at the corners of the box. Every step of every run stays below the bound."""
+    """With 48 random commands and theta, some at the corners of the box, every step of every run stays below the bound."""
     rng = np.random.default_rng(11)
     thetas = [np.array([p, q]) for p in (-5.0, 5.0) for q in (-5.0, 5.0)] + [rng.uniform(-5, 5, 2) for _ in range(8)]
     given = variant()

@@ -109,7 +109,7 @@ def two_inputs(**more):
 @pytest.mark.parametrize("gamma", [3.0, [1.0, 5.0, 0.5, 20.0]], ids=["number", "diagonal"])
 @pytest.mark.short(kept=lambda gamma: gamma != 3.0)
 def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
-    """16 vertices of theta's box and two intervals. The bound for a ball is at least the bound for each of its points. The
+    """Theta's box and two intervals have 16 vertices. The bound for a ball is at least the bound for each of its points. The
     tolerance 1e-9 is for outward rounding."""
     intervals, controller = ((0.5, 2.0), (1.0, 3.0)), DirectMrac(gamma=gamma, gamma_r=0.7, theta_hat0=[0.3, -0.1, 0.0, -0.2])
     box = ParameterBox(lower=[-1.0, -2.0, 0.0, -0.5], upper=[1.0, 0.5, 0.0, -0.5])
@@ -180,7 +180,7 @@ def test_nothing_is_claimed_beside_a_delay(problems):
 
 
 def test_the_linear_loop_is_that_of_the_ideal_gains(problems):
-    """It does not depend on omega, because omega k_x = theta. The tolerance 1e-9 is for a further product and quotient."""
+    """The loop does not depend on omega, because omega k_x = theta. The tolerance 1e-9 is for a further product and quotient."""
     found = []
     for omega in (1.0, 4.0):
         plant = Plant(A_m=[[0.0, 1.0], [-1.0, -1.0]], b=[0.0, 1.0], theta=[3.0, 2.0], input=PlantInput(gain=omega))

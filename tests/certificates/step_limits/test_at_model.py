@@ -49,7 +49,7 @@ def test_runs_are_quiet_below_and_leave_the_region_above(name):
 
 
 def test_the_law_that_takes_euler_steps_has_the_side_too():
-    """At the limit, its discrete-time map along the model's motion, written by hand, just begins to grow."""
+    """At the limit, the law's discrete-time map along the model's motion, written by hand, just begins to grow."""
     given = problem()
     (found,) = certify(given, held(10.0), AT).values()
     least, due = found.values["gamma_max"], found.values["gamma_max_at_model"]

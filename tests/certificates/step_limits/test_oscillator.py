@@ -125,7 +125,7 @@ def test_a_run_on_both_sides(name):
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_a_normalised_gradient_law_on_both_sides(name):
-    """Its decay rate is Gamma |phi|^2/m_s^2, which is close to Gamma for a large regressor."""
+    """The law's decay rate is Gamma |phi|^2/m_s^2, which is close to Gamma for a large regressor."""
     h, base = 1e-3, load_case("paper").problem
     problem = Problem(plant=base.plant, reference_model=base.reference_model, reference=Constant(1e4))
     simulation = Simulation(t_end=10.0, dt=h, solver=SOLVERS[name])

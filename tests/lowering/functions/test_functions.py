@@ -108,8 +108,8 @@ def _near_quadrants(count: int, rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_errors_are_below_one_unit_in_the_last_place(name, sample) -> None:
-    """The largest found at 100,000 points of each function was 0.82. Correct rounding has at most 0.5. Noise needs less
-    accuracy."""
+    """The largest error found at 100,000 points of each function was 0.82. With correct rounding it would be at most 0.5. Noise
+    needs less accuracy."""
     rng = np.random.default_rng(2026)
     for x in points(name, sample(500, 25_000), rng):
         found = evaluated(name, *x)

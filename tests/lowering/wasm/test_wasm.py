@@ -147,7 +147,7 @@ def test_functions_have_the_kernel_s_bits(name) -> None:
     ("ceil", 1), ("copysign", 2), ("select", 3), ("if_else_zero", 2), ("div", 2), ("sub", 2),
 ])  # fmt: skip
 def test_single_operations_have_the_kernel_s_bits(name, count) -> None:
-    """They include the minimum and maximum of signed zeros and of NaNs, which f64.min and f64.max order differently."""
+    """The operations include the minimum and maximum of signed zeros and of NaNs, which f64.min and f64.max order differently."""
     x = tuple(part.ravel() for part in np.meshgrid(*[EDGES] * count))
     program = calling(name, count)
     state, out = np.zeros(1), np.empty((len(x[0]), 1))

@@ -59,7 +59,7 @@ def test_points_are_drawn_evenly(known_set, shares):
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_a_box_is_within_a_bound_that_its_corners_keep(n):
-    """This holds for either position of its larger side. One double below the farthest corner is too small."""
+    """The box is within the bound for either position of its larger side. One double below the farthest corner is too small."""
     random = np.random.default_rng(n)
     for _ in range(20):
         lower = random.uniform(-3, 1, n)

@@ -66,7 +66,7 @@ def test_the_order_is_kept_where_an_estimate_meets_its_bound(controller) -> None
 
 
 def test_figures_are_those_of_the_motion() -> None:
-    """They are compared with fixed steps so fine that their instants resolve every extremum to seven digits."""
+    """The figures are compared with fixed steps so fine that their instants resolve every extremum to seven digits."""
     result = simulate(PAPER.problem, [MRAC], Simulation(4.0, tolerance=1e-8))["MRAC"]
     fine = simulate(PAPER.problem, [MRAC], Simulation(4.0, 2e-5))["MRAC"]
     for name in ("max_abs_e", "tail_max_abs_e", "theta_hat_tail_min", "theta_hat_tail_max", "theta_hat_variation_rate"):
@@ -93,7 +93,7 @@ def test_jumps_and_corners_of_the_command_end_steps() -> None:
 
 
 def test_the_measured_error_is_that_of_the_run() -> None:
-    """It is compared with a third run at a finer tolerance than the second one."""
+    """The measured error is compared with a third run at a finer tolerance than the second one."""
     result = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-5))["L1"]
     exact = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-10))["L1"]
     found = np.abs(result.theta_hat - exact.theta_hat).max(axis=0) / np.abs(exact.theta_hat).max(axis=0)
@@ -201,7 +201,7 @@ def test_attempts_without_dense_output_are_the_same() -> None:
 
 
 def test_a_loop_is_traced_again_only_if_it_differs(monkeypatch) -> None:
-    """In its numbers or in its command; the results are bit-identical whether or not it was traced before."""
+    """A loop may differ in its numbers or in its command. The results are bit-identical whether or not it was traced before."""
     traced, program = [], Attempts.program
     monkeypatch.setattr(Attempts, "program", lambda self: traced.append(self) or program(self))
     simulation, louder = Simulation(1.0, tolerance=1e-6), replace(PAPER.problem, reference=Constant(amplitude=7.0))

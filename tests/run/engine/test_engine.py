@@ -118,8 +118,8 @@ def test_memory_does_not_grow_with_the_run(problems, record, record_points):
 
 
 def test_no_kernel_call_is_longer_than_a_chunk():
-    """This also holds if few instants of very many steps are recorded, because the table of the signals is made for a whole
-    call."""
+    """No call is longer even if few instants of very many steps are recorded, because the table of the signals is made for a
+    whole call."""
     simulation = Simulation(t_end=1e6, dt=1e-3, record_points=10)
     assert next(iter(segments_of(simulation, recorded=True))).steps <= CHUNK_STEPS
 

@@ -112,7 +112,7 @@ def test_members_continue_side_by_side_as_single_runs_do() -> None:
 
 
 def test_threads_leave_casadi_alone(monkeypatch) -> None:
-    """Its objects count references without a lock, so two threads that made objects caused a segmentation fault."""
+    """CasADi's objects count references without a lock, so two threads that made objects caused a segmentation fault."""
 
     def only_at_first(name, size):
         assert threading.current_thread() is threading.main_thread()

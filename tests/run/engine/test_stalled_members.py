@@ -26,7 +26,8 @@ def test_a_single_run_that_slides_is_refused(size) -> None:
 
 
 def test_one_stalled_member_ends_alone() -> None:
-    """Its metrics are unknown and it is marked as lost. The results of the other members do not depend on it."""
+    """The metrics of the stalled member are unknown, and it is marked as lost. The results of the other members do not depend on
+    it."""
     sound = (0.0, 1.0), (0.0, 0.99)
     found = together(sound[0], (2.0, 1.0), sound[1], (50.0, 0.9), judge=Judge())
     others = together((3.0, 0.95), *sound, judge=Judge())

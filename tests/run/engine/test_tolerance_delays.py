@@ -133,7 +133,7 @@ def test_steps_end_at_what_a_jump_leaves(monkeypatch) -> None:
 
 
 def test_the_measured_error_is_no_less_than_the_error() -> None:
-    """This also holds if the delay and not the tolerance determines the steps."""
+    """The measured error is no less than the error even if the delay and not the tolerance determines the steps."""
     problem = delayed(0.2)
     expected = by_scipy(problem, MRAC, 8)
     for tolerance in (1e-4, 1e-8):
@@ -143,7 +143,7 @@ def test_the_measured_error_is_no_less_than_the_error() -> None:
 
 
 def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
-    """Its windows after the run continue with the contents of the delay."""
+    """The judge's windows after the run continue with the contents of the delay."""
     problem = delayed(0.02)
     ours, fixed = (simulate(problem, [MRAC], one)["MRAC"] for one in (Simulation(4.0, tolerance=1e-8), Simulation(4.0, 2.5e-4)))
     assert ours.verdict.kind is fixed.verdict.kind
@@ -152,7 +152,7 @@ def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
 
 
 def test_each_member_has_its_own_delay() -> None:
-    """Each also has a separate history and is identical to the single run."""
+    """Each member also has a separate history, and is identical to the single run."""
     members = [(delayed(tau), MRAC) for tau in (0.01, 0.03, 0.1)]
     plant = replace(members[1][0].plant, input=PlantInput(delay=0.03))
     members.append((replace(members[1][0], plant=plant), MRAC))

@@ -33,7 +33,7 @@ def with_parameters(theta):
 
 @pytest.mark.parametrize("wrap", [lambda c: c, lambda c: Sampled(c, 0.02)], ids=["continuous", "sampled"])
 def test_members_end_where_scipy_takes_them(wrap) -> None:
-    """Each has a different gain, plant and initial estimate, all of which are arguments of one kernel."""
+    """Each member has a different gain, plant and initial estimate, all of which are arguments of one kernel."""
     members = [
         (with_parameters([4 - g, -3 + g]), wrap(replace(MRAC, gamma=g, theta_hat0=np.array([0.1 * g, 0.0])))) for g in GAMMAS
     ]

@@ -135,7 +135,7 @@ def test_faults_come_at_samples(delay) -> None:
     ids=["no shell", "late calls are misses", "a short delay", "almost a sample", "one sample", "a longer delay"],
 )
 def test_jittered_samples_come_when_they_are_due(shell, delay) -> None:
-    """This also holds for the output of a delay, which contains more samples at some times than at others."""
+    """The samples are on time also at the output of a delay, which contains more samples at some times than at others."""
     faults = (Jitter(time=0.0011, seed=4), Jitter(time=0.0007, share=0.3, burst=0.1, seed=5), *FAULTS)
     plant = replace(PAPER.problem.plant, input=PlantInput(delay=delay, history=0.5))
     problem = replace(PAPER.problem, plant=plant, faults=faults, shell=shell, sensor=SENSOR)
@@ -147,8 +147,8 @@ def test_jittered_samples_come_when_they_are_due(shell, delay) -> None:
 
 
 def test_a_jittered_run_is_judged_as_with_fixed_steps() -> None:
-    """Its windows after the run begin with the call at the instant set by the last jitter. Further random numbers would depend on
-    the rounding of a call's instant to fixed steps."""
+    """The judge's windows after the run begin with the call at the instant set by the last jitter. Further random numbers would
+    depend on the rounding of a call's instant to fixed steps."""
     jitter = Jitter(time=0.002, times=((0.0, 0.005), (2.0, 2.005), (3.985, 3.995)), seed=8)
     assert jitter.value(np.array([3.99]), 0) > 0.5  # the last call of the run comes after its end
     problem = replace(PAPER.problem, faults=(jitter,))
@@ -162,7 +162,7 @@ def test_a_jittered_run_is_judged_as_with_fixed_steps() -> None:
 
 
 def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
-    """Its windows after the run go on with what is in the delay."""
+    """The judge's windows after the run continue with the contents of the delay."""
     problem = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=0.04)))
     controller = Sampled(replace(MRAC, gamma=0.1), 0.01)
     ours, fixed = (
@@ -222,7 +222,7 @@ def test_nothing_turns_where_the_noise_jumps() -> None:
     )
     most, expected_most = (one.envelope.u_max.reshape(50, 40).max(axis=1) for one in (ours, fine))
     least, expected_least = (one.envelope.u_min.reshape(50, 40).min(axis=1) for one in (ours, fine))
-    unseen = 1e-2  # by fixed steps: the last 1e-5 s before a change of the noise, in which u changes by half of that
+    unseen = 1e-2  # with fixed steps: the last 1e-5 s before a change of the noise, in which u changes by half of that
     assert (np.abs(most - expected_most) < unseen).all()
     assert (np.abs(least - expected_least) < unseen).all()
 

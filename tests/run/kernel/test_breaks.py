@@ -109,7 +109,8 @@ def test_every_kind_of_signal_keeps_the_method_s_order(kind):
 
 
 def test_a_disturbance_keeps_it_too():
-    """Both jump, at different times. x' has the term b d, as MRAC's plant with d/1 added to the input."""
+    """The command and the disturbance jump at different times. x' has the term b d, as MRAC's plant with d/1 added to the
+    input."""
     command, disturbance = BREAKING["square"][0], BREAKING["steps"][0]
     given = replace(problem(command), disturbance=disturbance)
     P, y = given.known.P, np.concatenate([X0, X0, [0.0, 0.0]])
@@ -128,7 +129,8 @@ def test_a_disturbance_keeps_it_too():
 
 @pytest.mark.parametrize("way", ["tanh of the command", "tanh of the state", "saturation"])
 def test_also_where_the_command_enters_nonlinearly(way):
-    """The three cases of the issue. The limit of the saturation is reached and left at jumps, so it has no corner in between."""
+    """The three cases are those of an issue. The limit of the saturation is reached and left at jumps, so it has no corner in
+    between."""
     square = BREAKING["square"][0]
     if way == "tanh of the command":
         given, command = problem(Tanh(square)), lambda t: np.tanh(square(t))
@@ -231,7 +233,7 @@ def test_the_pieces_of_the_table():
 
 
 def test_a_signal_that_breaks_more_often_than_anything_resolves():
-    """Then no step is split, the memory is not filled, and the run says so."""
+    """With such a signal no step is split, the memory is not filled, and the run says so."""
     for frequency in (1e6, 1e15):
         run = simulate(problem(Square(1.0, frequency)), [Mrac(gamma=GAMMA)], Simulation(t_end=1.0, dt=0.01))["MRAC"]
         assert run.lost is not None
@@ -319,7 +321,8 @@ def test_samples_and_noise_keep_their_rhythm(discretization):
 
 @pytest.mark.parametrize("part", ["plain", "noise", "sampled"])
 def test_the_label_resumes_what_ran(part):
-    """Its time does not depend on the record, because parts of the run are simulated again and split at the same instants."""
+    """The time in the label does not depend on the record, because parts of the run are simulated again and split at the same
+    instants."""
     command = Steps((0.3001, 0.6004, 1.0007, 1.0202, 2.0003), (0.2, 0.1, 30.0, 40.0, 20.0))
     box = ParameterBox(lower=[-5.0, -5.0], upper=[5.0, 5.0])
     given, controller = replace(problem(command), uncertainty=box), L1Adaptive(gamma=1e6, filter=input_filter(0.02))
@@ -512,7 +515,7 @@ PARTS = {
 
 @pytest.mark.parametrize("name", PARTS)
 def test_what_a_corner_or_a_jump_of_the_law_costs_is_said(name):
-    """A law of the package declares it. User-defined equations are examined."""
+    """A law of the package declares its corners and jumps. User-defined equations are examined."""
     controller, order, said = PARTS[name]
     given, simulation = problem(SMOOTH), Simulation(t_end=T_END, dt=0.02)
     lost = next(iter(simulate(given, [controller], simulation).values())).lost

@@ -134,7 +134,8 @@ NOTHING = Mrac(gamma=1e-300)
 @pytest.mark.parametrize("factor", [2.0, 16.0, 1e3, 1e11, 1e40])
 @pytest.mark.parametrize("record_points", [2, 7, 2000])
 def test_the_time_of_divergence(factor, record_points):
-    """It is exactly the first instant at which the sum of the states' magnitudes exceeds the limit, for any blocks."""
+    """The time of divergence is exactly the first instant at which the sum of the states' magnitudes exceeds the limit, for any
+    blocks."""
     steps, x, k = 100, 1.0, 0
     while abs(x) + abs(0.5**k) <= DIVERGENCE_LIMIT:  # x_m halves in each step; theta_hat stays 0
         x, k = x * factor, k + 1
@@ -217,7 +218,7 @@ def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
 @pytest.mark.parametrize("x0", np.geomspace(1e141, 1e149, 30))
 @pytest.mark.short(kept=lambda x0: x0 < 1e143)
 def test_a_run_past_the_largest_number_gives_no_warning(x0):
-    """This holds also for a single run with ``simulate``."""
+    """A single run with ``simulate`` gives no warning either."""
     given = exploding(1.5).plant
     problem = Problem(
         plant=Plant(A_m=given.A_m, b=given.b, theta=given.theta, x0=[x0]), uncertainty=ParameterBox(lower=[0], upper=[0])
@@ -227,7 +228,7 @@ def test_a_run_past_the_largest_number_gives_no_warning(x0):
 
 
 def test_members_that_diverge_do_not_disturb_the_others(problems):
-    """Each diverges at a different time. A member that stays bounded keeps its metrics bit for bit."""
+    """Each diverging member diverges at a different time. A member that stays bounded keeps its metrics bit for bit."""
     problem = exploding(2.0)
     loop = ClosedLoop.of(problem, NOTHING)
     states = loop.initial()[:, None].repeat(5, axis=1)

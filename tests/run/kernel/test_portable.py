@@ -81,7 +81,7 @@ def test_a_run_uses_them() -> None:
     ("case", "name"), [("l1-output", "L1 output"), ("first-order", "MRAC, sampled"), ("paper", "Robust MRAC")]
 )
 def test_outputs_are_those_of_the_equations_but_for_roundings(case, name) -> None:
-    """They are compared with CasADi's evaluation of the same function at the recorded states, as in fused runs."""
+    """The outputs are compared with CasADi's evaluation of the same function at the recorded states, as in fused runs."""
     given = load_case(case)
     (controller,) = (c for c in given.controllers if c.name == name)
     simulation = replace(given.simulation, t_end=2.0, fused=False)

@@ -183,7 +183,7 @@ def test_shares_are_rounded_outward():
 
 
 def test_the_excitation_of_a_large_regressor_takes_no_outer_products_and_is_the_integral():
-    """It is compared with SciPy's trapezoidal rule for each entry, for two inputs on an uneven grid."""
+    """The excitation is compared with SciPy's trapezoidal rule for each entry, for two inputs on an uneven grid."""
     random = np.random.default_rng(1)
     t = np.sort(random.uniform(0.0, 3.0, 60))
     phi = random.normal(size=(60, 5, 2))

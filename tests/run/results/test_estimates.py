@@ -34,7 +34,7 @@ def test_gains_are_called_gains_and_weights_weights(problem):
 
 
 def test_the_estimate_of_an_unknown_input_gain_is_called_omega(problem):
-    """It has this name in tables, pictures and findings. The columns of files keep their names."""
+    """The estimate has this name in tables, pictures and findings. The columns of files keep their names."""
     narrow = ParameterBox(lower=[-0.1] * len(problem.plant.theta), upper=[0.1] * len(problem.plant.theta))
     given = replace(problem, uncertainty=narrow, input_gain=(0.9, 1.1))
     run = simulate(given, [Mrac(gamma=200.0)], AT)["MRAC"]

@@ -81,8 +81,8 @@ def test_the_estimates_at_the_end_are_all_that_a_scheme_adapts():
 
 
 def test_several_results_are_a_dictionary_that_shows_itself(results):
-    """It prints on one line. In a notebook it shows a row for each run and one picture of all. It behaves like a plain
-    dictionary."""
+    """The dictionary prints on one line. In a notebook it shows a row for each run and one picture of all. Otherwise it behaves
+    like a plain dictionary."""
     assert isinstance(results, dict) and results == dict(results)
     assert isinstance(check_numerics(results), Results)
     text = repr(results)

@@ -16,7 +16,7 @@ def test_they_have_drydens_correlation():
 
 
 def test_their_first_samples_are_as_large_as_any():
-    """They are stationary from the start, with statistics over seeds and not over time."""
+    """The gusts are stationary from the start, by statistics over seeds and not over time."""
     first = [gusts_met(2.0, TURBULENCE_LENGTH, 0.01, 1, seed)[0] for seed in range(1000)]
     assert np.std(first) == pytest.approx(2.0, rel=0.1)  # four deviations of an estimate from 1000
 

@@ -63,8 +63,8 @@ def test_trim_is_near_the_published_one(trim):
 
 
 def test_modes_have_the_published_shape():
-    """Stevens and Lewis have the short period -1.20 +- 1.49j, the Dutch roll -0.44 +- 3.22j and roll -3.60, for a different data
-    set."""
+    """Stevens and Lewis give the short period as -1.20 +- 1.49j, the Dutch roll as -0.44 +- 3.22j and roll as -3.60, for a
+    different data set."""
     modes = trimmed(SEA_LEVEL).modes()
     for name, published in (("short period", -1.20 + 1.49j), ("Dutch roll", -0.44 + 3.22j), ("roll", -3.60)):
         first = modes[name][0]
@@ -78,7 +78,8 @@ def test_modes_have_the_published_shape():
 
 
 def test_alpha_s_row_is_that_of_stevens_and_lewis():
-    """At 502 ft/s they have alpha' = -1.01887 alpha + 0.90506 q. The lift is the same, wherever the data come from."""
+    """At 502 ft/s Stevens and Lewis give alpha' = -1.01887 alpha + 0.90506 q. The lift is the same, wherever the data come
+    from."""
     found, rows = trimmed(SEA_LEVEL), [1, 3]  # alpha, q
     A, b = found.A[np.ix_(rows, rows)], found.B[rows, 0]
     np.testing.assert_allclose(A[0], [-1.01887, 0.90506], rtol=0.02)

@@ -67,7 +67,7 @@ def test_flights_before_the_failure_are_the_same_in_every_bit(flown):
 
 
 def test_what_a_slung_mass_does_to_a_controller_without_memory_is_what_statics_say(axes, flown):
-    """It sinks until k_R e of its height carries the mass. The missing acceleration is 250 g times g over 1 kg."""
+    """The vehicle sinks until k_R e of its height carries the mass. The missing acceleration is 250 g times g over 1 kg."""
     late = flown["geometric"]["slung-mass"].record[-150:]
     sunk = np.mean(late[:, 3] - late[:, 6])
     missing = 0.25 * 9.81  # m/s^2, for a controller that assumes 1 kg

@@ -23,7 +23,7 @@ LN_2 = {DOUBLE: _LN_2, SINGLE: SINGLE.parted(whole(*_LN_2), 15)}
 """ln 2; for 32 bits as a float of 15 bits, whose product with an exponent is exact, and the remainder."""
 ONE_OVER_LN_2 = float.fromhex("0x1.71547652b82fep+0")
 BEYOND_EXP = {DOUBLE: 800.0, SINGLE: 120.0}
-"""The argument from which exp overflows and exp of the negative rounds to zero; up to it 2^k is the product of two factors within
+"""The argument from which exp overflows and exp of its negative rounds to zero; up to it 2^k is the product of two factors within
 range."""
 TANH_IS_ONE = {DOUBLE: 22.0, SINGLE: 10.0}
 

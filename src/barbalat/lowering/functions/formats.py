@@ -33,7 +33,7 @@ class Format:
 
     @property
     def linear_range(self) -> float:
-        """The bound of |x| below which x^3/3 is less than a quarter of a unit in the last place of x."""
+        """The limit on |x| below which x^3/3 is less than a quarter of a unit in the last place of x."""
         return 2.0 ** -((self.bits + 1) // 2 + 1)
 
     @property

@@ -16,7 +16,7 @@ CENTRAL = 0.425
 are used."""
 CENTRAL_SQUARED = 0.180625
 TAIL_FROM, FAR_FROM = 1.6, 5.0
-"""Values of that root that are subtracted before the functions of the tail and the far tail; the latter begins at FAR_FROM."""
+"""Values that are subtracted from that root in the functions of the tail and the far tail; the far tail begins at FAR_FROM."""
 
 A = (
     3.3871328727963666080e0, 1.3314166789178437745e2, 1.9715909503065514427e3, 1.3731693765509461125e4,

@@ -214,7 +214,7 @@ def cos(_: TracedNumber, at: Reduced) -> TracedNumber:
 
 
 def tan(x: TracedNumber, at: Reduced) -> TracedNumber:
-    """tan y, or -1/tan y in odd quadrants; above TAN_TURNS by 1 - 2 (t - ...)/(1 + t), t = tan(pi/4 - |y|)."""
+    """tan y, or -1/tan y in odd quadrants; above TAN_TURNS, 1 - 2 (t - ...)/(1 + t) with t = tan(pi/4 - |y|)."""
     quadrant, y, low = at
     odd, turns, negative = abs(quadrant).equals(1.0), abs(y) >= TAN_TURNS, y < 0.0
     size, size_low = abs(y), negative.then(-low, low)

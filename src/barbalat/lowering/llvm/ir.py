@@ -70,7 +70,7 @@ operations."""
 
 
 def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str], list[str], list[str]]:
-    """A long quantity as a separate function, which LLVM translates without optimisation, its memory on the stack, and its call.
+    """Return a separate function for a long quantity, its memory on the stack, and its call. LLVM does not optimise the function.
     ``used`` are the values of the loop that its ``lines`` read. The operations and their order stay the same, and so does every
     bit.
     """
@@ -171,8 +171,8 @@ def loop(
     out         [blocks][states + accumulators][W]: the state at the start of a block, the accumulators at its end
     start       number of the first step since t = 0
     lags        [W]: the newest value returned was stored ``lag`` steps ago, at least 1
-    ring        [mask + TAPS_PER_CHANNEL][delayed][W]: stored values, for a power of two of steps followed by a copy of the first
-                ones; its initial content is the past. With ``recalled`` [W][mask][width]: each member's records, and
+    ring        [mask + TAPS_PER_CHANNEL][delayed][W]: stored values of a power of two of steps, followed by a copy of the first
+                ones; the initial content is the past. With ``recalled`` [W][mask][width]: each member's records, and
                 room for ``mask`` of them
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0; the first row is that of ``start``
 

@@ -17,8 +17,8 @@ TRIPLE = "wasm32-unknown-unknown"
 CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 """The instructions of version 1, and conversions that don't trap: browsers have had both since 2021."""
 EFFORT = 0
-"""LLVM's level of optimisation. Browsers optimise again. Level 3 makes modules of two thirds of the size whose steps take 0 to 15
-% less time. But compilation takes three to ten times as long, and its time grows with the square of the length of a function
+"""LLVM's level of optimisation. Browsers optimise again. Level 3 makes modules two thirds as large, whose steps take 0 to 15 %
+less time. But compilation takes three to ten times as long, and its time grows with the square of the length of a function
 (docs/laboratory/kernel.md)."""
 PAGE_BYTES = 65_536
 
@@ -36,7 +36,7 @@ class _Kind(IntEnum):
 def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
     """A module that exports the first function of ``source`` as ``entry``, and its ``memory``.
 
-    Its initial memory contains the module's tables and, if its functions need a stack, one of ``stack_bytes``. The host adds
+    Its initial memory contains the module's tables and, if its functions need one, a stack of ``stack_bytes``. The host adds
     pages for its data. Raises ValueError for IR that needs an external function.
     """
     sections = _sections(_object_file(source))

@@ -32,13 +32,13 @@ from barbalat.validate import Array, InputError
 FIRST_STEP = 1e-6
 """Length of the first attempt as a fraction of the horizon; each success multiplies it by 6."""
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
-"""Number of attempts per call of the kernel; the output of so many stays in the cache."""
+"""Number of attempts per call of the kernel; the output of so many attempts stays in the cache."""
 LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
-"""Number of attempts in which a motion must advance by this fraction of its horizon; a slower one would take 2e11 attempts, which
-is a day."""
+"""Number of attempts in which a motion must advance by this fraction of its horizon; a slower one would take 2e11 attempts, that
+is, a day."""
 LEAST_PROGRESS_AMONG_OTHERS = 1e-4
 """The same fraction for one of many members, and for a motion in which most steps end at a jump of the equations. A slower motion
-would take 2e8 attempts, which is a minute. Oscillations of a million radians per run are faster."""
+would take 2e8 attempts, that is, a minute. Oscillations of a million radians per run are faster."""
 SLIDES = 0.5
 """Fraction of the steps that end at a jump of the equations, above which a motion counts as sliding along it. A motion that
 crosses a jump twice per period makes several steps in between."""

@@ -26,8 +26,8 @@ FACTORS = (2, 4, 8, 16, 32, 64, 128)
 ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
 """The divisors for a method of order eight, for which the given step may be sufficient."""
 ROOM = 0.9
-"""Fraction of the tr J^2 that is admissible at a finer step which the run at the coarser step may reach, because at the finer
-step it may be larger."""
+"""The run at the coarser step may reach at most this fraction of the tr J^2 that is admissible at a finer step, because tr J^2
+may be larger at the finer step."""
 
 
 class Refining(NamedTuple):

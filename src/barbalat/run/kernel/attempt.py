@@ -46,7 +46,7 @@ attempt fails.
 Source: Soderlind, Digital filters in adaptive time-stepping, ACM Transactions on Mathematical Software 29 (2003), table 1."""
 FILTERED = 0.85
 """The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Among the values 0.82,
-0.88 and 0.94, the last needs 20 % more attempts on Section V at equal error, because one in eight fails."""
+0.88 and 0.94, the last needs 20 % more attempts than the others on Section V at equal error, because one in eight fails."""
 SMALL = 1e-6
 """The relative error of a state refers to at least this fraction of the largest magnitude of any state."""
 TINY = 1e-9
@@ -55,14 +55,14 @@ not resolved."""
 MEETS = 0.1
 """Fraction of the tolerance by which the state may move between a change of choice and the end of the step."""
 JOINS = 4.0
-"""Multiple of that movement within which a rate limiter that has reached its demand follows it again."""
+"""Multiple of the movement of ``MEETS`` within which a rate limiter that has reached its demand follows it again."""
 LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
 """Smallest step relative to the time; a shorter step does not advance the time."""
 BEYOND = 2.0
-"""Multiple of that movement beyond which a choice is certain."""
+"""Multiple of the movement of ``MEETS`` beyond which a choice is certain."""
 BARELY = 16 * BEYOND
-"""Multiple of that movement up to which a change of choice can't be located more closely. The search shortens a step by up to a
-factor of three and would end in a step that is not certain to have changed."""
+"""Multiple of the movement of ``MEETS`` up to which a change of choice can't be located more closely. The search shortens a step
+by up to a factor of three and would end in a step that is not certain to have changed."""
 SECANTS = 4
 """Number of secant steps in the search for the time of a change of choice; after these the step is halved instead."""
 LOOKS = (5, 9, 10)

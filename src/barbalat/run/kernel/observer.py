@@ -79,7 +79,7 @@ class Turn(NamedTuple):
         return cls(flat[:count], flat[count : 2 * count], *flat[2 * count :])
 
     def vertex(self, now: Value, smooth_now: Value) -> tuple[Value, Value]:
-        """The extrema of the quantities near the last node, or the present values without an extremum, and by how much an
+        """The extrema of the quantities near the last node, or the present values if there is none, and by how much an
         extremum exceeds the values at the nodes.
 
         For an extremum between the last node and a node that is not smooth (where a piece begins or ends), the parabola around

@@ -1,7 +1,7 @@
 """Signals, outputs and noise of a run, computed outside its kernel, bit for bit the same on every computer.
 
-They use the operation lists of the kernels: the last bits of NumPy's sine, like those of the C library's, depend on the library
-and on the processor's instructions.
+They use the operation lists of the kernels: the last bits of NumPy's sine, like those of the C library's sine, depend on the
+library and on the processor's instructions.
 """
 
 from __future__ import annotations

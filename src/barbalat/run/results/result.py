@@ -239,7 +239,7 @@ class Result:
 
     @property
     def _unexamined(self) -> str | None:
-        """A sentence if it was not examined whether the plant or the solver causes the verdict."""
+        """A sentence if no finer step has shown whether the plant or the solver causes the verdict."""
         if self.verdict is None or self.verdict.settled is not None or self.stiffness.unstable_from is not None:
             return None
         if np.isnan(self.finer_by):

@@ -115,7 +115,7 @@ class Spectrum:
     """The frozen linear system of a loop at instants of its run.
 
     A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). The mode counts if this growth
-    would amount to a factor e over the whole run. A fixed threshold would also count the harmless growth of slow modes with
+    would reach a factor of e over the whole run. A fixed threshold would also count the harmless growth of slow modes with
     Euler's method.
     """
 
@@ -170,7 +170,7 @@ class FrozenSampledLaw:
     controller.
 
     The law counts as unstable if its amplification over the whole run exceeds the fastest growth of the continuous equations by a
-    factor e.
+    factor of e.
     """
 
     sample: ca.Function  # Jacobian of the controller's action

@@ -111,8 +111,8 @@ def test_the_gain_margin_upwards_is_the_papers_evidence_no_other_is(effect):
 def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_downwards_gets_worse(
     gain, phases, sizes, downwards
 ):
-    """They are compared with the response of independent linearisations at r = 50 on a grid and with eigenvalues at a reduced
-    gain."""
+    """The margins are compared with the response of independent linearisations at r = 50 on a grid and with eigenvalues at a
+    reduced gain."""
     for kappa, phase, size, down in zip((None, 0.02), phases, sizes, downwards, strict=True):
         own = linearised(gain / 2500, 50.0, kappa)
         tolerated = adapting_margins.tolerates(adapting_margins.loop(kappa)(gain))

@@ -43,7 +43,7 @@ def test_the_exponents_are_those_of_the_loop_with_theta_known(claim):
 
 
 def test_the_error_is_at_most_proportional_to_tau_up_to_figure_2s():
-    """It is proportional only below 0.1 s, and the row says so."""
+    """The error is proportional to tau only below 0.1 s, and the row says so."""
     claim = robustness.tau_and_error()
     assert [reading.holds for reading in claim.readings] == [True, True]
     (shown,) = claim.listings

@@ -34,7 +34,7 @@ def by_hand(lost: np.ndarray) -> np.ndarray:
 
 
 def test_the_errors_are_those_of_a_loop_stepped_by_hand():
-    """They agree to 1e-6. RK4's error over a step of 1 ms is far smaller, and the factors are printed with three digits."""
+    """The errors agree to 1e-6. RK4's error over a step of 1 ms is far smaller, and the factors are printed with three digits."""
     (known,) = [one for one in schemes() if one.name == "known parameters"]
     whole, tail = losses(known, 2)
     t = np.arange(round(missed_samples.T_END / T)) * T

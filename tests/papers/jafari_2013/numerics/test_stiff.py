@@ -1,4 +1,4 @@
-"""The row on stiff solvers: its terms following, ringing too much and avoiding, and a code at a loose tolerance."""
+"""The row on stiff solvers: its terms *following*, *ringing too much* and *avoiding*, and a code at a loose tolerance."""
 
 from types import SimpleNamespace
 

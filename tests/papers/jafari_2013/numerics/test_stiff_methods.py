@@ -81,7 +81,7 @@ def test_ringing_is_half_the_largest_swing_of_a_window():
 
 def test_ringing_is_free_of_drift():
     """Estimates that drift at 0.7 and 30 per s (the second slows down) and oscillate with amplitudes of 0.02 and 0. The result is
-    within 1 % of the oscillation."""
+    within 1 % of the amplitude of the oscillation alone."""
     t = np.linspace(0, 4, 400 * 200 + 1)
     theta_hat = np.column_stack([0.7 * t + 0.02 * np.sin(2e4 * t), 30 * t - t**2])
     windows = np.array([theta_hat[200 * k : 200 * (k + 1) + 1] for k in range(400)])

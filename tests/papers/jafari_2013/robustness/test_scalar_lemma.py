@@ -1,4 +1,4 @@
-"""The closed forms, compared with the package's own laws integrated by SciPy, and the sums by theory."""
+"""The closed forms, compared with the package's own laws integrated with SciPy, and the sums, compared with theory."""
 
 import numpy as np
 import pytest

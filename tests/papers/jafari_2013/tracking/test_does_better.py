@@ -35,7 +35,8 @@ def test_the_first_half_of_a_side_is_compared_with_the_first_half_of_the_other()
 
 
 def test_an_advantage_is_a_tuning_that_is_not_beaten():
-    """This includes combinations: the last tuning of L1-AC is best in no objective, but no other tuning beats it."""
+    """A combination of objectives can be such an advantage: the last tuning of L1-AC is best in no objective, but no other tuning
+    beats it."""
     none = np.ones((4, 5))
     robust = Side("robust MRAC", ("a",) * 4, none * [[1.0], [2.0], [3.0], [4.0]])
     beaten = Side("L1-AC", ("b",) * 4, none * 9.0)
@@ -49,8 +50,8 @@ def test_an_advantage_is_a_tuning_that_is_not_beaten():
 
 
 def test_one_robust_mrac_has_to_beat_every_tuned_l1_ac():
-    """Its lead over Section V's L1-AC does not matter, because that one is not tuned and the row counts its competitors on both
-    sides."""
+    """The robust MRAC's lead over Section V's L1-AC does not matter, because that L1-AC is not tuned and the row counts its
+    competitors on both sides."""
     own = np.array([8.0, 8, 8, 8, -0.1])
     robust = Side("robust MRAC", ("a", "b"), np.array([[4.0, 4, 4, 4, -0.4], [1.0, 1, 1, 9, -0.9]]))
     np.testing.assert_allclose(does_better.factors(robust, own), [[2, 2, 2, 2, 4], [8, 8, 8, 8 / 9, 9]])

@@ -146,8 +146,8 @@ def _phase() -> Claim:
 
 
 def _from_where(phases: Array) -> float:
-    """Return the gain above which the phase margin stays within a tenth of a quarter turn; infinity if it is farther away at
-    the highest gain."""
+    """Return the gain above which the phase margin stays within 10 % of 90 deg; infinity if it is farther away at the highest
+    gain."""
     away = np.flatnonzero(np.abs(phases / (np.pi / 2) - 1) > UNCHANGED_SHARE)
     first = int(away[-1]) + 1 if len(away) else 0
     return float(GAINS[first]) if first < len(GAINS) else np.inf

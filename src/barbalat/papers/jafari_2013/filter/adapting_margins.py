@@ -134,8 +134,8 @@ def _reading(name: str, moderate: Array) -> Reading:
 
 
 def changed(name: str, gain: float) -> str:
-    """Return a text with the values without and with the filter. For the downward gain margin it gives the factor itself, for
-    which smaller is better."""
+    """Return a phrase with the values without and with the filter. The downward gain margin is given as the factor itself, so a
+    smaller number is better."""
     plain, filtered = (tolerates(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
     assert plain is not None and filtered is not None
     of = MARGINS[name] if name != DOWNWARDS else (lambda tolerated: tolerated.margins.gain_down)
@@ -143,7 +143,7 @@ def changed(name: str, gain: float) -> str:
 
 
 def _slower(ratios: Array) -> str:
-    """Return a text on how filters slower than ``MODERATE_KAPPA`` change the gain margin in their cells."""
+    """Return a phrase on how filters slower than ``MODERATE_KAPPA`` change the gain margin in their cells."""
     said = []
     for kappa, row in zip(KAPPAS, ratios, strict=True):
         if kappa <= MODERATE_KAPPA:

@@ -43,7 +43,7 @@ OWN_GAINS = (10.0, 100.0)
 """Gains that a user would choose with this step: a moderate one for MRAC, and for L1-AC the largest power of ten that the step
 resolves at r = 50."""
 SEARCHED_GAINS = np.geomspace(1e-6, 10.0, 36)
-"""Gains of MRAC, five per decade. With one of them it tracks as well as L1-AC."""
+"""Gains of MRAC, five per decade. At one of these gains MRAC tracks as well as L1-AC."""
 BANDWIDTHS = np.geomspace(0.2, 2000.0, 54)
 """Natural frequencies of the actuator [rad/s], from slower than the model to faster than the step resolves."""
 DAMPING = 0.7
@@ -55,7 +55,7 @@ TWO_SLOPES = "two slopes"
 
 
 class Simulated(NamedTuple):
-    """The tolerated values without and with the filter, (2,) by each criterion."""
+    """The tolerated values without and with the filter, (2,) for each criterion."""
 
     command: str
     what: str
@@ -175,7 +175,7 @@ def change(pair: Array) -> str:
 
 
 def _counted(readings: Sequence[Simulated], criterion: str) -> str:
-    """Return a text on how often the filter raises and lowers the margin, in total and for each kind of reading."""
+    """Return a phrase on how often the filter raises and lowers the margin, in total and for each kind of reading."""
 
     def counts(some: Sequence[Simulated]) -> str:
         found = [change(getattr(reading, criterion)) for reading in some]

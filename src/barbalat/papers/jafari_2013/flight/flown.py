@@ -70,7 +70,7 @@ def in_flight(every: Sequence[Flights]) -> Claim:
 
 
 def l1_and_mrac(every: Sequence[Flights]) -> Claim:
-    """Compare L1 with the filter and MRAC by the error of the same draws, on the quadrotor and on the F-16."""
+    """Compare the errors of L1 with the filter and of MRAC on the same draws, for the quadrotor and for the F-16."""
     sentence = SENTENCES["l1-mrac-in-flight"]
     sides = [[one for one in every if one.name == QUADROTOR], [one for one in every if one.name != QUADROTOR]]
     found = [(_failures(some, "L1", "MRAC", 1), _failures(some, "L1", "MRAC", -1)) for some in sides]

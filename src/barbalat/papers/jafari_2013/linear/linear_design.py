@@ -56,7 +56,7 @@ L1_NAME, PI_NAME = "L1-AC, Γ = 100, κ = 0.02 s", "PI"
 
 
 def claims() -> list[Claim]:
-    """Measure both rows. Without ``barbalat[robust]`` they include only the PI controller, and say so."""
+    """Measure both rows. Without ``barbalat[robust]`` their only linear design is the PI controller, and they say so."""
     contestants, missing = _contestants()
     measured = {c.name: _measure(c) for c in contestants}
     against_pi = claim(measured[L1_NAME].plain, measured[PI_NAME].plain)
@@ -175,7 +175,7 @@ def _adaptive_against_linear(contestants: list[Controller], measured: dict[str, 
 
 
 def _ahead(readings: list[Reading]) -> str:
-    """Return a text that names the adaptive schemes that are better at every size."""
+    """Return a phrase that names the adaptive schemes that are better at every size."""
     always = [reading.says for reading in readings if reading.holds]
     return f"better at every size: {'; '.join(always) or 'none'}"
 
@@ -336,7 +336,7 @@ def _over_sizes(l1: Array, second: Array, pi: Array) -> Listing:
 
 
 def _compared(l1: Array, pi: Array) -> tuple[bool, str]:
-    """Return whether L1-AC's errors are smaller at every size that both tolerate, and a text with the ratios."""
+    """Return whether L1-AC's errors are smaller at every size that both tolerate, and a phrase with the ratios."""
     both = ~(np.isnan(l1) | np.isnan(pi))
     ratio = l1[both] / pi[both]
     return (

@@ -139,7 +139,8 @@ def smaller_gain() -> Claim:
 
 
 def small_tau() -> list[Claim]:
-    """Compare the smallest tau with a stable run without modelling error to the solver's limit of h/tau on the real axis."""
+    """Compare the smallest tau at which a run without modelling error is stable with the solver's limit of h/tau on the real
+    axis."""
     h = 1e-4
     taus = np.append(np.geomspace(1e-5, 1e-4, 41), section_v.TAU)
     diverged = ~np.isnan(

@@ -1,5 +1,5 @@
-"""A sampled law that no gain destabilises numerically, in contrast to the sentence that no solver avoids the phenomenon, and the
-delays that it tolerates."""
+"""A sampled law that no gain destabilises numerically, although the sentence says that no solver avoids the phenomenon; and the
+delays that the law tolerates."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
 """Delays [s], from one sample to fifty."""
 DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 CHATTER_FACTOR = 30.0
-"""Estimates are called quiet if their variation is at most this factor above the variation without a delay. All others vary a
+"""Estimates are called quiet if their variation is at most this multiple of the variation without a delay. All others vary a
 thousand times more."""
 
 

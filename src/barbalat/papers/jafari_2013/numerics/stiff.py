@@ -117,8 +117,8 @@ def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
 
 
 def _avoiding(tried: StiffRuns) -> list[str]:
-    """Return a text for each implicit method and step that shows nothing of Figures 3 and 5 at any gain, with the ringing of its
-    estimates."""
+    """Return a phrase for each implicit method and step that shows nothing of Figures 3 and 5 at any gain, with the ringing of
+    its estimates."""
     found = []
     for rows in zip(*tried.fixed, strict=True):
         if not any(_shows_them(row, gain) for row, gain in zip(rows, GAINS, strict=True)):
@@ -261,7 +261,7 @@ LOOSE_TOLERANCES = (1e-3, 1e-6)
 """Loose tolerances. The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a
 tolerance."""
 LOOSE_END, RADAU_END = 4.0, 1.5
-"""Horizons [s] at the loose tolerances without ``--full``, which runs all four codes to ``LONG_AUTOMATIC_END``, which
+"""Horizons [s] at the loose tolerances without ``--full``. With ``--full`` all four codes run to ``LONG_AUTOMATIC_END``, which
 takes a minute or more."""
 RADAU_BUDGET: dict[SciPyMethod, int] = {"Radau": 1_000_000}
 """Largest number of evaluations, ten times the steps that the code needs to ``RADAU_END``. SciPy's BDF and Radau are written in
@@ -275,7 +275,8 @@ CONVERGED_STEPS = (1e-6, 5e-7)
 """Two steps [s] at which h |lambda| is at most 0.07. If their results agree, they show the behaviour of the equations."""
 PAPER_SETTING = StiffSetting(1e4, T_END, CONVERGED_STEPS[0])
 FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7)
-"""Figure 3's setting. At its converged step the ringing is within 0.2 % of the ringing at 1e-7 s."""
+"""The settings of Figures 3 and 5. At the converged step of Figure 5's setting the ringing is within 0.2 % of the ringing at 1e-7
+s."""
 GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5e-7), FIGURE_5)
 """Settings at which RK4 fails with the paper's step of 1e-4 s, with the horizons for which there is time without ``--full``."""
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))
@@ -305,7 +306,7 @@ class StiffRuns:
 
     @staticmethod
     def now(*, full: bool = False) -> StiffRuns:
-        """Simulate the runs without ``full``, or with it all codes to the end at the loose tolerance."""
+        """Simulate the runs; with ``full``, run all codes to the end at the loose tolerance."""
         loosely = [(RADAU_BUDGET, RADAU_END), ({}, LOOSE_END)] if not full else [(FULL_BUDGETS, LONG_AUTOMATIC_END)]
         tightly = ((TOLERANCE, AUTOMATIC_END), (LOOSE_TOLERANCES[1], LONG_AUTOMATIC_END))
         return StiffRuns(

@@ -1,4 +1,4 @@
-"""The search for one C that satisfies (20) for every plant of a known set, over three forms with one bandwidth each."""
+"""A search over three forms, with one bandwidth each, for one C that satisfies (20) for every plant of a known set."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def stabilised(C: TransferFunction, family: list[TransferFunction]) -> int:
 
 
 def largest_norm(C: TransferFunction, family: list[TransferFunction]) -> float:
-    """Return a guaranteed upper bound of ||H (1 - C)||_1 L for the worst plant. H must be stable for all."""
+    """Return a guaranteed upper bound on ||H (1 - C)||_1 L for the worst plant. H must be stable for all plants."""
     scheme = L1Output(m=M, gamma=1.0, filter=C)
     return LIPSCHITZ * max(condition_norm(scheme, G).upper for G in family)
 

@@ -74,7 +74,7 @@ def _compared_with_equivalent(adaptive: Result, linear: Result) -> Listing:
 
 
 TOLD_INSTANTS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""Instants [s] at which both are compared. The run ends at 20 s."""
+"""Instants [s] at which the controller and its linear equivalent are compared. The run ends at 20 s."""
 
 
 def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[float, float]:
@@ -90,8 +90,8 @@ def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[flo
 DEAD_ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
 """Half-widths of the dead zone that are tried in addition to the one in the case."""
 LEAST_PATH = 0.1
-"""Smallest path of estimates that adapt. All estimates are of order one, so an estimate that moves less than this in 80 s does
-not adapt."""
+"""Smallest path length of estimates that count as adapting. All estimates are of order one, so an estimate that moves less than
+this in 80 s does not adapt."""
 
 
 def rohrs() -> Claim:

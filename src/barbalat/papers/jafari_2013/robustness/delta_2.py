@@ -151,7 +151,8 @@ def _proportional(found: dict[str, Errors]) -> Reading:
 
 
 def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
-    """Return a text on the term's dependence on tau. (17) is only a bound, so the term need not shrink with tau, but it does."""
+    """Return a sentence on how the term depends on tau. (17) is only a bound, so the term need not shrink with tau, but it
+    does."""
     slopes = next(iter(found.values())).slopes
     return (
         f"The remaining error per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s"
@@ -160,7 +161,7 @@ def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
 
 
 def _one_frequency() -> str:
-    """Return a text on a command of one frequency, at which two estimates fit a delayed plant."""
+    """Return a sentence on a command of one frequency, at which two estimates fit a delayed plant."""
     tails = [_one_sine(t_end) for t_end in (T_END, LONGER_T_END)]
     return (
         f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and "

@@ -107,7 +107,7 @@ class TauTradeOff:
 
     @property
     def literal(self) -> tuple[Reading, str]:
-        """The reading with the setting of Theorem 2, and a text with its results."""
+        """The reading with the setting of Theorem 2, and a phrase with its results."""
         tolerates, loses = self.normalised.tolerates, self.normalised.loses
         said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(tolerates, THEOREM_SIZES, strict=True))
         holds = bool(np.isfinite(tolerates).all() and (loses > 0).all() and (np.diff(tolerates) > 0).all())
@@ -286,7 +286,7 @@ def frozen_loops(tau: float) -> FrozenLoops:
 
 
 def _agree(linear: Array, sizes: Array) -> str:
-    """Return a text with the size up to which the linear limit agrees with the observed boundary."""
+    """Return a phrase with the size up to which the linear limit agrees with the observed boundary."""
     differs = np.append(np.abs(linear - 1) > AGREEMENT_SHARE, True)
     first = int(np.argmax(differs))
     return f" (within {AGREEMENT_SHARE:.0%} of it up to {sizes[first - 1]:.3g} s)" if first else ""

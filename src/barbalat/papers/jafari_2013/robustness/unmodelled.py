@@ -134,7 +134,7 @@ def _name(kappa: float | None) -> str:
 
 
 def _text(wide: dict[float | None, Array], kappa: float | None) -> str:
-    """Return a text on the gains at which the runs are lost with either command."""
+    """Return a sentence on the gains at which the runs are lost with either command."""
     gone = np.isfinite(wide[kappa]).any(axis=0)
     tried = f"of the {len(ROHRS_GAINS)} gains from {ROHRS_GAINS[0]:g} to {ROHRS_GAINS[-1]:g}"
     if not gone.any():
@@ -293,7 +293,8 @@ def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, 
 
 
 def _below_the_limit(found: Loss) -> str:
-    """Return a text on the robustness measure of L1-AC's authors, which is the delay margin of the limit of fast adaptation."""
+    """Return a sentence on the robustness measure of L1-AC's authors, which is the delay margin of the limit of fast
+    adaptation."""
     C = input_filter(section_v.KAPPA).realise()
     limits = np.array([margins(fast_adaptation(variant(theta=theta).plant, C)).delay for theta in THETAS])
     tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]

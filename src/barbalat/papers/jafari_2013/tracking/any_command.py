@@ -157,7 +157,7 @@ class CommandErrors:
 
     @property
     def fell(self) -> str:
-        """A text that states how many errors fell from the second quarter to the last, and how slowly the slowest fell."""
+        """A sentence that states how many errors fell from the second quarter to the last, and how slowly the slowest fell."""
         slowest = int(self.ratios.argmax())
         return f"{int((self.ratios < 1).sum())} of {len(self.ratios)} errors fell, the slowest to {self.ratios[slowest]:.2g} of its value ({self.kinds[slowest]})"
 

@@ -278,7 +278,7 @@ def _told(ahead: Sequence[int], *sides: Side) -> str:
 
 
 def _of_each(objective: int, *sides: Side) -> str:
-    """Return a text with the best value of an objective for each side."""
+    """Return a phrase with the best value of an objective for each side."""
     return " and ".join(f"{abs(side.reached[:, objective].min()):.2g}" for side in sides)
 
 

@@ -39,8 +39,8 @@ do not move."""
 
 @dataclass(frozen=True, eq=False)
 class ReferenceBounds:
-    """Four numbers: gamma_1 as in the book, with the worst theta, gamma_1 for the case's initial error, gamma_1 for the case's
-    theta, exactly, and gamma_2."""
+    """gamma_1 as in the book (with the worst theta), gamma_1 for the case's initial error, gamma_1 for the exact theta of the
+    case, and gamma_2."""
 
     condition: theorem_1.FilterCondition
     book: float

@@ -187,8 +187,8 @@ def part_iii() -> Claim:
 V_TOLERANCE = 1e-6
 """Largest rise of V between recorded instants that is attributed to the step, as a fraction of V(0)."""
 UNSTABLE_KAPPA, UNSTABLE_GAIN = 1.0, 0.1
-"""A kappa [s] of twenty times the largest that Theorem 1's condition admits, with which the limit of fast adaptation is unstable,
-and a gain, which is small because |x| grows."""
+"""A kappa [s] twenty times as large as Theorem 1's condition admits, with which the limit of fast adaptation is unstable; and its
+gain, which is small because |x| grows."""
 FILTERS = {section_v.KAPPA: (1e4, 1e-6), UNSTABLE_KAPPA: (UNSTABLE_GAIN, 2e-5)}
 """The gain and the step for each kappa. Section V's gain has a step that resolves it, with h omega_a below 0.1. Beyond the
 condition, h omega_a is below 2.3, where RK4 is stable."""
