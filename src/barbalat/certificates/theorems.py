@@ -39,6 +39,7 @@ LINEAR_BEYOND = "a small gain of the linear controller's loop with several input
 SLOPE = "a bound with f(t, y) that is less conservative than the small gain with its slope"
 OUTPUT_LOOP = "a bound for the linear loop with limits, a delay, noise or unbounded signals"
 UNKNOWN_LAW = "a Lyapunov function of this law; the package has none"
+REFUSED_V = "another V of this law, for which V' <= -W can be shown"
 
 
 def joined(theorems: Iterable[str]) -> str:

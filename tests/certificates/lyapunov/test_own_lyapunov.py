@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from barbalat import InputError, Mrac, ParameterBox, Sampled, Simulation, certify, simulate
+from barbalat.certificates.certificates import column_of
+from barbalat.certificates.summary import five
 from barbalat.interfaces import Lyapunov
 from barbalat.plants import ParameterBall, PlantInput
 from barbalat.regressors import Polynomial, Terms
@@ -103,6 +106,17 @@ def test_a_false_V_is_refused(law, reason):
     entry = refused(a_problem(np.random.default_rng(6), projected=law.projects), law)
     assert re.search(reason, entry.why)
     assert entry.theorem
+
+
+def test_the_author_of_a_refused_V_is_not_told_that_there_is_none():
+    """The certificate once said of a law with a V that it lacks a Lyapunov function."""
+    problem, law = a_problem(np.random.default_rng(6)), Own(sign=-1.0)
+    found = certificate(problem, law)
+    line = five(column_of(problem, law, found), found, None)[1]
+    assert "the V of the law is not accepted: V' <= -W is false" in line.text
+    assert line.text.endswith("What is missing: another V of this law, for which V' <= -W can be shown")
+    document = json.dumps(found.entry("error_bound").as_json())
+    assert "the package has none" not in document and "a Lyapunov function" not in document
 
 
 def test_a_projection_in_another_metric_than_Vs_is_refused():
@@ -227,6 +241,14 @@ class Branching(laws.HighOrderTunerEquations):
         return found if isinstance(x, np.ndarray) and x.dtype.kind == "O" else found._replace(ahead=-found.ahead)
 
 
+class Saturating(laws.HighOrderTunerEquations):
+    """A saturated error that drives the adaptation."""
+
+    def derivative(self, state, x, x_m, r, u):
+        found = super().derivative(state, x, x_m, r, u)
+        return found._replace(ahead=np.tanh(found.ahead))
+
+
 class Clipping(laws.HighOrderTunerEquations):
     """A limit on the error that drives the adaptation."""
 
@@ -247,6 +269,7 @@ class Clipping(laws.HighOrderTunerEquations):
         (laws.CompositeAdaptation(), AlongTheProjection, "finite time"),
         (laws.CompositeAdaptation(), OnlyLimited, "without a projection of their rates"),
         (laws.HighOrderTuner(), Branching, "evaluated on numbers, its code differs"),
+        (laws.HighOrderTuner(), Saturating, r"V' <= -W is not shown: its functions \(tanh\) count"),
         (laws.HighOrderTuner(), Clipping, "minimum"),
     ],
     ids=lambda part: part.__name__ if isinstance(part, type) else "",

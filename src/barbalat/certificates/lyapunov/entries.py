@@ -45,7 +45,7 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
     if not isinstance(problem, Problem):
         return Handed(found, (Assumption(EXACT_LINES, "nothing is known about its V on this problem"),))
     broken = found.why if isinstance(found, NotApplicable) else ""
-    rests_on = (*nominal(problem), Assumption(EXACT_LINES, broken, theorems.UNKNOWN_LAW))
+    rests_on = (*nominal(problem), Assumption(EXACT_LINES, broken, theorems.REFUSED_V))
     known_set = problem.known.estimate_set
     if known_set is None or isinstance(found, NotApplicable):
         return Handed(found, rests_on)
@@ -85,7 +85,7 @@ def add_bounds(draft: Draft, problem: TrackingProblem, handed: Handed) -> None:
     found, rests_on = handed
     if isinstance(found, NotApplicable) or not isinstance(problem, Problem):
         why = found.why if isinstance(found, NotApplicable) else rests_on[-1].broken
-        draft.missing("error_bound", f"the V of the law is not accepted: {why}", theorem=theorems.UNKNOWN_LAW)
+        draft.missing("error_bound", f"the V of the law is not accepted: {why}", theorem=theorems.REFUSED_V)
         return
     draft.guarantee("lyapunov_decay", found.how, *rests_on)
     level = found.initial_level(problem.parameters)

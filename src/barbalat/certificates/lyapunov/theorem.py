@@ -493,8 +493,10 @@ def _bernstein(function: Rational, lower: dict[int, fmpq], upper: dict[int, fmpq
 def _counterexample(cells: _Cells, rest: Rational) -> str:
     """The finding if the proof fails: a point, computed exactly, where the claim is false, or nothing."""
     reading, random = cells.reading, np.random.default_rng(1)
-    if rest.used & reading.ring.functions.keys():
-        return "not shown"
+    functions = sorted({reading.ring.functions[i][0] for i in rest.used & reading.ring.functions.keys()})
+    if functions:
+        names = ", ".join(functions)
+        return f"not shown: its functions ({names}) count as free variables, and no sum of squares was found for all their values"
     used, worst = sorted(rest.used), None
     values = [fmpq(0)] * len(reading.ring.variables)  # nothing depends on these variables
     for _ in range(TRIALS):
