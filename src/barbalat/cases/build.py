@@ -16,11 +16,13 @@ from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Table
 from barbalat.cases.typed_numbers import in_the_files_words
 from barbalat.controllers import BaselineAlone, Sampled
+from barbalat.controllers.settings import PLANT_FEATURES
 from barbalat.judge.settings import Judge
 from barbalat.judge.specification import Specification
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import identical
+from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.kernel import delay
@@ -136,13 +138,27 @@ def build(
     problem = parts.problem_of(posed, pose)
     judge = judge.named(problem)
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
-    found += [(controller, bound(problem, controller)) for controller in joining]
+    found += [(controller, _joined(problem, controller, case)) for controller in joining]
     if (alone := _baseline_alone(problem, [controller for controller, _ in found])) is not None:
         found.append((alone, bound(problem, alone)))
     made = replace(_assembled(problem, found, simulation, parts), judge=judge, specification=specification)
     if not parts.complete:
         parts.objects, parts.complete = MappingProxyType(parts.objects), True
     return made
+
+
+def _joined(problem: TrackingProblem, controller: Controller, case: Table) -> Any:
+    """Return the equations of a controller that joins the case. If the controller rejects the plant, the message says which
+    controller and case, and what is special about the plant."""
+    try:
+        return bound(problem, controller)
+    except InputError as error:
+        if error.controller or error.field:  # the error is in the controller's lines or settings
+            raise
+        has = [name for name, feature in PLANT_FEATURES.items() if isinstance(problem, Problem) and feature.found(problem.known)]
+        of_plant = f", whose plant has {' and '.join(has)}" if has else ""
+        whole = f"{error}. {controller.name} therefore cannot join the case {show(vars(case)['name'])}{of_plant}"
+        raise InputError(whole, controller=controller.name) from error
 
 
 def _controllers(case: Table, context: Context, problem: TrackingProblem, parts: Parts) -> list[Bound]:
