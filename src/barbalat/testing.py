@@ -48,6 +48,8 @@ AGREEMENT_FLOOR, AGREEMENT_FACTOR = 1e-7, 4.0
 """The largest admissible difference between a run and the reference, relative to the largest state, or as a multiple of the
 difference from a run at half the step. The error is at most twice that difference if the method keeps its order, or if the order
 falls to one at a corner. Halving the step must not increase the error, as it would if each stage changed the state."""
+SEVERAL_INPUTS = "several inputs"
+FOR_ONE_INPUT = "only this problem fails: if the law is for one input, let bind raise InputError where known.inputs > 1"
 FROZEN_SAMPLES = 5
 """The number of random states from which a freeze is tested."""
 
@@ -101,6 +103,8 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
     if not taken and not wrong:
         wrong.extend(["none of the problems can be used", *told])
     if wrong:
+        if all(sentence.startswith(f"{SEVERAL_INPUTS}: ") for sentence in wrong):
+            wrong.append(FOR_ONE_INPUT)
         listed = "\n".join(f"  {sentence}" for sentence in wrong)
         raise CheckFailed(f"{controller.name} does not meet the requirements on a controller:\n{listed}")
     return Report(controller.name, tuple(told))
@@ -137,7 +141,7 @@ def _of_the_state() -> dict[str, TrackingProblem]:
         ),
         "no known set": replace(one, uncertainty=None),
         "a regressor of second degree": replace(one, plant=curved, uncertainty=None),
-        "several inputs": Problem(
+        SEVERAL_INPUTS: Problem(
             plant=several,
             reference_model=ReferenceModel(k_0=[[1.0, 0.0], [0.5, 1.0]]),
             reference=(Sine(1.0, 0.7), Sine(0.5, 1.9)),

@@ -26,7 +26,9 @@ def folder(tmp_path, monkeypatch):
 
 def test_it_runs_beside_a_case_s_controllers(folder, capsys):
     assert main(["new", "my-law.py"]) == 0
-    assert "barbalat run paper --controllers my-law.py" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "barbalat run paper --controllers my-law.py" in said
+    assert "after equal tuning effort with: barbalat contest CASE --controllers my-law.py --schemes mrac l1 --quick" in said
     assert [type(one).__name__ for one in load_case("paper", "my-law.py").controllers][-1] == "MyLaw"
     assert main(["run", "third-order", "--controllers", "my-law.py", "--json"]) == 0
     assert np.isfinite(json.loads(capsys.readouterr().out)["controllers"]["MyLaw"]["max_abs_e"]).all()
@@ -70,6 +72,21 @@ def test_its_own_test_passes_as_a_program_and_in_pytest(folder):
     trade = ["tradeoff", "third-order", "--controllers", "my-law.py", "--density", "2", "--plants", "1", "--out", "made"]
     assert main(trade) == 0
     assert len(json.loads(Path("made/tradeoff.json").read_text())["schemes"]["MyLaw"]["tunings"]) > 1
+
+
+@pytest.mark.full
+def test_an_edit_for_one_input_is_told_the_remedy_without_a_traceback(folder):
+    """Such a law runs on every case with one input. As a program, its check once ended with a traceback and no remedy."""
+    assert main(["new", "my-law.py"]) == 0
+    file = Path("my-law.py")
+    own = "theta_hat_dot = self.gamma * phi * (e @ known.P @ known.b)"
+    text = file.read_text()
+    file.write_text(text.replace("theta_hat_dot = self.gamma * np.dot(phi, e @ known.P @ known.b)", own))
+    assert own in file.read_text()
+    done = subprocess.run([sys.executable, "my-law.py"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "several inputs: " in done.stderr
+    assert "let bind raise InputError where known.inputs > 1" in done.stderr.splitlines()[-1]
 
 
 def test_it_is_the_standard_mrac_with_its_remedy_against_windup():

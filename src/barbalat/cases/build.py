@@ -153,7 +153,7 @@ def _joined(problem: TrackingProblem, controller: Controller, case: Table) -> An
     try:
         return bound(problem, controller)
     except InputError as error:
-        if error.controller or error.field:  # the error is in the controller's lines or settings
+        if error.controller or error.field or not isinstance(controller, Controller):  # not an error about the plant
             raise
         has = [name for name, feature in PLANT_FEATURES.items() if isinstance(problem, Problem) and feature.found(problem.known)]
         of_plant = f", whose plant has {' and '.join(has)}" if has else ""

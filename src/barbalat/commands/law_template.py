@@ -2,6 +2,11 @@
 
 barbalat run paper --controllers FILE      simulates it with the controllers of the case "paper"
 python FILE                                checks it with the test at the end
+
+Is it better than another law? Equal gains do not make laws comparable, and the gain here differs from those of the cases.
+Compare the laws after equal tuning effort, over the values that ``knobs`` declares (CASE is a case with a known set):
+
+barbalat contest CASE --controllers FILE --schemes mrac l1 --quick
 """
 
 from __future__ import annotations
@@ -85,6 +90,9 @@ class MyLaw:
         """Return the equations for what is known about a plant. Raises InputError for a plant that the law does not support."""
         if known.matched.gain_unknown:
             raise InputError(f"{self.name} supports only plants with a known input gain")
+        # If your equations are for one input only, reject others:
+        # if known.inputs > 1:
+        #     raise InputError(f"{self.name} supports only plants with one input")
         return Equations(self.gamma, known)
 
     def knobs(self, reach: TuningScale) -> TuningGrid:
@@ -105,4 +113,9 @@ def test_law() -> None:
 
 
 if __name__ == "__main__":
-    test_law()
+    from barbalat.testing import CheckFailed
+
+    try:
+        test_law()
+    except CheckFailed as failed:
+        raise SystemExit(str(failed)) from None
