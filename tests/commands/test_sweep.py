@@ -69,6 +69,7 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     again = "repeated at half the step"
     assert again in page and "by default 100 times its scale (normally the largest" in page
     assert page.index("verdicts") < page.index("Failures")
+    assert "worst member by this metric" in page and "the one with the largest error in the tail" in page
     assert again in " ".join(capsys.readouterr().out.split())
     assert "Failures" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0
