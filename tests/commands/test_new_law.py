@@ -38,9 +38,13 @@ def test_a_case_that_the_law_rejects_is_named_with_its_property(folder, capsys):
     """The message once was only the sentence of the law's author."""
     assert main(["new", "my-law.py"]) == 0
     assert main(["contest", "first-order", "--controllers", "my-law.py", "--quick"]) == 2
-    assert capsys.readouterr().err.strip().endswith(
-        "MyLaw supports only plants with a known input gain. MyLaw therefore cannot join the case 'First-order plant', whose "
-        "plant has an unknown input gain"
+    assert (
+        capsys.readouterr()
+        .err.strip()
+        .endswith(
+            "MyLaw supports only plants with a known input gain. MyLaw therefore cannot join the case 'First-order plant', whose "
+            "plant has an unknown input gain"
+        )
     )
 
 
