@@ -83,7 +83,7 @@ export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   return { ...said, sentence: sentenceOf(said) };
 }
 
-// The component that the verdict names and the one that it adds, or null, as in Judged._told.
+// The component that the verdict names, and a second one that it mentions, or null, as in Judged._told.
 function toldOf(judge, kind, error, follows) {
   const worst = worstOf(error, follows, error.map((_, i) => i));
   if (!judge.declared.length || kind === "lost") return [worst, null];

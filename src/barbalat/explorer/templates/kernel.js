@@ -46,7 +46,7 @@ export class Kernel {
   }
 }
 
-// The number of rows of a ring for this lag: a power of two, and copies of its first rows.
+// The number of rows of a ring for this lag: a power of two, plus the copies of its first rows.
 export function ringRows(lag) {
   return 2 ** Math.ceil(Math.log2(lag + TAPS)) - 1 + TAPS;
 }

@@ -70,7 +70,8 @@ export function taken(number, value) {
   return number.values.reduce((best, one) => (apart(one) < apart(best) ? one : best), number.values[0]);
 }
 
-// Splits a delay into whole steps and a fraction of a step. A number of steps within rounding of an integer is that integer.
+// Splits a delay into whole steps and a fraction of a step. If the number of steps is within rounding error of an integer, that
+// integer is used.
 function stepsOf(delay, dt) {
   const steps = delay / dt;
   const nearest = Math.round(steps);

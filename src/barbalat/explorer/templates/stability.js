@@ -19,7 +19,7 @@ export class Watch {
     return new Watch(task.shape.states, 0, steps + 1, windowOf(steps, task.watching.windows, task.watching.every));
   }
 
-  // The steps, the states and the values of the quantity, of those windows whose row was kept before the step ``stop``.
+  // The steps, states and values of the quantity of those windows whose row was kept before the step ``stop``.
   kept(stop) {
     const found = { steps: [], states: [], values: [] };
     for (let at = 0; at < this.rows.length; at += this.width) {

@@ -36,7 +36,7 @@ ${members}    ${real} last_u[${macro}_INPUTS]; /* the last control, which is hel
 ${shell_members}} ${name}_controller;
 
 typedef struct {
-    ${real} sample_time; /* time since the last call [s], within 0.1 % of ${macro}_SAMPLE_TIME, which is also that of a first call */
+    ${real} sample_time; /* time since the last call [s], within 0.1 % of ${macro}_SAMPLE_TIME; at a first call that constant */
     ${real} ${measured}[${macro}_MEASURED]; /* ${measured_meaning} */
     ${real} r[${macro}_COMMANDS]; /* command of (2)${command_units} */
     int freeze; /* if nonzero, the estimates and the law's signals keep their values; everything else continues${predicts_only} */

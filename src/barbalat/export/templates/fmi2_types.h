@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * The types of FMI 2.0 (https://fmi-standard.org), as its text defines them: section 2.1 and 4.2 of version 2.0.
+ * The types of FMI 2.0 (https://fmi-standard.org), as its text defines them: sections 2.1 and 4.2 of version 2.0.
  */
 #ifndef FMI2_TYPES_H
 #define FMI2_TYPES_H

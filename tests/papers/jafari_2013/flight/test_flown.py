@@ -171,15 +171,15 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
     )
     for expected in (
         f"Results of {flights.members} draws",
-        f"lose the fewest, {min(total)} to {max(total)} of 1400. {flights.lost('ADRC', 'reversed')} of these are lost to a "
+        f"lose the fewest, {min(total)} to {max(total)} of 1400. Of these, {flights.lost('ADRC', 'reversed')} are lost to a "
         "reversed elevator",
         f"these four lose {few[0]} to {few[-1]} more flights, and the PI, `hinf` and `l1` lose {many[0]} to {many[-1]} more",
         f"fewest flights with the delay, {flights.lost('LQR', 'delay-100')}, but {flights.lost('LQR', 'aft-cg')} with the centre",
         f"ahead of `l1-piecewise-flown` on {ahead['count']} draws of {ahead['judged']}",
         f"its median is {hard['MRAC'][1]:.2f} deg/s (`adrc`: {hard['ADRC'][1]:.2f})",
         f"it loses {hard['MRAC'][0]} flights (PI: {hard['LQR with PI'][0]})",
-        f"At least one draw decides {len(flights.shares)} comparisons; {singly} of these would be significant individually, and "
-        f"{together} are significant jointly",
+        f"In {len(flights.shares)} comparisons the two schemes differ on at least one draw; {singly} of these would be "
+        f"significant individually, and {together} are significant jointly",
         f"first ended at {flights.document['resumed']} for lack of time",
         f"flew the other {flights.members - flights.document['resumed']}",
     ):
@@ -269,8 +269,8 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
     said = " ".join((PAGE.parent / "quadrotor.md").read_text(encoding="utf-8").split())
     for expected in (
         f"Results of {flights.members} draws",
-        f"loses the fewest, {least['count']} of {7 * flights.members} flights, all of them with half a propeller: "
-        f"{100 * least['share']:.0f} % of those flights, with a 95 % interval of {low:.0f} to {high:.0f} %",
+        f"loses the fewest: {least['count']} of {7 * flights.members} flights, all of them among the {flights.members} with half "
+        f"a propeller ({100 * least['share']:.0f} % of these; 95 % interval {low:.0f} to {high:.0f} %)",
         f"loses as many there, and {flights.lost('Robust MRAC', 'delay-20')} with more delay",
         f"lose {total['ADRC']} to {total['L1']}.",
         f"MRAC loses {total['MRAC']}",
@@ -283,8 +283,8 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
         f"than `hinf` on {pull[3][0]} draws; {pull[3][2]}",
         f"medians are {medians[0]} m; those of `hinf` are {medians[1]} m",
         f"{travel[0]:.3g} against {travel[1]:.2g} N/s",
-        f"At least one draw decides {len(flights.shares)} comparisons; {singly} of these would be significant individually, "
-        f"and {sum(map(abs, flights.signs.values()))} are significant jointly",
+        f"In {len(flights.shares)} comparisons the two schemes differ on at least one draw; {singly} of these would be "
+        f"significant individually, and {sum(map(abs, flights.signs.values()))} are significant jointly",
     ):
         assert expected in said
 
